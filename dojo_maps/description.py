@@ -1,0 +1,273 @@
+"""The one description of a road map: the vocabulary that every other module shares.
+
+Sources build it, enrichment adds to it, geometry, validation and exports read it. Every position is in
+the network's own coordinates: metres, x east, y north, z up. A ring closes implicitly: its last point
+joins its first. Letters for directions, link states and phases are SUMO's own.
+"""
+
+from dataclasses import dataclass, field
+from enum import StrEnum
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+FORMAT = "dojo-map"
+VERSION = 1
+
+Points = NDArray[np.float64]
+"""(n, 3) positions, metres, map frame; read-only."""
+
+
+def points(values: Any) -> Points:
+    """Make a read-only (n, 3) array of positions; two-dimensional input gets z = 0."""
+    array = np.array(values, dtype=np.float64).reshape(len(values), -1)
+    if array.shape[1] == 2:
+        array = np.column_stack([array, np.zeros(len(array))])
+    array = array.reshape(-1, 3)
+    array.setflags(write=False)
+    return array
+
+
+class LaneKind(StrEnum):
+    """What a lane is for, from the vehicle classes allowed on it."""
+
+    DRIVING = "driving"
+    BUS = "bus"
+    BICYCLE = "bicycle"
+    SIDEWALK = "sidewalk"
+    SHOULDER = "shoulder"
+    RAIL = "rail"
+    WATERWAY = "waterway"
+    OTHER = "other"
+
+
+class Origin(StrEnum):
+    """Whether a thing stands in the network or was added to be looked at."""
+
+    NETWORK = "network"
+    GENERATED = "generated"
+
+
+class LinkKind(StrEnum):
+    """Who a signal link is for."""
+
+    VEHICLE = "vehicle"
+    PEDESTRIAN = "pedestrian"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Source:
+    """The file a map was made from; `sha256` is of its bytes as they lie on disk."""
+
+    kind: str
+    file: str
+    sha256: str
+    sumo_version: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Projection:
+    """How map coordinates relate to the earth: projected = map - net_offset; `proj` is a PROJ string."""
+
+    proj: str | None
+    net_offset: tuple[float, float]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Road:
+    """A directed section between two junctions; `kind` is the network's edge type, such as highway.primary.
+
+    `lanes` are in index order: index 0 is the outermost lane, rightmost where traffic keeps right.
+    """
+
+    id: str
+    name: str
+    from_junction: str = field(metadata={"json": "from"})
+    to_junction: str = field(metadata={"json": "to"})
+    kind: str
+    priority: int
+    lanes: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Lane:
+    """A lane and its centre line, in driving direction.
+
+    `speed` is the limit in m/s, `length` the length SUMO drives with, which may differ from the shape's.
+    `change_inward` and `change_outward` tell whether ordinary traffic may change to the neighbour with the
+    next higher or lower index; `opposite` is the lane that may be used to overtake against its direction.
+    """
+
+    id: str
+    road: str
+    index: int
+    kind: LaneKind
+    width: float
+    speed: float
+    length: float
+    allow: tuple[str, ...]
+    shape: Points
+    change_inward: bool = True
+    change_outward: bool = True
+    opposite: str | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Connection:
+    """A way from lane to lane across a junction; `shape` runs from the one's end to the other's start."""
+
+    from_lane: str = field(metadata={"json": "from"})
+    to_lane: str = field(metadata={"json": "to"})
+    via: tuple[str, ...]
+    direction: str
+    state: str
+    signal: str | None
+    link_index: int | None
+    shape: Points
+
+    @property
+    def id(self) -> str:
+        """The connection's name in reports."""
+        return f"{self.from_lane}->{self.to_lane}"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Junction:
+    """Where roads meet; `kind` is SUMO's junction type; `polygon` may have no area where only shapes bend."""
+
+    id: str
+    kind: str
+    position: tuple[float, float, float]
+    polygon: Points
+    incoming: tuple[str, ...]
+    outgoing: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Sidewalk:
+    """Pavement along a road (`road`) or around a corner (None), before the carriageway is cut out of it."""
+
+    id: str
+    origin: Origin
+    road: str | None
+    polygon: Points
+    holes: tuple[Points, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Crossing:
+    """A pedestrian crossing over `roads`; `shape` is its centre line from kerb to kerb."""
+
+    id: str
+    origin: Origin
+    junction: str
+    roads: tuple[str, ...]
+    width: float
+    shape: Points
+    polygon: Points
+    signal: str | None
+    link_index: int | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class WalkingArea:
+    """Pavement at a junction that joins sidewalks and crossings."""
+
+    id: str
+    origin: Origin
+    junction: str
+    polygon: Points
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Link:
+    """What one letter of a signal's state controls: lane to lane, or walking area to crossing."""
+
+    index: int
+    kind: LinkKind
+    from_id: str = field(metadata={"json": "from"})
+    to_id: str = field(metadata={"json": "to"})
+    direction: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Phase:
+    """One state of a signal program and how long it lasts, in seconds."""
+
+    duration: float
+    min_duration: float | None
+    max_duration: float | None
+    state: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Program:
+    """A signal program; `kind` is SUMO's logic type, such as static or actuated."""
+
+    id: str
+    kind: str
+    offset: float
+    phases: tuple[Phase, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class SignalHead:
+    """A signal face: where it hangs and the heading it shines to (radians, counter-clockwise from east)."""
+
+    link_indices: tuple[int, ...]
+    position: tuple[float, float, float]
+    heading: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Signal:
+    """A traffic light controller, the junctions and links it controls, and where its heads stand."""
+
+    id: str
+    junctions: tuple[str, ...]
+    links: tuple[Link, ...]
+    programs: tuple[Program, ...]
+    heads: tuple[SignalHead, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class StopLine:
+    """Where traffic on a lane stops, across the lane."""
+
+    lane: str
+    shape: Points
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Prop:
+    """A thing beside the road: a polygon (island, building) or a position (pole, tree), and its height."""
+
+    id: str
+    kind: str
+    height: float
+    polygon: Points | None = None
+    position: tuple[float, float, float] | None = None
+    tags: tuple[tuple[str, str], ...] = ()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class RoadMap:
+    """Everything known of a map. Lists keep the order of the source; ids are unique within a list."""
+
+    name: str
+    source: Source
+    projection: Projection
+    origin: tuple[float, float]
+    bounds: tuple[tuple[float, float], tuple[float, float]]
+    left_hand: bool
+    roads: tuple[Road, ...]
+    lanes: tuple[Lane, ...]
+    connections: tuple[Connection, ...]
+    junctions: tuple[Junction, ...]
+    sidewalks: tuple[Sidewalk, ...]
+    crossings: tuple[Crossing, ...]
+    walking_areas: tuple[WalkingArea, ...]
+    signals: tuple[Signal, ...]
+    stop_lines: tuple[StopLine, ...] = ()
+    props: tuple[Prop, ...] = ()

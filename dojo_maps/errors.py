@@ -1,0 +1,42 @@
+"""The errors users meet. A message says what is wrong, where, and what to do about it."""
+
+
+class DojoError(Exception):
+    """Root of every error raised on purpose; `exit_status` is what a command returns for it."""
+
+    exit_status = 4
+
+
+class UsageError(DojoError):
+    """A command was called in a way that cannot work."""
+
+    exit_status = 2
+
+
+class SourceError(DojoError):
+    """The input is missing, unreadable, not what it claims to be, or unsafe to read."""
+
+    exit_status = 3
+
+    def __init__(self, path: object, problem: str, *, element: str | None = None) -> None:
+        """Name the input and, where one is at fault, the element in it."""
+        where = f"{path}: {element}" if element else f"{path}"
+        super().__init__(f"{where}: {problem}")
+        self.path = str(path)
+        self.element = element
+
+
+class DescriptionError(SourceError):
+    """A map.json or bundle does not hold what its format promises."""
+
+
+class GeometryError(DojoError):
+    """A shape cannot be built from the description."""
+
+
+class ExportError(DojoError):
+    """A map cannot be written in the wanted format."""
+
+
+class ToolMissingError(DojoError):
+    """A program or package that this step needs is not installed."""

@@ -1,0 +1,120 @@
+"""The description as JSON and back: every field under its own name, positions as plain lists.
+
+What is read is checked against the dataclasses' own types, so a map.json made by anyone is safe to load.
+The same rules for other tools stand in map.schema.json.
+"""
+
+import types
+from collections.abc import Mapping
+from dataclasses import Field, fields, is_dataclass
+from enum import StrEnum
+from functools import cache
+from typing import Any, Union, get_args, get_origin, get_type_hints
+
+import numpy as np
+
+from dojo_maps.description import FORMAT, VERSION, RoadMap, points
+from dojo_maps.errors import DescriptionError
+
+
+def to_json(road_map: RoadMap) -> dict[str, Any]:
+    """Turn a description into JSON values, in the order of its fields."""
+    encoded: dict[str, Any] = _encode(road_map)
+    return {"format": FORMAT, "version": VERSION, **encoded}
+
+
+def from_json(value: Any, *, path: object = "map.json") -> RoadMap:
+    """Build a description from JSON values.
+
+    Raises:
+        DescriptionError: a field is missing or has another type than the format gives it.
+    """
+    if not isinstance(value, Mapping) or value.get("format") != FORMAT:
+        raise DescriptionError(path, f'not a map description: its format is not "{FORMAT}"')
+    if value.get("version") != VERSION:
+        raise DescriptionError(
+            path, f"version {value.get('version')!r}, this program reads {VERSION}; convert the map again"
+        )
+    try:
+        road_map: RoadMap = _decode(RoadMap, value, "map")
+    except _FieldError as error:
+        raise DescriptionError(path, str(error)) from None
+    return road_map
+
+
+class _FieldError(Exception):
+    """A field that does not hold what its type says."""
+
+
+@cache
+def _fields(cls: type) -> tuple[tuple[Field[Any], str, Any], ...]:
+    hints = get_type_hints(cls)
+    return tuple((f, f.metadata.get("json", f.name), hints[f.name]) for f in fields(cls))
+
+
+def _encode(value: Any) -> Any:
+    if is_dataclass(value):
+        return {key: _encode(getattr(value, f.name)) for f, key, _ in _fields(type(value))}
+    if isinstance(value, np.ndarray):
+        return value.tolist()
+    if isinstance(value, tuple):
+        return [_encode(item) for item in value]
+    return value.value if isinstance(value, StrEnum) else value
+
+
+def _decode(kind: Any, value: Any, where: str) -> Any:
+    origin = get_origin(kind)
+    if origin in (Union, types.UnionType):
+        if value is None:
+            return None
+        return _decode(next(arm for arm in get_args(kind) if arm is not type(None)), value, where)
+    if origin is np.ndarray:
+        return _decode_points(value, where)
+    if origin is tuple:
+        return _decode_tuple(get_args(kind), value, where)
+    if is_dataclass(kind):
+        return _decode_object(kind, value, where)
+    return _decode_plain(kind, value, where)
+
+
+def _decode_plain(kind: Any, value: Any, where: str) -> Any:
+    if issubclass(kind, StrEnum):
+        try:
+            return kind(value)
+        except ValueError:
+            raise _FieldError(f"{where} is {value!r}, expected one of {', '.join(kind)}") from None
+    if kind is float and isinstance(value, int) and not isinstance(value, bool):
+        return float(value)
+    if type(value) is not kind:
+        raise _FieldError(f"{where} is {str(value)[:60]!r}, expected {kind.__name__}")
+    return value
+
+
+def _decode_object(kind: Any, value: Any, where: str) -> Any:
+    if not isinstance(value, Mapping):
+        raise _FieldError(f"{where} is not an object")
+    missing = [key for _, key, _ in _fields(kind) if key not in value]
+    if missing:
+        raise _FieldError(f"{where} has no {missing[0]}")
+    name = f"{where} {value['id']}" if "id" in value else where
+    return kind(**{f.name: _decode(hint, value[key], f"{name}: {key}") for f, key, hint in _fields(kind)})
+
+
+def _decode_tuple(arms: tuple[Any, ...], value: Any, where: str) -> tuple[Any, ...]:
+    if not isinstance(value, list):
+        raise _FieldError(f"{where} is not a list")
+    if len(arms) == 2 and arms[1] is Ellipsis:
+        return tuple(_decode(arms[0], item, where) for item in value)
+    if len(arms) != len(value):
+        raise _FieldError(f"{where} has {len(value)} values, expected {len(arms)}")
+    return tuple(_decode(arm, item, where) for arm, item in zip(arms, value, strict=True))
+
+
+def _decode_points(value: Any, where: str) -> Any:
+    try:
+        array = points(value) if value else points(np.empty((0, 3)))
+    except (TypeError, ValueError):
+        array = None
+    if array is None or not np.isfinite(array).all():
+        raise _FieldError(f"{where} is not a list of [x, y, z] positions")
+    return array

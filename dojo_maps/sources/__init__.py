@@ -1,0 +1,1 @@
+"""Files in, one description out. Everything read here is treated as hostile."""

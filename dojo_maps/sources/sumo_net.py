@@ -1,0 +1,353 @@
+"""A SUMO network's records become a RoadMap: roads, lanes, connections, junctions and paths to walk.
+
+Signals are read in `sumo_signals`. Nothing is repaired in silence: what cannot be kept becomes an issue.
+"""
+
+import hashlib
+from collections import defaultdict
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import TypeVar
+
+import numpy as np
+import shapely
+
+from dojo_maps.description import (
+    Connection, Crossing, Junction, Lane, LaneKind, Origin, Points, Projection, Road, RoadMap, Sidewalk,
+    Source, WalkingArea, points,
+)  # fmt: skip
+from dojo_maps.errors import SourceError
+from dojo_maps.issue import Element, Issue, Severity
+from dojo_maps.sources.permissions import allowed_classes, lane_kind
+from dojo_maps.sources.sumo_signals import read_signals
+from dojo_maps.sources.sumo_xml import Attributes, EdgeRecord, NetRecords, read_records
+from dojo_maps.sources.values import read_float, read_int, read_shape
+
+_LANE_WIDTH = 3.2
+"""SUMO's default, metres, where a lane names none."""
+_CROSSING_WIDTH = 4.0
+_ROAD_FUNCTIONS = ("normal", "connector")
+_SERVICES = {"emergency", "authority", "army", "vip"}
+
+T = TypeVar("T")
+
+
+def read_network(data: bytes, *, path: Path, name: str, packed: bytes) -> tuple[RoadMap, tuple[Issue, ...]]:
+    """Describe a SUMO network.
+
+    Args:
+        data: the network's bytes, unpacked.
+        path: where they came from, for errors and for the description.
+        name: the map's name.
+        packed: the file's bytes as they lie on disk, for their hash.
+
+    Returns:
+        The description, and an issue for each thing in the file that could not be kept.
+
+    Raises:
+        SourceError: the bytes are not a SUMO network, or an element of it has no usable value.
+    """
+    records = read_records(data, path)
+    reader = _Reader(path, records)
+    if not reader.roads:
+        raise SourceError(path, "the network has no roads")
+    bounds = reader.bounds()
+    centre = tuple(round((low + high) / 2) for low, high in zip(*bounds, strict=True))
+    lanes = tuple(reader.lanes.values())
+    road_map = RoadMap(
+        name=name,
+        source=Source(
+            kind="sumo",
+            file=path.name,
+            sha256=hashlib.sha256(packed).hexdigest(),
+            sumo_version=records.net.get("version", ""),
+        ),
+        projection=_read_projection(records.location, path),
+        origin=(float(centre[0]), float(centre[1])),
+        bounds=bounds,
+        left_hand=records.net.get("lefthand") in ("true", "1"),
+        roads=tuple(reader.roads.values()),
+        lanes=lanes,
+        connections=tuple(reader.connections),
+        junctions=tuple(reader.junctions.values()),
+        sidewalks=tuple(_read_sidewalks(lanes)),
+        crossings=tuple(reader.crossings.values()),
+        walking_areas=tuple(reader.walking_areas.values()),
+        signals=read_signals(reader.path, records.logics, reader.connections, reader.walks, reader.roads_of()),
+    )
+    return road_map, tuple(reader.issues)
+
+
+class _Reader:
+    """Collects a network's elements by id; duplicates and dangling references become issues."""
+
+    def __init__(self, path: Path, records: NetRecords) -> None:
+        self.path = path
+        self.issues: list[Issue] = []
+        self.roads: dict[str, Road] = {}
+        self.lanes: dict[str, Lane] = {}
+        self.junctions: dict[str, Junction] = {}
+        self.crossings: dict[str, Crossing] = {}
+        self.walking_areas: dict[str, WalkingArea] = {}
+        self.connections: list[Connection] = []
+        self.walks: list[Attributes] = []
+        self._internal: dict[str, Points] = {}
+        walks = _walk_connections(records.connections)
+        for record in records.edges:
+            self._read_edge(record, walks)
+        incoming, outgoing = _roads_by_junction(self.roads.values())
+        for attributes in records.junctions:
+            if attributes.get("type") != "internal":
+                self._read_junction(attributes, incoming, outgoing)
+        self._read_connections(records.connections)
+
+    def roads_of(self) -> dict[str, Road]:
+        """Find the road of each lane and crossing by the lane's id."""
+        return {lane: road for road in self.roads.values() for lane in road.lanes}
+
+    def bounds(self) -> tuple[tuple[float, float], tuple[float, float]]:
+        """Measure the rectangle around every shape of the network."""
+        shapes = [lane.shape for lane in self.lanes.values()]
+        shapes += [junction.polygon for junction in self.junctions.values()]
+        shapes += [area.polygon for area in self.walking_areas.values()]
+        every = np.concatenate(shapes)[:, :2]
+        low, high = every.min(axis=0), every.max(axis=0)
+        return (float(low[0]), float(low[1])), (float(high[0]), float(high[1]))
+
+    def _read_edge(self, record: EdgeRecord, walks: Mapping[str, Attributes]) -> None:
+        attributes = record.attributes
+        edge, function = self._id(attributes, "edge"), attributes.get("function", "normal")
+        if function in _ROAD_FUNCTIONS:
+            self._read_road(edge, record)
+        elif function == "crossing" and record.lanes:
+            self._keep(self.crossings, edge, "crossing", self._read_crossing(edge, record, walks.get(edge, {})))
+        elif function == "walkingarea" and record.lanes:
+            polygon = self._shape(record.lanes[0], f"walking area {edge}")
+            area = WalkingArea(
+                id=edge, origin=Origin.NETWORK, junction=_junction_of(edge, "w"), polygon=polygon
+            )
+            self._keep(self.walking_areas, edge, "walking_area", area)
+        elif function == "internal":
+            for lane in record.lanes:
+                lane_id = self._id(lane, "lane")
+                self._internal[lane_id] = self._shape(lane, f"lane {lane_id}")
+
+    def _read_road(self, edge: str, record: EdgeRecord) -> None:
+        if not record.lanes:
+            raise SourceError(self.path, "the edge has no lanes", element=f"edge {edge}")
+        attributes = record.attributes
+        lanes = sorted((self._read_lane(edge, record, lane) for lane in record.lanes), key=lambda e: e.index)
+        road = Road(
+            id=edge,
+            name=attributes.get("name", ""),
+            from_junction=attributes.get("from", ""),
+            to_junction=attributes.get("to", ""),
+            kind=attributes.get("type", ""),
+            priority=read_int(attributes, "priority", self.path, f"edge {edge}", default=-1),
+            lanes=tuple(lane.id for lane in lanes),
+        )
+        if self._keep(self.roads, edge, "road", road):
+            for lane in lanes:
+                self._keep(self.lanes, lane.id, "lane", lane)
+
+    def _read_lane(self, edge: str, record: EdgeRecord, attributes: Attributes) -> Lane:
+        lane_id = self._id(attributes, "lane")
+        what = f"lane {lane_id}"
+        allow = allowed_classes(attributes.get("allow"), attributes.get("disallow"))
+        ordinary = set(allow) - _SERVICES
+        return Lane(
+            id=lane_id,
+            road=edge,
+            index=read_int(attributes, "index", self.path, what),
+            kind=lane_kind(allow),
+            width=read_float(attributes, "width", self.path, what, default=_LANE_WIDTH, above=0.0),
+            speed=read_float(attributes, "speed", self.path, what),
+            length=read_float(attributes, "length", self.path, what),
+            allow=allow,
+            shape=self._shape(attributes, what),
+            change_inward=_may_change(attributes.get("changeLeft"), ordinary),
+            change_outward=_may_change(attributes.get("changeRight"), ordinary),
+            opposite=record.opposites.get(lane_id) or None,
+        )
+
+    def _read_crossing(self, edge: str, record: EdgeRecord, walk: Attributes) -> Crossing:
+        attributes, what = record.lanes[0], f"crossing {edge}"
+        shape = self._shape(attributes, what)
+        width = read_float(attributes, "width", self.path, what, default=_CROSSING_WIDTH, above=0.0)
+        outline = self._shape(attributes, what, key="outlineShape") if "outlineShape" in attributes else None
+        return Crossing(
+            id=edge,
+            origin=Origin.NETWORK,
+            junction=_junction_of(edge, "c"),
+            roads=tuple(record.attributes.get("crossingEdges", "").split()),
+            width=width,
+            shape=shape,
+            polygon=_crossing_polygon(shape, width, outline),
+            signal=walk.get("tl"),
+            link_index=read_int(walk, "linkIndex", self.path, what) if "tl" in walk else None,
+        )
+
+    def _read_junction(
+        self, attributes: Attributes, incoming: Mapping[str, list[str]], outgoing: Mapping[str, list[str]]
+    ) -> None:
+        junction = self._id(attributes, "junction")
+        what = f"junction {junction}"
+        x, y, z = (
+            read_float(attributes, key, self.path, what, default=0.0 if key == "z" else None) for key in "xyz"
+        )
+        polygon = self._shape(attributes, what) if attributes.get("shape") else points(np.empty((0, 3)))
+        found = Junction(
+            id=junction,
+            kind=attributes.get("type", "unknown"),
+            position=(x, y, z),
+            polygon=polygon,
+            incoming=tuple(incoming.get(junction, ())),
+            outgoing=tuple(outgoing.get(junction, ())),
+        )
+        self._keep(self.junctions, junction, "junction", found)
+
+    def _read_connections(self, records: list[Attributes]) -> None:
+        onward: dict[str, str] = {}
+        for a in records:
+            if a.get("via") and a.get("from", "").startswith(":"):
+                onward[f"{a['from']}_{a.get('fromLane')}"] = a["via"]
+        for a in records:
+            source, target = a.get("from", ""), a.get("to", "")
+            if source.startswith(":") or target.startswith(":"):
+                if "tl" in a:
+                    self.walks.append(a)
+                continue
+            self._read_connection(a, f"{source}_{a.get('fromLane')}", f"{target}_{a.get('toLane')}", onward)
+
+    def _read_connection(self, a: Attributes, source: str, target: str, onward: Mapping[str, str]) -> None:
+        what = f"connection {source}->{target}"
+        missing = [lane for lane in (source, target) if lane not in self.lanes]
+        if missing:
+            self._report_dangling(source, target, missing)
+            return
+        via: list[str] = []
+        lane: str | None = a.get("via")
+        while lane in self._internal and lane not in via:
+            via.append(lane)
+            lane = onward.get(lane)
+        parts = [self.lanes[source].shape[-1:], *(self._internal[v] for v in via), self.lanes[target].shape[:1]]
+        path = np.concatenate(parts)
+        moved = np.ones(len(path), dtype=bool)
+        moved[1:-1] = (np.abs(np.diff(path, axis=0)) > 1e-9).any(axis=1)[:-1]
+        self.connections.append(
+            Connection(
+                from_lane=source,
+                to_lane=target,
+                via=tuple(via),
+                direction=a.get("dir", ""),
+                state=a.get("state", ""),
+                signal=a.get("tl"),
+                link_index=read_int(a, "linkIndex", self.path, what) if "tl" in a else None,
+                shape=points(path[moved]),
+            )
+        )
+
+    def _report_dangling(self, source: str, target: str, missing: list[str]) -> None:
+        known = next((self.lanes[lane] for lane in (source, target) if lane in self.lanes), None)
+        position = tuple(float(v) for v in known.shape[-1]) if known else (0.0, 0.0, 0.0)
+        self.issues.append(
+            Issue(
+                check="topology.dangling_reference",
+                severity=Severity.ERROR,
+                elements=(
+                    Element(kind="connection", id=f"{source}->{target}"),
+                    *(Element(kind="lane", id=lane) for lane in (source, target)),
+                ),
+                position=position,  # type: ignore[arg-type]
+                message=f"a connection names {' and '.join(missing)}, which the network does not have",
+                hint="remove the connection or correct its lane, then rebuild the network with netconvert",
+            )
+        )
+
+    def _keep(self, table: dict[str, T], key: str, kind: str, value: T) -> bool:
+        if key in table:
+            self.issues.append(
+                Issue(
+                    check="topology.duplicate_id",
+                    severity=Severity.ERROR,
+                    elements=(Element(kind=kind, id=key),),
+                    position=(0.0, 0.0, 0.0),
+                    message=f"the {kind.replace('_', ' ')} {key} is defined more than once; the first is kept",
+                    hint="give each its own id",
+                )
+            )
+            return False
+        table[key] = value
+        return True
+
+    def _id(self, attributes: Attributes, kind: str) -> str:
+        if not attributes.get("id"):
+            raise SourceError(self.path, f"a {kind} has no id")
+        return attributes["id"]
+
+    def _shape(self, attributes: Attributes, what: str, *, key: str = "shape") -> Points:
+        return read_shape(attributes.get(key, ""), self.path, what)
+
+
+def _read_projection(location: Attributes, path: Path) -> Projection:
+    proj = location.get("projParameter", "!").strip()
+    offset = read_shape(location.get("netOffset", "0,0"), path, "location")[0]
+    return Projection(
+        proj=None if proj in ("!", "-", ".", "") else proj, net_offset=(float(offset[0]), float(offset[1]))
+    )
+
+
+def _read_sidewalks(lanes: Iterable[Lane]) -> Iterable[Sidewalk]:
+    for lane in lanes:
+        if lane.kind is LaneKind.SIDEWALK:
+            ring = _strip(lane.shape, lane.width)
+            yield Sidewalk(id=lane.id, origin=Origin.NETWORK, road=lane.road, polygon=ring)
+
+
+def _strip(shape: Points, width: float) -> Points:
+    """Outline a centre line's strip; heights are those of the nearest place on the line."""
+    line = shapely.LineString(shape)
+    strip = line.buffer(width / 2, cap_style="flat", join_style="mitre", mitre_limit=2)
+    if not isinstance(strip, shapely.Polygon) or strip.is_empty:
+        strip = line.buffer(width / 2).convex_hull
+    ring = shapely.get_coordinates(strip.exterior)[:-1]
+    along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(shape[:, :2], axis=0).T))])
+    z = np.interp(shapely.line_locate_point(shapely.force_2d(line), shapely.points(ring)), along, shape[:, 2])
+    return points(np.column_stack([ring, z]))
+
+
+def _crossing_polygon(shape: Points, width: float, outline: Points | None) -> Points:
+    """Take the crossing's own outline where it is one; netconvert appends stray corners to some."""
+    strip = _strip(shape, width)
+    if outline is None or len(outline) < 3:
+        return strip
+    drawn, expected = shapely.Polygon(outline[:, :2]), shapely.Polygon(strip[:, :2])
+    if not drawn.is_valid or drawn.intersection(expected).area < 0.7 * drawn.union(expected).area:
+        return strip
+    return outline
+
+
+def _may_change(classes: str | None, ordinary: set[str]) -> bool:
+    """Tell whether ordinary traffic may leave its lane, by SUMO's changeLeft or changeRight."""
+    if classes is None or classes == "all":
+        return True
+    return bool(ordinary & set(classes.split()))
+
+
+def _walk_connections(connections: list[Attributes]) -> dict[str, Attributes]:
+    """Find the signalled way onto each crossing."""
+    return {a["to"]: a for a in reversed(connections) if "tl" in a and a.get("to", "").startswith(":")}
+
+
+def _junction_of(edge: str, letter: str) -> str:
+    """Find the junction in the id of its crossing (:J_c0) or walking area (:J_w0)."""
+    return edge.removeprefix(":").rpartition(f"_{letter}")[0]
+
+
+def _roads_by_junction(roads: Iterable[Road]) -> tuple[dict[str, list[str]], dict[str, list[str]]]:
+    incoming: dict[str, list[str]] = defaultdict(list)
+    outgoing: dict[str, list[str]] = defaultdict(list)
+    for road in roads:
+        incoming[road.to_junction].append(road.id)
+        outgoing[road.from_junction].append(road.id)
+    return incoming, outgoing

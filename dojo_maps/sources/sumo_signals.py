@@ -1,0 +1,92 @@
+"""Traffic light programs and the links they control, from a SUMO network's records."""
+
+from collections import defaultdict
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+
+from dojo_maps.description import Connection, Link, LinkKind, Phase, Program, Road, Signal
+from dojo_maps.sources.sumo_xml import Attributes, LogicRecord
+from dojo_maps.sources.values import read_float, read_int
+
+
+def read_signals(
+    path: Path,
+    logics: Iterable[LogicRecord],
+    connections: Iterable[Connection],
+    walks: Iterable[Attributes],
+    road_of_lane: Mapping[str, Road],
+) -> tuple[Signal, ...]:
+    """Describe every controller that has a program or a link.
+
+    Args:
+        path: named in errors.
+        logics: the tlLogic records.
+        connections: the connections between normal edges.
+        walks: the signalled connections that start or end inside a junction.
+        road_of_lane: the road of each lane id.
+
+    Returns:
+        Signals in the order of their first program, then those that only links name.
+    """
+    programs: dict[str, list[Program]] = defaultdict(list)
+    for record in logics:
+        programs[record.attributes.get("id", "")].append(_read_program(record, path))
+    links: dict[str, list[Link]] = defaultdict(list)
+    junctions: dict[str, dict[str, None]] = defaultdict(dict)
+    for connection in connections:
+        if connection.signal is None or connection.link_index is None:
+            continue
+        link = Link(
+            index=connection.link_index,
+            kind=LinkKind.VEHICLE,
+            from_id=connection.from_lane,
+            to_id=connection.to_lane,
+            direction=connection.direction,
+        )
+        links[connection.signal].append(link)
+        junctions[connection.signal][road_of_lane[connection.from_lane].to_junction] = None
+    for walk in walks:
+        if "_c" not in walk.get("to", ""):
+            continue
+        what = f"connection {walk.get('from')}->{walk.get('to')}"
+        link = Link(
+            index=read_int(walk, "linkIndex", path, what),
+            kind=LinkKind.PEDESTRIAN,
+            from_id=walk.get("from", ""),
+            to_id=walk["to"],
+            direction=walk.get("dir", ""),
+        )
+        links[walk["tl"]].append(link)
+        junctions[walk["tl"]][walk["to"].removeprefix(":").rpartition("_c")[0]] = None
+    return tuple(
+        Signal(
+            id=signal,
+            junctions=tuple(junctions[signal]),
+            links=tuple(sorted(links[signal], key=lambda link: link.index)),
+            programs=tuple(programs[signal]),
+        )
+        for signal in dict.fromkeys([*programs, *links])
+    )
+
+
+def _read_program(record: LogicRecord, path: Path) -> Program:
+    attributes = record.attributes
+    what = f"tlLogic {attributes.get('id', '')}"
+
+    def seconds(phase: Attributes, key: str) -> float | None:
+        return read_float(phase, key, path, what) if key in phase else None
+
+    return Program(
+        id=attributes.get("programID", "0"),
+        kind=attributes.get("type", "static"),
+        offset=read_float(attributes, "offset", path, what, default=0.0),
+        phases=tuple(
+            Phase(
+                duration=read_float(phase, "duration", path, what, default=0.0),
+                min_duration=seconds(phase, "minDur"),
+                max_duration=seconds(phase, "maxDur"),
+                state=phase.get("state", ""),
+            )
+            for phase in record.phases
+        ),
+    )

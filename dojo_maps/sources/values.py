@@ -1,0 +1,63 @@
+"""Read numbers and shapes from XML attributes; a bad one is an error that names its element."""
+
+import math
+from pathlib import Path
+
+from dojo_maps.description import Points, points
+from dojo_maps.errors import SourceError
+from dojo_maps.sources.sumo_xml import Attributes
+
+_MAX_COORDINATE = 1e8
+"""Metres; farther out, double precision no longer keeps the millimetre that meshes are made with."""
+
+
+def read_float(
+    attributes: Attributes,
+    key: str,
+    path: Path,
+    what: str,
+    *,
+    default: float | None = None,
+    above: float | None = None,
+) -> float:
+    """Read a finite number; `above` is a bound that it must exceed."""
+    text = attributes.get(key)
+    if text is None:
+        if default is None:
+            raise SourceError(path, f"has no {key}", element=what)
+        return default
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value) or abs(value) > 1e12 or (above is not None and value <= above):
+        bound = f" above {above:g}" if above is not None else ""
+        raise SourceError(path, f"{key}={text[:80]!r}, expected a number{bound}", element=what)
+    return value
+
+
+def read_int(attributes: Attributes, key: str, path: Path, what: str, *, default: int | None = None) -> int:
+    """Read a whole number."""
+    text = attributes.get(key)
+    if text is None and default is not None:
+        return default
+    try:
+        return int(text or "")
+    except ValueError:
+        raise SourceError(
+            path, f"{key}={(text or '')[:80]!r}, expected a whole number", element=what
+        ) from None
+
+
+def read_shape(text: str, path: Path, what: str) -> Points:
+    """Read a SUMO position list, `x,y` or `x,y,z` by spaces, into (n, 3) metres; n is at least 1."""
+    try:
+        rows = [[float(value) for value in position.split(",")] for position in text.split()]
+        valid = bool(rows) and all(len(row) in (2, 3) for row in rows)
+        valid = valid and all(abs(value) <= _MAX_COORDINATE for row in rows for value in row)
+    except ValueError:
+        valid = False
+    if not valid:
+        shown = text if len(text) <= 60 else f"{text[:60]}..."
+        raise SourceError(path, f"shape={shown!r}, expected positions as x,y or x,y,z", element=what)
+    return points([row if len(row) == 3 else [*row, 0.0] for row in rows])
