@@ -1,0 +1,138 @@
+"""Cut the ground along the outlines of all claims and give each face one owner per level.
+
+One planar arrangement instead of a union and a difference per piece: every outline is noded with every
+other on one raster, so no ground is covered twice, none is lost, and neighbours share their corners. Where
+roads pass over each other, the claims on a face fall into levels by their heights.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+import shapely
+
+from dojo_maps.errors import GeometryError
+from dojo_maps.geometry.pieces import GRID, RAISED, Pieces
+from dojo_maps.geometry.polylines import Flags, Ints, Shapes
+
+LEVEL_GAP = 2.0
+"""Claims on one place that are farther apart in height than this, metres, lie on different levels."""
+_SEAM = 0.15
+"""Half the width of the gaps between a network's own surfaces that are closed, metres."""
+
+TERRAIN = -1
+"""The owner of faces that nothing claims."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Parts:
+    """The ground, divided: simple polygons whose neighbours share all corners.
+
+    Attributes:
+        polygons: (n,) polygons.
+        owners: (n,) indices of pieces, or `TERRAIN`.
+        ramps: (n,) whether the part lies where a kerb is lowered.
+    """
+
+    polygons: Shapes
+    owners: Ints
+    ramps: Flags
+
+
+def divide_ground(pieces: Pieces, ramps: Shapes, margin: float) -> Parts:
+    """Give every place within the map's rectangle, widened by `margin` metres, to one owner per level.
+
+    Args:
+        pieces: the claims; on one level the first one wins.
+        ramps: (n,) polygons in which kerbs are lowered.
+        margin: metres of terrain around the map.
+
+    Raises:
+        GeometryError: the outlines cannot be cut along each other.
+    """
+    closed = _close_seams(pieces.polygons[: pieces.paved])
+    frame = shapely.box(*_widened(shapely.total_bounds(pieces.polygons), margin))
+    outlines = [*shapely.boundary(pieces.polygons), closed.boundary, *shapely.boundary(ramps), frame.boundary]
+    try:
+        lines = shapely.union_all(np.array(outlines, dtype=object), grid_size=GRID)
+        faces = shapely.get_parts(shapely.polygonize([lines]))
+    except shapely.errors.GEOSException as error:
+        raise GeometryError(f"the map's outlines cannot be cut along each other: {error}") from error
+    faces = faces[shapely.area(faces) > 0]
+    face_indices, owners = _assign_owners(faces, pieces, closed)
+    chosen = faces[face_indices]
+    ramp_faces = _inside_any(chosen, ramps) & np.isin(owners, _raised(pieces))
+    return _merge(chosen, owners, ramp_faces)
+
+
+def _widened(bounds: np.ndarray, margin: float) -> np.ndarray:  # type: ignore[type-arg]
+    low, high = np.floor(bounds[:2] - margin), np.ceil(bounds[2:] + margin)
+    return np.concatenate([low, high])
+
+
+def _close_seams(paved: Shapes) -> shapely.Geometry:
+    """Join the network's surfaces and close the slits that its rounded coordinates leave between them."""
+    joined = shapely.union_all(paved, grid_size=GRID)
+    for distance in (_SEAM, -_SEAM):
+        joined = shapely.buffer(joined, distance, join_style="mitre", mitre_limit=2.0)
+    return shapely.set_precision(joined, GRID)
+
+
+def _assign_owners(faces: Shapes, pieces: Pieces, closed: shapely.Geometry) -> tuple[Ints, Ints]:
+    """List (face, owner) pairs: one for each level of a face, or one with `TERRAIN`."""
+    inner = shapely.point_on_surface(faces)
+    face, piece = shapely.STRtree(pieces.polygons).query(inner, predicate="within")
+    heights = pieces.heights.at(piece, shapely.get_coordinates(inner)[face])
+    order = np.lexsort((piece, heights, face))
+    face, piece, heights = face[order], piece[order], heights[order]
+    starts = np.ones(len(face), dtype=bool)
+    starts[1:] = (np.diff(face) > 0) | (np.diff(heights) > LEVEL_GAP)
+    first = np.flatnonzero(starts)
+    owners = np.minimum.reduceat(piece, first) if len(first) else piece
+    owned = face[first]
+
+    shapely.prepare(closed)
+    paved = np.zeros(len(faces), dtype=bool)
+    paved[owned[owners < pieces.paved]] = True
+    seams = np.flatnonzero(~paved & shapely.contains(closed, inner))
+    kept = ~np.isin(owned, seams)
+    rest = np.setdiff1d(np.arange(len(faces)), np.union1d(owned, seams))
+    return (
+        np.concatenate([owned[kept], seams, rest]),
+        np.concatenate([owners[kept], _nearest(inner[seams], pieces), np.full(len(rest), TERRAIN)]),
+    )
+
+
+def _nearest(places: Shapes, pieces: Pieces) -> Ints:
+    """Find the paved piece next to each place; of several at the same distance, the one that wins."""
+    tree = shapely.STRtree(pieces.polygons[: pieces.paved])
+    place, piece = tree.query_nearest(places, all_matches=True)
+    nearest = np.full(len(places), len(pieces.polygons))
+    np.minimum.at(nearest, place, piece)
+    return nearest
+
+
+def _inside_any(faces: Shapes, areas: Shapes) -> Flags:
+    inside = np.zeros(len(faces), dtype=bool)
+    if len(areas):
+        inner = shapely.point_on_surface(faces)
+        inside[shapely.STRtree(areas).query(inner, predicate="within")[0]] = True
+    return inside
+
+
+def _raised(pieces: Pieces) -> Ints:
+    return np.flatnonzero([layer in RAISED for layer in pieces.layers])
+
+
+def _merge(faces: Shapes, owners: Ints, ramps: Flags) -> Parts:
+    """Join the faces of each owner; their outlines keep every corner that a neighbour has there."""
+    group = owners * 2 + ramps
+    order = np.argsort(group, kind="stable")
+    starts = np.flatnonzero(np.diff(group[order], prepend=group[order][:1] - 1))
+    ends = [*starts[1:], len(order)]
+    joined = []
+    for start, end in zip(starts, ends, strict=True):
+        run = faces[order[start:end]]
+        joined.append(run[0] if len(run) == 1 else shapely.coverage_union_all(run))
+    polygons, index = shapely.get_parts(np.array(joined, dtype=object), return_index=True)
+    source = order[starts][index]
+    return Parts(polygons=polygons, owners=owners[source], ramps=ramps[source])

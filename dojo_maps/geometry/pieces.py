@@ -1,0 +1,142 @@
+"""What claims ground: lane strips, junctions, walking areas, sidewalks, islands and tracks, by precedence.
+
+A piece is a polygon as the description has it, overlaps and all. `arrangement` decides who owns what.
+"""
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from enum import StrEnum
+
+import numpy as np
+import shapely
+
+from dojo_maps.description import Lane, LaneKind, Origin, Points, RoadMap
+from dojo_maps.geometry.polylines import HeightLines, Shapes, drop_repeats
+
+GRID = 1e-3
+"""Every corner of every surface lies on this raster, metres, so that neighbours share their corners."""
+
+
+class Layer(StrEnum):
+    """Surfaces, in the words of scene.glb's node names."""
+
+    ROAD = "road"
+    WALKING_AREA = "walking_area"
+    JUNCTION = "junction"
+    SIDEWALK = "sidewalk"
+    ISLAND = "island"
+    RAIL = "rail"
+    TERRAIN = "terrain"
+
+
+RAISED = (Layer.WALKING_AREA, Layer.SIDEWALK, Layer.ISLAND)
+"""Layers that stand above the carriageway behind a kerb."""
+
+_NOT_ROAD = (LaneKind.SIDEWALK, LaneKind.RAIL, LaneKind.WATERWAY)
+_LANE_ORDER = tuple(LaneKind)
+
+
+@dataclass(frozen=True, slots=True)
+class Claim:
+    """One polygon that claims ground (shapely, map frame) and the line its heights are taken from."""
+
+    layer: Layer
+    id: str
+    polygon: shapely.Geometry
+    line: Points
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Pieces:
+    """All claims, those that win first; polygons on the raster, in the frame of the map's origin.
+
+    `paved` counts the leading pieces that make up the network's own ground, without islands, generated
+    pavement and tracks: seams are closed between these only.
+    """
+
+    polygons: Shapes
+    layers: tuple[Layer, ...]
+    ids: tuple[str, ...]
+    heights: HeightLines
+    paved: int
+
+
+def build_pieces(road_map: RoadMap) -> Pieces:
+    """Collect every claim to ground in the order of precedence.
+
+    A lane wins over a walking area, that over a junction's floor, that over a sidewalk; then come islands,
+    generated pavement and tracks. Among lanes, driving lanes win, then roads of higher priority.
+    """
+    own = [*_road_claims(road_map), *_walking_area_claims(road_map), *_junction_claims(road_map)]
+    own += _sidewalk_claims(road_map, Origin.NETWORK)
+    added = [*_island_claims(road_map), *_sidewalk_claims(road_map, Origin.GENERATED), *_rail_claims(road_map)]
+    claims = [*own, *added]
+    shift = np.array([*road_map.origin, 0.0])
+    polygons = shapely.transform(np.array([c.polygon for c in claims], dtype=object), lambda xy: xy - shift[:2])
+    polygons = shapely.set_precision(shapely.make_valid(polygons), GRID)
+    kept = np.flatnonzero(shapely.area(polygons) > 0.01)
+    return Pieces(
+        polygons=polygons[kept],
+        layers=tuple(claims[i].layer for i in kept),
+        ids=tuple(claims[i].id for i in kept),
+        heights=HeightLines([claims[i].line - shift for i in kept]),
+        paved=int((kept < len(own)).sum()),
+    )
+
+
+def lane_strips(lanes: Iterable[Lane]) -> Shapes:
+    """Buffer centre lines by half their widths, with flat ends; map frame, empty for a lane without length."""
+    lanes = list(lanes)
+    shapes = [drop_repeats(lane.shape)[:, :2] for lane in lanes]
+    lines = [shapely.linestrings(shape) if len(shape) > 1 else shapely.LineString() for shape in shapes]
+    return shapely.buffer(
+        np.array(lines, dtype=object),
+        np.array([lane.width / 2 for lane in lanes]),
+        cap_style="flat",
+        join_style="mitre",
+        mitre_limit=2.0,
+    )
+
+
+def _road_claims(road_map: RoadMap) -> Iterator[Claim]:
+    priority = {road.id: road.priority for road in road_map.roads}
+    lanes = [lane for lane in road_map.lanes if lane.kind not in _NOT_ROAD]
+    lanes.sort(key=lambda lane: (_LANE_ORDER.index(lane.kind), -priority[lane.road]))
+    for lane, strip in zip(lanes, lane_strips(lanes), strict=True):
+        yield Claim(Layer.ROAD, lane.id, strip, lane.shape)
+
+
+def _rail_claims(road_map: RoadMap) -> Iterator[Claim]:
+    lanes = [lane for lane in road_map.lanes if lane.kind is LaneKind.RAIL]
+    for lane, strip in zip(lanes, lane_strips(lanes), strict=True):
+        yield Claim(Layer.RAIL, lane.id, strip, lane.shape)
+
+
+def _walking_area_claims(road_map: RoadMap) -> Iterator[Claim]:
+    for area in road_map.walking_areas:
+        yield _ring_claim(Layer.WALKING_AREA, area.id, area.polygon)
+
+
+def _junction_claims(road_map: RoadMap) -> Iterator[Claim]:
+    for junction in road_map.junctions:
+        if len(junction.polygon) > 2:
+            yield _ring_claim(Layer.JUNCTION, junction.id, junction.polygon)
+
+
+def _sidewalk_claims(road_map: RoadMap, origin: Origin) -> Iterator[Claim]:
+    for sidewalk in road_map.sidewalks:
+        if sidewalk.origin is origin:
+            yield _ring_claim(Layer.SIDEWALK, sidewalk.id, sidewalk.polygon, sidewalk.holes)
+
+
+def _island_claims(road_map: RoadMap) -> Iterator[Claim]:
+    for prop in road_map.props:
+        if prop.kind == "island" and prop.polygon is not None:
+            yield _ring_claim(Layer.ISLAND, prop.id, prop.polygon)
+
+
+def _ring_claim(layer: Layer, source: str, ring: Points, holes: tuple[Points, ...] = ()) -> Claim:
+    if len(ring) < 3:
+        return Claim(layer, source, shapely.Polygon(), ring)
+    polygon = shapely.Polygon(ring[:, :2], [hole[:, :2] for hole in holes])
+    return Claim(layer, source, polygon, np.vstack([ring, ring[:1]]))

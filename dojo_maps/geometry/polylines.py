@@ -1,0 +1,94 @@
+"""Lines of positions: lengths along them, places on them, and heights beside them."""
+
+from collections.abc import Sequence
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+from dojo_maps.description import Points
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+Flags = NDArray[np.bool_]
+Shapes = NDArray[np.object_]
+"""(n,) shapely geometries, metres, in the frame of `RoadMap.origin`."""
+
+
+def along(line: Floats) -> Floats:
+    """Measure each point's distance from the start along the line, in the plane; (n,) metres."""
+    return np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(line[:, :2], axis=0).T))])
+
+
+def drop_repeats(line: Points, *, closer_than: float = 1e-3) -> Points:
+    """Drop points that lie on the one before them; a line without length comes back as one point."""
+    keep = np.ones(len(line), dtype=bool)
+    keep[1:] = np.hypot(*np.diff(line[:, :2], axis=0).T) > closer_than
+    return line[keep]
+
+
+def place_on(line: Points, distance: float) -> tuple[Floats, float]:
+    """Find a place on a line and the direction there.
+
+    Args:
+        line: (n, 3), metres, n >= 2, with length.
+        distance: metres from the start, or from the end if negative; held to the line's ends.
+
+    Returns:
+        The position (3,), metres, and the heading, radians counter-clockwise from east.
+    """
+    lengths = along(line)
+    wanted = distance if distance >= 0 else lengths[-1] + distance
+    wanted = float(np.clip(wanted, 0.0, lengths[-1]))
+    position = np.array([np.interp(wanted, lengths, line[:, axis]) for axis in range(3)])
+    piece = int(np.clip(np.searchsorted(lengths, wanted, side="right") - 1, 0, len(line) - 2))
+    if wanted >= lengths[-1]:
+        piece = int(np.flatnonzero(np.diff(lengths) > 0)[-1]) if lengths[-1] > 0 else len(line) - 2
+    step = line[piece + 1] - line[piece]
+    return position, float(np.arctan2(step[1], step[0]))
+
+
+def offset_lines(lines: Shapes, distances: Floats) -> Shapes:
+    """Offset centre lines sideways, metres, positive to the left; empty where nothing remains."""
+    moved = shapely.offset_curve(lines, distances, join_style="mitre", mitre_limit=2.0)
+    return np.where(shapely.length(moved) > 0.1, moved, shapely.LineString())
+
+
+class HeightLines:
+    """Heights known along one reference line per piece, asked for at any place beside it."""
+
+    def __init__(self, lines: Sequence[Points]) -> None:
+        """Take one (n, 3) line per piece, metres, in the frame of the places asked for."""
+        self._flat = all(not line[:, 2].any() for line in lines)
+        if self._flat:
+            return
+        lengths = [along(line) for line in lines]
+        spans = np.array([length[-1] + 1.0 for length in lengths])
+        self._starts = np.concatenate([[0.0], np.cumsum(spans)])
+        self._along = np.concatenate([a + start for a, start in zip(lengths, self._starts, strict=False)])
+        self._heights = np.concatenate([line[:, 2] for line in lines])
+        self._lines = np.array([shapely.linestrings(_at_least_two(line[:, :2])) for line in lines])
+
+    @property
+    def flat(self) -> bool:
+        """Whether every height is zero."""
+        return self._flat
+
+    def at(self, pieces: Ints, places: Floats) -> Floats:
+        """Take the height of each piece's line at its nearest point to a place.
+
+        Args:
+            pieces: (n,) indices of lines.
+            places: (n, 2) metres.
+
+        Returns:
+            (n,) metres.
+        """
+        if self._flat:
+            return np.zeros(len(places))
+        distance = shapely.line_locate_point(self._lines[pieces], shapely.points(places))
+        return np.interp(distance + self._starts[pieces], self._along, self._heights)
+
+
+def _at_least_two(line: Floats) -> Floats:
+    return line if len(line) > 1 else np.repeat(line, 2, axis=0)
