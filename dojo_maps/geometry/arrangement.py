@@ -38,27 +38,35 @@ class Parts:
     ramps: Flags
 
 
-def divide_ground(pieces: Pieces, ramps: Shapes, margin: float) -> Parts:
+def paved_ground(pieces: Pieces) -> shapely.Geometry:
+    """Join the network's own surfaces and close the slits that its rounded coordinates leave between them."""
+    joined = shapely.union_all(pieces.polygons[: pieces.paved], grid_size=GRID)
+    for distance in (_SEAM, -_SEAM):
+        joined = shapely.buffer(joined, distance, join_style="mitre", mitre_limit=2.0)
+    return shapely.set_precision(joined, GRID)
+
+
+def divide_ground(pieces: Pieces, paved: shapely.Geometry, ramps: Shapes, *, margin: float) -> Parts:
     """Give every place within the map's rectangle, widened by `margin` metres, to one owner per level.
 
     Args:
         pieces: the claims; on one level the first one wins.
+        paved: the network's own ground without seams, from `paved_ground`.
         ramps: (n,) polygons in which kerbs are lowered.
         margin: metres of terrain around the map.
 
     Raises:
         GeometryError: the outlines cannot be cut along each other.
     """
-    closed = _close_seams(pieces.polygons[: pieces.paved])
     frame = shapely.box(*_widened(shapely.total_bounds(pieces.polygons), margin))
-    outlines = [*shapely.boundary(pieces.polygons), closed.boundary, *shapely.boundary(ramps), frame.boundary]
+    outlines = [*shapely.boundary(pieces.polygons), paved.boundary, *shapely.boundary(ramps), frame.boundary]
     try:
         lines = shapely.union_all(np.array(outlines, dtype=object), grid_size=GRID)
         faces = shapely.get_parts(shapely.polygonize([lines]))
     except shapely.errors.GEOSException as error:
         raise GeometryError(f"the map's outlines cannot be cut along each other: {error}") from error
     faces = faces[shapely.area(faces) > 0]
-    face_indices, owners = _assign_owners(faces, pieces, closed)
+    face_indices, owners = _assign_owners(faces, pieces, paved)
     chosen = faces[face_indices]
     ramp_faces = _inside_any(chosen, ramps) & np.isin(owners, _raised(pieces))
     return _merge(chosen, owners, ramp_faces)
@@ -69,15 +77,7 @@ def _widened(bounds: np.ndarray, margin: float) -> np.ndarray:  # type: ignore[t
     return np.concatenate([low, high])
 
 
-def _close_seams(paved: Shapes) -> shapely.Geometry:
-    """Join the network's surfaces and close the slits that its rounded coordinates leave between them."""
-    joined = shapely.union_all(paved, grid_size=GRID)
-    for distance in (_SEAM, -_SEAM):
-        joined = shapely.buffer(joined, distance, join_style="mitre", mitre_limit=2.0)
-    return shapely.set_precision(joined, GRID)
-
-
-def _assign_owners(faces: Shapes, pieces: Pieces, closed: shapely.Geometry) -> tuple[Ints, Ints]:
+def _assign_owners(faces: Shapes, pieces: Pieces, paved: shapely.Geometry) -> tuple[Ints, Ints]:
     """List (face, owner) pairs: one for each level of a face, or one with `TERRAIN`."""
     inner = shapely.point_on_surface(faces)
     face, piece = shapely.STRtree(pieces.polygons).query(inner, predicate="within")
@@ -90,10 +90,10 @@ def _assign_owners(faces: Shapes, pieces: Pieces, closed: shapely.Geometry) -> t
     owners = np.minimum.reduceat(piece, first) if len(first) else piece
     owned = face[first]
 
-    shapely.prepare(closed)
-    paved = np.zeros(len(faces), dtype=bool)
-    paved[owned[owners < pieces.paved]] = True
-    seams = np.flatnonzero(~paved & shapely.contains(closed, inner))
+    shapely.prepare(paved)
+    covered = np.zeros(len(faces), dtype=bool)
+    covered[owned[owners < pieces.paved]] = True
+    seams = np.flatnonzero(~covered & shapely.contains(paved, inner))
     kept = ~np.isin(owned, seams)
     rest = np.setdiff1d(np.arange(len(faces)), np.union1d(owned, seams))
     return (

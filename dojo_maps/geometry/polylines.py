@@ -6,7 +6,7 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from dojo_maps.description import Points
+from dojo_maps.description import Points, points
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -52,6 +52,33 @@ def offset_lines(lines: Shapes, distances: Floats) -> Shapes:
     """Offset centre lines sideways, metres, positive to the left; empty where nothing remains."""
     moved = shapely.offset_curve(lines, distances, join_style="mitre", mitre_limit=2.0)
     return np.where(shapely.length(moved) > 0.1, moved, shapely.LineString())
+
+
+def lift(places: Floats, line: Points) -> Points:
+    """Give places (n, 2) the heights of their nearest points on a line; metres."""
+    heights = np.zeros(len(places))
+    if line[:, 2].any():
+        heights = HeightLines([line]).at(np.zeros(len(places), dtype=np.int64), places)
+    return points(np.column_stack([places, heights]))
+
+
+def lift_to_nearest(places: Floats, lines: Sequence[Points]) -> Points:
+    """Give places (n, 2) the heights of the nearest of several lines; metres."""
+    heights = HeightLines(lines)
+    nearest = np.zeros(len(places), dtype=np.int64)
+    if not heights.flat:
+        tree = shapely.STRtree([shapely.linestrings(_at_least_two(line[:, :2])) for line in lines])
+        nearest = tree.nearest(shapely.points(places))
+    return points(np.column_stack([places, heights.at(nearest, places)]))
+
+
+def strip_outline(shape: Points, width: float) -> Points:
+    """Outline the strip of a centre line: an open ring (n, 3), metres, flat at its ends."""
+    line = shapely.LineString(_at_least_two(shape[:, :2]))
+    strip = line.buffer(width / 2, cap_style="flat", join_style="mitre", mitre_limit=2.0)
+    if not isinstance(strip, shapely.Polygon) or strip.is_empty:
+        strip = line.buffer(width / 2).convex_hull
+    return lift(shapely.get_coordinates(strip.exterior)[:-1], shape)
 
 
 class HeightLines:

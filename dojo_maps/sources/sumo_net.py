@@ -17,6 +17,7 @@ from dojo_maps.description import (
     Source, WalkingArea, points,
 )  # fmt: skip
 from dojo_maps.errors import SourceError
+from dojo_maps.geometry.polylines import strip_outline
 from dojo_maps.issue import Element, Issue, Severity
 from dojo_maps.sources.permissions import allowed_classes, lane_kind
 from dojo_maps.sources.sumo_signals import read_signals
@@ -300,25 +301,13 @@ def _read_projection(location: Attributes, path: Path) -> Projection:
 def _read_sidewalks(lanes: Iterable[Lane]) -> Iterable[Sidewalk]:
     for lane in lanes:
         if lane.kind is LaneKind.SIDEWALK:
-            ring = _strip(lane.shape, lane.width)
+            ring = strip_outline(lane.shape, lane.width)
             yield Sidewalk(id=lane.id, origin=Origin.NETWORK, road=lane.road, polygon=ring)
-
-
-def _strip(shape: Points, width: float) -> Points:
-    """Outline a centre line's strip; heights are those of the nearest place on the line."""
-    line = shapely.LineString(shape)
-    strip = line.buffer(width / 2, cap_style="flat", join_style="mitre", mitre_limit=2)
-    if not isinstance(strip, shapely.Polygon) or strip.is_empty:
-        strip = line.buffer(width / 2).convex_hull
-    ring = shapely.get_coordinates(strip.exterior)[:-1]
-    along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(shape[:, :2], axis=0).T))])
-    z = np.interp(shapely.line_locate_point(shapely.force_2d(line), shapely.points(ring)), along, shape[:, 2])
-    return points(np.column_stack([ring, z]))
 
 
 def _crossing_polygon(shape: Points, width: float, outline: Points | None) -> Points:
     """Take the crossing's own outline where it is one; netconvert appends stray corners to some."""
-    strip = _strip(shape, width)
+    strip = strip_outline(shape, width)
     if outline is None or len(outline) < 3:
         return strip
     drawn, expected = shapely.Polygon(outline[:, :2]), shapely.Polygon(strip[:, :2])

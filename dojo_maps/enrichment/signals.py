@@ -1,0 +1,169 @@
+"""Where traffic stops and what it looks at: stop lines, signal heads and the poles that carry them."""
+
+from collections import defaultdict
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+
+import numpy as np
+import shapely
+
+from dojo_maps.description import (
+    Crossing, Lane, LaneKind, Link, LinkKind, Prop, RoadMap, Signal, SignalHead, StopLine, points,
+)  # fmt: skip
+from dojo_maps.geometry.pieces import lane_strips
+from dojo_maps.geometry.polylines import drop_repeats, place_on
+
+_STOPPING_STATES = "sw"
+"""Connections of these states belong to a stop sign or an all-way stop."""
+_STOP_BACK = 0.5
+"""Metres from a lane's end back to the middle of its stop line."""
+HEAD_HEIGHT = 5.2
+POLE_HEIGHT = 6.0
+WALK_HEAD_HEIGHT = 2.3
+WALK_POLE_HEIGHT = 2.7
+_HEAD_SPACING = 0.55
+_POLE_OFFSETS = (0.6, 1.2, 2.0, 3.0, 4.5)
+_NO_STOP_LINE = (LaneKind.RAIL, LaneKind.WATERWAY, LaneKind.SIDEWALK)
+
+
+def place_stop_lines(road_map: RoadMap) -> tuple[StopLine, ...]:
+    """Put a stop line before the end of every lane that ends at a signal or a stop sign."""
+    stopping = {
+        c.from_lane
+        for c in road_map.connections
+        if c.signal is not None or (c.state and c.state in _STOPPING_STATES)
+    }
+    return tuple(
+        StopLine(lane=lane.id, shape=_across(lane, -_STOP_BACK))
+        for lane in road_map.lanes
+        if lane.id in stopping and lane.kind not in _NO_STOP_LINE and len(drop_repeats(lane.shape)) > 1
+    )
+
+
+def place_signal_heads(road_map: RoadMap) -> RoadMap:
+    """Hang a head over each signalled lane for each group of links that always show alike.
+
+    Heads hang at the stop line on an arm that a pole beside the approach carries; walkers' heads stand at
+    both ends of a signalised crossing, each facing the other end.
+    """
+    lane_of = {lane.id: lane for lane in road_map.lanes}
+    crossing_of = {crossing.id: crossing for crossing in road_map.crossings}
+    site = _RoadSite(road_map)
+    signals, poles = [], list[Prop]()
+    for signal in road_map.signals:
+        heads: list[SignalHead] = []
+        for road, lanes in _approaches(signal, lane_of).items():
+            lane_heads = [head for lane in lanes for head in _lane_heads(signal, lane)]
+            heads += lane_heads
+            poles.append(_approach_pole(signal, road, lanes, site, left_hand=road_map.left_hand))
+        for link in signal.links:
+            if link.kind is LinkKind.PEDESTRIAN and link.to_id in crossing_of:
+                walk_heads = _walk_heads(crossing_of[link.to_id], link)
+                heads += walk_heads
+                poles += _walk_poles(signal, link, walk_heads)
+        signals.append(replace(signal, heads=tuple(heads)))
+    return replace(road_map, signals=tuple(signals), props=road_map.props + tuple(poles))
+
+
+class _RoadSite:
+    """Knows where vehicles drive, so that no pole stands there."""
+
+    def __init__(self, road_map: RoadMap) -> None:
+        lanes = [lane for lane in road_map.lanes if lane.kind is not LaneKind.SIDEWALK]
+        self._strips = shapely.STRtree(lane_strips(lanes))
+
+    def is_free(self, x: float, y: float) -> bool:
+        return not len(self._strips.query(shapely.Point(x, y).buffer(0.15), predicate="intersects"))
+
+
+def _across(lane: Lane, distance: float) -> np.ndarray:  # type: ignore[type-arg]
+    position, heading = place_on(lane.shape, max(distance, -lane.length / 2))
+    normal = np.array([-np.sin(heading), np.cos(heading), 0.0]) * lane.width / 2
+    return points(np.round([position - normal, position + normal], 4))
+
+
+def _approaches(signal: Signal, lane_of: dict[str, Lane]) -> dict[str, list[Lane]]:
+    """Group the lanes a signal stops by their road, in index order."""
+    approaches: dict[str, dict[str, Lane]] = defaultdict(dict)
+    for link in signal.links:
+        if link.kind is LinkKind.VEHICLE and len(drop_repeats(lane_of[link.from_id].shape)) > 1:
+            lane = lane_of[link.from_id]
+            approaches[lane.road][lane.id] = lane
+    return {road: sorted(lanes.values(), key=lambda e: e.index) for road, lanes in approaches.items()}
+
+
+def _lane_heads(signal: Signal, lane: Lane) -> Iterator[SignalHead]:
+    groups: dict[tuple[str, ...], list[int]] = defaultdict(list)
+    for link in signal.links:
+        if link.from_id == lane.id and link.kind is LinkKind.VEHICLE:
+            shown = tuple(_letter(p.state, link) for program in signal.programs for p in program.phases)
+            groups[shown].append(link.index)
+    position, heading = place_on(lane.shape, max(-_STOP_BACK, -lane.length / 2))
+    normal = np.array([-np.sin(heading), np.cos(heading)])
+    spacing = min(_HEAD_SPACING, lane.width / max(len(groups), 1))
+    for k, indices in enumerate(groups.values()):
+        x, y = position[:2] - normal * spacing * (k - (len(groups) - 1) / 2)
+        yield SignalHead(
+            link_indices=tuple(sorted(set(indices))),
+            position=_rounded(x, y, position[2] + HEAD_HEIGHT),
+            heading=round(float((heading + 2 * np.pi) % (2 * np.pi) - np.pi), 6),
+        )
+
+
+def _letter(state: str, link: Link) -> str:
+    """Read what a link shows; protected and permissive green look the same."""
+    return state[link.index].replace("g", "G") if link.index < len(state) else ""
+
+
+def _approach_pole(signal: Signal, road: str, lanes: Sequence[Lane], site: _RoadSite, *, left_hand: bool) -> Prop:
+    """Find a place for an approach's pole: outside of its lanes if free, else on the inner side."""
+    outer = 1.0 if left_hand else -1.0
+    for lane, side in ((lanes[0], outer), (lanes[-1], -outer)):
+        position, heading = place_on(lane.shape, max(-_STOP_BACK, -lane.length / 2))
+        normal = np.array([-np.sin(heading), np.cos(heading)]) * side
+        spots = [position[:2] + normal * (lane.width / 2 + offset) for offset in _POLE_OFFSETS]
+        free = [spot for spot in spots if site.is_free(*spot)]
+        if free:
+            break
+    x, y = free[0] if free else spots[0]
+    return Prop(
+        id=f"pole:{signal.id}:{road}",
+        kind="pole",
+        height=POLE_HEIGHT,
+        position=_rounded(x, y, position[2]),
+        tags=(("signal", signal.id), ("road", road)),
+    )
+
+
+def _walk_heads(crossing: Crossing, link: Link) -> list[SignalHead]:
+    heads = []
+    for distance in (0.0, -1e-6):
+        position, heading = place_on(crossing.shape, distance)
+        # The head at the start looks along the line at people coming from the end, and the other way round.
+        toward = heading if distance == 0.0 else heading + np.pi
+        back = position[:2] - 0.4 * np.array([np.cos(toward), np.sin(toward)])
+        aside = (crossing.width / 2 + 0.3) * np.array([-np.sin(heading), np.cos(heading)])
+        heads.append(
+            SignalHead(
+                link_indices=(link.index,),
+                position=_rounded(*(back + aside), position[2] + WALK_HEAD_HEIGHT),
+                heading=round(float((toward + np.pi) % (2 * np.pi) - np.pi), 6),
+            )
+        )
+    return heads
+
+
+def _walk_poles(signal: Signal, link: Link, heads: Sequence[SignalHead]) -> Iterator[Prop]:
+    for k, head in enumerate(heads):
+        x, y, z = head.position
+        yield Prop(
+            id=f"pole:{signal.id}:{link.to_id}:{link.index}:{k}",
+            kind="pole",
+            height=WALK_POLE_HEIGHT,
+            position=_rounded(x, y, z - WALK_HEAD_HEIGHT),
+            tags=(("signal", signal.id), ("crossing", link.to_id)),
+        )
+
+
+def _rounded(x: float, y: float, z: float) -> tuple[float, float, float]:
+    return round(float(x), 4), round(float(y), 4), round(float(z), 4)

@@ -1,0 +1,74 @@
+"""Paint on the ground: flat shapes with a layer, a source and a level, and the ground they lie on."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from enum import StrEnum
+
+import numpy as np
+import shapely
+
+from dojo_maps.geometry.arrangement import Parts
+from dojo_maps.geometry.pieces import Layer, Pieces
+from dojo_maps.geometry.polylines import Ints, Shapes
+
+
+class PaintLayer(StrEnum):
+    """What is painted, in the words of scene.glb's node names."""
+
+    MARKING = "marking"
+    TRACK = "rail/track"
+    CROSSING = "crossing"
+    STOP_LINE = "stop_line"
+    ARROW = "arrow"
+
+
+LIFT = {
+    PaintLayer.MARKING: 0.010,
+    PaintLayer.TRACK: 0.011,
+    PaintLayer.CROSSING: 0.012,
+    PaintLayer.STOP_LINE: 0.014,
+    PaintLayer.ARROW: 0.016,
+}
+"""How far each kind of paint lies above the ground, metres, so that no two faces share a plane."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Paint:
+    """Shapes of one layer.
+
+    Attributes:
+        layer: what they are.
+        polygons: (n,) in the frame of the map's origin; some may be empty.
+        ids: (n,) ids of the lane, road or crossing each belongs to.
+    """
+
+    layer: PaintLayer
+    polygons: Shapes
+    ids: tuple[str, ...]
+
+
+class Canvas:
+    """The divided ground by what it belongs to, for cutting paint to it."""
+
+    def __init__(self, pieces: Pieces, parts: Parts) -> None:
+        """Index the parts of lanes and junction floors."""
+        paved = (Layer.ROAD, Layer.JUNCTION)
+        owned = [(int(owner), polygon) for owner, polygon in zip(parts.owners, parts.polygons, strict=True)]
+        owned = [(owner, polygon) for owner, polygon in owned if owner >= 0 and pieces.layers[owner] in paved]
+        self._carriageway = np.array([polygon for _, polygon in owned], dtype=object)
+        self._of: dict[str, list[shapely.Polygon]] = {}
+        for owner, polygon in owned:
+            if pieces.layers[owner] is Layer.ROAD:
+                self._of.setdefault(pieces.ids[owner], []).append(polygon)
+
+    def area_of(self, lanes: Iterable[str]) -> shapely.Geometry:
+        """Join the ground that some lanes own."""
+        polygons = [polygon for lane in lanes for polygon in self._of.get(lane, ())]
+        return polygons[0] if len(polygons) == 1 else shapely.coverage_union_all(polygons)
+
+    def cut(self, polygons: Shapes) -> tuple[Shapes, Ints]:
+        """Cut polygons to the carriageway; returns the pieces and the index of each one's polygon."""
+        index, part = shapely.STRtree(self._carriageway).query(polygons, predicate="intersects")
+        pieces = shapely.intersection(polygons[index], self._carriageway[part])
+        kept = shapely.area(pieces) > 1e-3
+        return pieces[kept], index[kept]

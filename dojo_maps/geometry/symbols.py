@@ -1,0 +1,138 @@
+"""Shapes painted at junctions: stop lines, turn arrows and the stripes of crossings."""
+
+from collections import defaultdict
+from functools import cache
+
+import numpy as np
+import shapely
+from shapely import affinity
+
+from dojo_maps.description import Crossing, Lane, LaneKind, RoadMap
+from dojo_maps.geometry.paint import Canvas, Paint, PaintLayer
+from dojo_maps.geometry.polylines import along, drop_repeats, place_on
+
+_STOP_LINE_WIDTH = 0.5
+_STRIPE = 0.5
+_ARROW_LENGTH = 5.0
+_ARROW_PLACES = (4.0, 24.0)
+"""Metres from a lane's end back to the tips of its arrows."""
+_SHORTEST_LANE = 14.0
+_TURNS = {"s": "s", "l": "l", "L": "l", "r": "r", "R": "r"}
+"""SUMO's connection directions as arrows; partly left or right is drawn as left or right."""
+
+
+def stop_line_paint(road_map: RoadMap, canvas: Canvas) -> Paint:
+    """Paint each stop line across the ground of its lane's road."""
+    lane_of = {lane.id: lane for lane in road_map.lanes}
+    shift = np.array(road_map.origin)
+    lines = [shapely.linestrings(line.shape[:, :2] - shift) for line in road_map.stop_lines]
+    bars = shapely.buffer(np.array(lines, dtype=object), _STOP_LINE_WIDTH / 2, cap_style="flat")
+    ids = tuple(line.lane for line in road_map.stop_lines)
+    ground = [canvas.area_of([lane_of[lane].id]) for lane in ids]
+    return Paint(
+        layer=PaintLayer.STOP_LINE,
+        polygons=shapely.intersection(bars, np.array(ground, dtype=object)),
+        ids=ids,
+    )
+
+
+def crossing_paint(road_map: RoadMap, canvas: Canvas) -> Paint:
+    """Paint the stripes of each crossing where it lies on the carriageway."""
+    shift = np.array(road_map.origin)
+    stripes, owner = [], []
+    for k, crossing in enumerate(road_map.crossings):
+        found = _stripes(crossing, shift)
+        stripes += found
+        owner += [k] * len(found)
+    cut, index = canvas.cut(np.array(stripes, dtype=object))
+    owners = np.array(owner, dtype=int)[index]
+    return Paint(
+        layer=PaintLayer.CROSSING,
+        polygons=cut,
+        ids=tuple(road_map.crossings[k].id for k in owners),
+    )
+
+
+def arrow_paint(road_map: RoadMap, canvas: Canvas) -> Paint:
+    """Paint arrows on lanes that end where roads branch, by where each lane's connections lead."""
+    shift = np.array([*road_map.origin, 0.0])
+    polygons, ids = [], []
+    for lane, turns in _arrow_lanes(road_map):
+        shape = drop_repeats(lane.shape)
+        length = along(shape)[-1]
+        ground = canvas.area_of([lane.id])
+        for tip in _ARROW_PLACES:
+            if length < tip + _ARROW_LENGTH + 5.0:
+                continue
+            position, heading = place_on(shape - shift, -(tip + _ARROW_LENGTH / 2))
+            glyph = affinity.rotate(_arrow(turns), heading, origin=(0, 0), use_radians=True)
+            glyph = affinity.translate(glyph, *position[:2])
+            polygons.append(glyph.intersection(ground))
+            ids.append(lane.id)
+    return Paint(
+        layer=PaintLayer.ARROW,
+        polygons=np.array(polygons, dtype=object),
+        ids=tuple(ids),
+    )
+
+
+def _stripes(crossing: Crossing, shift: np.ndarray) -> list[shapely.Polygon]:  # type: ignore[type-arg]
+    """Bars along the traffic, across the crossing's whole width, half a metre apart."""
+    shape = drop_repeats(crossing.shape) - [*shift, 0.0]
+    if len(shape) < 2:
+        return []
+    length = along(shape)[-1]
+    count = max(1, int((length + _STRIPE) // (2 * _STRIPE)))
+    margin = (length - (2 * count - 1) * _STRIPE) / 2
+    area = shapely.make_valid(shapely.Polygon(crossing.polygon[:, :2] - shift))
+    bars = []
+    for k in range(count):
+        position, heading = place_on(shape, margin + (2 * k + 0.5) * _STRIPE)
+        bar = shapely.box(-_STRIPE / 2, -crossing.width / 2, _STRIPE / 2, crossing.width / 2)
+        bar = affinity.rotate(bar, heading, origin=(0, 0), use_radians=True)
+        bars.append(affinity.translate(bar, *position[:2]).intersection(area))
+    return bars
+
+
+def _arrow_lanes(road_map: RoadMap) -> list[tuple[Lane, str]]:
+    """List the lanes that get arrows, each with its turns."""
+    turns: dict[str, set[str]] = defaultdict(set)
+    targets: dict[str, set[str]] = defaultdict(set)
+    signalled: set[str] = set()
+    lane_of = {lane.id: lane for lane in road_map.lanes}
+    for connection in road_map.connections:
+        road = lane_of[connection.from_lane].road
+        if connection.direction in _TURNS:
+            turns[connection.from_lane].add(_TURNS[connection.direction])
+            targets[road].add(lane_of[connection.to_lane].road)
+        if connection.signal is not None:
+            signalled.add(road)
+    chosen = []
+    for road in road_map.roads:
+        lanes = [lane_of[i] for i in road.lanes if lane_of[i].kind in (LaneKind.DRIVING, LaneKind.BUS)]
+        branches = len(targets[road.id]) > 1
+        if branches and (len(lanes) > 1 or road.id in signalled):
+            chosen += [
+                (lane, "".join(sorted(turns[lane.id])))
+                for lane in lanes
+                if turns[lane.id] and lane.length > _SHORTEST_LANE
+            ]
+    return chosen
+
+
+@cache
+def _arrow(turns: str) -> shapely.Polygon:
+    """Draw an arrow for a set of turns, driving direction along +x, its middle at the origin."""
+    stems = {
+        "s": (((0.0, 0.0), (3.4, 0.0)), ((3.4, 0.42), (5.0, 0.0), (3.4, -0.42))),
+        "l": (((0.0, 0.0), (1.8, 0.0), (3.1, 0.55)), ((2.6, 0.62), (3.7, 1.25), (3.55, 0.4))),
+    }
+    stems["r"] = (
+        tuple((x, -y) for x, y in stems["l"][0]),
+        tuple((x, -y) for x, y in stems["l"][1]),
+    )
+    parts = []
+    for turn in turns:
+        stem, head = stems[turn]
+        parts += [shapely.LineString(stem).buffer(0.08, cap_style="flat"), shapely.Polygon(head)]
+    return affinity.translate(shapely.union_all(parts), -_ARROW_LENGTH / 2, 0.0)

@@ -1,0 +1,86 @@
+"""Paint as meshes: lifted off the ground it lies on, and bent with it where the map has heights."""
+
+from collections.abc import Mapping
+
+import numpy as np
+import shapely
+
+from dojo_maps.description import Points
+from dojo_maps.geometry.arrangement import LEVEL_GAP
+from dojo_maps.geometry.paint import LIFT, Paint
+from dojo_maps.geometry.pieces import Layer
+from dojo_maps.geometry.polylines import Floats, HeightLines, Ints, Shapes
+from dojo_maps.meshes.mesh import Mesh, compact
+from dojo_maps.meshes.surfaces import Ground, triangulate
+
+_PAINTED = (Layer.ROAD, Layer.JUNCTION, Layer.RAIL)
+_LEAST_AREA = 1e-4
+
+
+def paint_mesh(paint: Paint, ground: Ground, lines: Mapping[str, Points]) -> Mesh | None:
+    """Build the mesh of one layer of paint; None where there is none.
+
+    Args:
+        paint: what to draw.
+        ground: what it lies on.
+        lines: the line (n, 3) along which each source id of the paint runs, metres, to tell levels apart.
+    """
+    polygons, index = _flat_polygons(paint.polygons)
+    if ground.vertices[:, 2].any():
+        polygons, index, planes = _drape(polygons, index, [lines[id_] for id_ in paint.ids], ground)
+    else:
+        planes = np.zeros((len(polygons), 3))
+    if not len(polygons):
+        return None
+    corners, polygon = triangulate(polygons)
+    places = corners.reshape(-1, 2)
+    slope = np.repeat(planes[polygon], 3, axis=0)
+    z = slope[:, 0] * places[:, 0] + slope[:, 1] * places[:, 1] + slope[:, 2] + LIFT[paint.layer]
+    faces = np.arange(len(places)).reshape(-1, 3)
+    ids = list(dict.fromkeys(paint.ids))
+    number = {id_: k for k, id_ in enumerate(ids)}
+    sources = np.array([number[id_] for id_ in paint.ids])[index[polygon]]
+    return compact(paint.layer, np.column_stack([places, z]), faces, sources, ids)
+
+
+def _flat_polygons(shapes: Shapes) -> tuple[Shapes, Ints]:
+    """Take the polygons out of whatever cutting left; returns them and the index of each one's shape."""
+    parts, index = shapely.get_parts(shapes, return_index=True)
+    while (shapely.get_type_id(parts) > 3).any():
+        parts, inner = shapely.get_parts(parts, return_index=True)
+        index = index[inner]
+    kept = (shapely.get_type_id(parts) == 3) & (shapely.area(parts) > _LEAST_AREA)
+    return parts[kept], index[kept]
+
+
+def _drape(polygons: Shapes, index: Ints, lines: list[Points], ground: Ground) -> tuple[Shapes, Ints, Floats]:
+    """Cut polygons along the ground's triangles, so that each piece lies on one plane.
+
+    Args:
+        polygons: (n,) in the plane.
+        index: (n,) the shape that each polygon is part of.
+        lines: the line along which each shape runs.
+        ground: its carriageways are painted.
+
+    Returns:
+        The pieces, the index of each one's shape, and (m, 3) planes a, b, c with z = a x + b y + c.
+    """
+    faces = ground.faces[np.isin(ground.layers, [list(Layer).index(layer) for layer in _PAINTED])]
+    corners = ground.vertices[faces]
+    polygon, face = shapely.STRtree(shapely.polygons(corners[:, :, :2])).query(polygons, predicate="intersects")
+    middle = corners[face].mean(axis=1)
+    line_height = HeightLines(lines).at(index[polygon], middle[:, :2])
+    level = np.abs(line_height - middle[:, 2]) < LEVEL_GAP
+    polygon, face = polygon[level], face[level]
+    triangles = shapely.polygons(corners[face][:, :, :2])
+    pieces, part = _flat_polygons(shapely.intersection(polygons[polygon], triangles))
+    return pieces, index[polygon[part]], _planes(corners[face[part]])
+
+
+def _planes(corners: Floats) -> Floats:
+    """Fit the plane z = a x + b y + c through each triangle (n, 3, 3)."""
+    edge, other = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    normal = np.cross(edge, other)
+    slope = -normal[:, :2] / normal[:, 2:]
+    offset = corners[:, 0, 2] - (slope * corners[:, 0, :2]).sum(axis=1)
+    return np.column_stack([slope, offset])

@@ -1,0 +1,126 @@
+"""Signals as meshes: poles, the arms that reach over the lanes, and heads with their lamps."""
+
+from collections import defaultdict
+from collections.abc import Iterator
+from functools import cache
+
+import numpy as np
+import trimesh
+
+from dojo_maps.description import LinkKind, Prop, RoadMap, Signal, SignalHead
+from dojo_maps.geometry.polylines import Floats, Ints
+from dojo_maps.meshes.mesh import Mesh, join
+
+LAMP_SPACING = 0.3
+"""Metres between the centres of a head's lamps."""
+LAMP_RADIUS = 0.11
+_POLE_RADIUS = 0.07
+_ARM_RADIUS = 0.05
+_ARM_ABOVE_HEAD = 0.6
+_HOUSING = (0.22, 0.34)
+"""A housing's depth and width, metres."""
+_LAMPS = ("red", "yellow", "green")
+
+_Part = tuple[str, Floats, Ints]
+
+
+def signal_meshes(road_map: RoadMap) -> Iterator[Mesh]:
+    """Build the poles and housings, and the lamps by colour, of every signal."""
+    metal: list[_Part] = []
+    lamps: dict[str, list[_Part]] = defaultdict(list)
+    shift = np.array([*road_map.origin, 0.0])
+    poles = _poles_by_road(road_map)
+    lane_road = {lane.id: lane.road for lane in road_map.lanes}
+    for signal in road_map.signals:
+        road_of_link = {link.index: lane_road.get(link.from_id) for link in signal.links}
+        walks = {link.index for link in signal.links if link.kind is LinkKind.PEDESTRIAN}
+        arms: dict[str, list[SignalHead]] = defaultdict(list)
+        for head in signal.heads:
+            walking = head.link_indices[0] in walks
+            metal.append((signal.id, *_housing(head, shift, walking=walking)))
+            for colour, part in _lamps(head, shift, walking=walking):
+                lamps[colour].append((signal.id, *part))
+            road = road_of_link.get(head.link_indices[0])
+            if road is not None and not walking:
+                arms[road].append(head)
+        metal += _poles_and_arms(signal, poles, arms, shift)
+    if metal:
+        yield join("signal", metal)
+    for colour in _LAMPS:
+        if lamps[colour]:
+            yield join(f"signal/{colour}", lamps[colour])
+
+
+def _poles_by_road(road_map: RoadMap) -> dict[str, list[tuple[str | None, Prop]]]:
+    """List each signal's poles with the road they serve; walkers' poles serve none."""
+    poles: dict[str, list[tuple[str | None, Prop]]] = defaultdict(list)
+    for prop in road_map.props:
+        tags = dict(prop.tags)
+        if prop.kind == "pole" and "signal" in tags:
+            poles[tags["signal"]].append((tags.get("road"), prop))
+    return poles
+
+
+def _poles_and_arms(
+    signal: Signal,
+    poles: dict[str, list[tuple[str | None, Prop]]],
+    arms: dict[str, list[SignalHead]],
+    shift: Floats,
+) -> Iterator[_Part]:
+    for road, pole in poles[signal.id]:
+        foot = np.array(pole.position) - shift
+        top = foot + [0.0, 0.0, pole.height]
+        yield signal.id, *_tube(foot - [0.0, 0.0, 0.2], top, _POLE_RADIUS)
+        for head in arms.get(road or "", ()):
+            hook = np.array(head.position) - shift + [0.0, 0.0, _ARM_ABOVE_HEAD]
+            yield signal.id, *_tube(hook - [0.0, 0.0, _ARM_ABOVE_HEAD / 2], hook, _ARM_RADIUS / 2)
+        if arms.get(road or ""):
+            hooks = [np.array(head.position) - shift + [0.0, 0.0, _ARM_ABOVE_HEAD] for head in arms[road or ""]]
+            farthest = max(hooks, key=lambda hook: float(np.hypot(*(hook - foot)[:2])))
+            yield signal.id, *_tube(np.array([*foot[:2], farthest[2]]), farthest, _ARM_RADIUS)
+
+
+def _housing(head: SignalHead, shift: Floats, *, walking: bool) -> tuple[Floats, Ints]:
+    lamps = 2 if walking else 3
+    vertices, faces = _box(_HOUSING[0], _HOUSING[1], lamps * LAMP_SPACING + 0.06)
+    return _turned(vertices, head, shift), faces
+
+
+def _lamps(head: SignalHead, shift: Floats, *, walking: bool) -> Iterator[tuple[str, tuple[Floats, Ints]]]:
+    """Lay a disc in front of the housing for each lamp, red on top."""
+    colours = ("red", "green") if walking else _LAMPS
+    disc, faces = _disc()
+    for k, colour in enumerate(colours):
+        up = ((len(colours) - 1) / 2 - k) * LAMP_SPACING
+        placed = disc + [_HOUSING[0] / 2 + 0.01, 0.0, up]
+        yield colour, (_turned(placed, head, shift), faces)
+
+
+def _turned(vertices: Floats, head: SignalHead, shift: Floats) -> Floats:
+    """Turn a shape that faces +x to the head's heading and put it in its place."""
+    cos, sin = np.cos(head.heading), np.sin(head.heading)
+    turn = np.array([[cos, sin, 0.0], [-sin, cos, 0.0], [0.0, 0.0, 1.0]])
+    turned: Floats = vertices @ turn + (np.array(head.position) - shift)
+    return turned
+
+
+@cache
+def _box(depth: float, width: float, height: float) -> tuple[Floats, Ints]:
+    box = trimesh.creation.box((depth, width, height))
+    return np.array(box.vertices), np.array(box.faces, dtype=np.int64)
+
+
+@cache
+def _disc() -> tuple[Floats, Ints]:
+    """Make a twelve-sided disc in the plane x = 0 that faces +x."""
+    angles = np.arange(12) * np.pi / 6
+    rim = np.column_stack([np.zeros(12), np.cos(angles) * LAMP_RADIUS, np.sin(angles) * LAMP_RADIUS])
+    faces = [(0, k, k + 1) for k in range(1, 11)]
+    return rim, np.array(faces, dtype=np.int64)
+
+
+def _tube(start: Floats, end: Floats, radius: float) -> tuple[Floats, Ints]:
+    if float(np.linalg.norm(end - start)) < 1e-3:
+        return np.empty((0, 3)), np.empty((0, 3), dtype=np.int64)
+    tube = trimesh.creation.cylinder(radius=radius, segment=[start, end], sections=8)
+    return np.array(tube.vertices), np.array(tube.faces, dtype=np.int64)

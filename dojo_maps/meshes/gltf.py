@@ -1,0 +1,64 @@
+"""The scene as binary glTF: +Y up, one node and one material per mesh, the sources of its faces beside it."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import trimesh
+from trimesh.visual.material import PBRMaterial
+
+from dojo_maps.meshes.mesh import Mesh
+
+COLOURS = {
+    "terrain": (116, 142, 92),
+    "road": (74, 77, 82),
+    "junction": (78, 81, 86),
+    "rail": (112, 101, 90),
+    "rail/track": (150, 152, 156),
+    "sidewalk": (178, 172, 162),
+    "walking_area": (188, 182, 172),
+    "island": (150, 156, 140),
+    "marking": (236, 236, 232),
+    "crossing": (242, 242, 240),
+    "stop_line": (242, 242, 240),
+    "arrow": (240, 240, 236),
+    "signal": (48, 50, 54),
+    "signal/red": (214, 44, 36),
+    "signal/yellow": (240, 186, 40),
+    "signal/green": (44, 178, 92),
+}
+"""Colours by node name, sRGB."""
+
+
+def write_scene(meshes: Sequence[Mesh], path: Path) -> None:
+    """Write scene.glb.
+
+    Each mesh carries `extras.sources`: a list of [id, first face, number of faces], in the order of its
+    faces, so that every face can be traced to the thing of the description it belongs to.
+    """
+    scene = trimesh.Scene()
+    for mesh in meshes:
+        x, y, z = mesh.vertices.T
+        material = PBRMaterial(
+            name=mesh.name,
+            baseColorFactor=[*COLOURS[mesh.name], 255],
+            metallicFactor=0.0,
+            roughnessFactor=0.9,
+            doubleSided=mesh.layer == "road",
+        )
+        shape = trimesh.Trimesh(
+            vertices=np.column_stack([x, z, -y]),
+            faces=mesh.faces,
+            process=False,
+            visual=trimesh.visual.TextureVisuals(material=material),
+            metadata={"sources": source_runs(mesh)},
+        )
+        scene.add_geometry(shape, node_name=mesh.name, geom_name=mesh.name)
+    path.write_bytes(trimesh.exchange.gltf.export_glb(scene, include_normals=False))
+
+
+def source_runs(mesh: Mesh) -> list[tuple[str, int, int]]:
+    """List (id, first face, number of faces) of each source in a mesh, in the order of its faces."""
+    starts = np.flatnonzero(np.diff(mesh.sources, prepend=-1))
+    ends = np.append(starts[1:], len(mesh.sources))
+    return [(mesh.ids[mesh.sources[a]], int(a), int(b - a)) for a, b in zip(starts, ends, strict=True)]

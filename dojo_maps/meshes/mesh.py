@@ -1,0 +1,76 @@
+"""Triangles that know where they come from."""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from dojo_maps.geometry.polylines import Floats, Ints
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Mesh:
+    """One node of the scene.
+
+    Attributes:
+        name: its layer, then optionally `/` and more.
+        vertices: (n, 3) metres, x east, y north, z up, around the map's origin.
+        faces: (m, 3) vertex indices, counter-clockwise seen from outside or above.
+        sources: (m,) index into `ids` of the thing each face belongs to.
+        ids: ids of the description.
+    """
+
+    name: str
+    vertices: Floats
+    faces: Ints
+    sources: Ints
+    ids: tuple[str, ...]
+
+    @property
+    def layer(self) -> str:
+        """The first part of the name."""
+        return self.name.partition("/")[0]
+
+
+def compact(name: str, vertices: Floats, faces: Ints, sources: Ints, ids: Sequence[str]) -> Mesh:
+    """Drop unused vertices and ids, and put the faces of each id together, in the ids' order."""
+    order = np.argsort(sources, kind="stable")
+    used_ids, sources = np.unique(sources[order], return_inverse=True)
+    used, corners = np.unique(faces[order], return_inverse=True)
+    return Mesh(
+        name=name,
+        vertices=vertices[used],
+        faces=corners.reshape(-1, 3),
+        sources=sources,
+        ids=tuple(ids[i] for i in used_ids),
+    )
+
+
+def join(name: str, parts: Iterable[tuple[str, Floats, Ints]]) -> Mesh:
+    """Put (id, vertices, faces) parts into one mesh."""
+    vertices: list[Floats] = [np.empty((0, 3))]
+    faces: list[Ints] = [np.empty((0, 3), dtype=np.int64)]
+    sources: list[Ints] = [np.empty(0, dtype=np.int64)]
+    ids: dict[str, int] = {}
+    count = 0
+    for source, part_vertices, part_faces in parts:
+        vertices.append(part_vertices)
+        faces.append(part_faces + count)
+        sources.append(np.full(len(part_faces), ids.setdefault(source, len(ids))))
+        count += len(part_vertices)
+    return compact(name, np.concatenate(vertices), np.concatenate(faces), np.concatenate(sources), list(ids))
+
+
+def upward_area(mesh: Mesh) -> float:
+    """Measure the ground that a mesh's upward faces cover, square metres."""
+    a, b, c = (mesh.vertices[mesh.faces[:, k], :2] for k in range(3))
+    doubled = (b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0]
+    return float(np.maximum(doubled, 0.0).sum() / 2)
+
+
+def is_watertight(mesh: Mesh) -> bool:
+    """Tell whether every edge is shared by exactly two faces that run along it in opposite ways."""
+    edges = mesh.faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
+    keys = edges[:, 0] * len(mesh.vertices) + edges[:, 1]
+    twins = edges[:, 1] * len(mesh.vertices) + edges[:, 0]
+    return len(np.unique(keys)) == len(keys) and bool(np.array_equal(np.sort(keys), np.sort(twins)))

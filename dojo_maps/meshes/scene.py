@@ -1,0 +1,76 @@
+"""The whole scene: every mesh of a map, in the order they are drawn in."""
+
+from collections.abc import Callable
+
+import numpy as np
+import shapely
+
+from dojo_maps.description import RoadMap
+from dojo_maps.geometry.arrangement import divide_ground
+from dojo_maps.geometry.markings import line_markings, rail_markings
+from dojo_maps.geometry.paint import Canvas
+from dojo_maps.geometry.pieces import build_pieces
+from dojo_maps.geometry.polylines import Shapes
+from dojo_maps.geometry.symbols import arrow_paint, crossing_paint, stop_line_paint
+from dojo_maps.meshes.decals import paint_mesh
+from dojo_maps.meshes.furniture import signal_meshes
+from dojo_maps.meshes.mesh import Mesh
+from dojo_maps.meshes.surfaces import build_ground, surface_meshes
+
+_RAMP = 1.5
+"""How far a lowered kerb reaches into the pavement at each end of a crossing, metres."""
+_MARGIN = 25.0
+_MARGIN_SHARE = 0.05
+
+
+def build_scene(
+    road_map: RoadMap,
+    paved: shapely.Geometry,
+    *,
+    jobs: int = 1,
+    on_stage: Callable[[str], None] = lambda _stage: None,
+) -> tuple[Mesh, ...]:
+    """Build every mesh of a furnished map.
+
+    Args:
+        road_map: the description, furnished.
+        paved: the network's own ground, in the frame of `origin`.
+        jobs: how many threads cut triangles; the result is the same for any number.
+        on_stage: told what begins.
+    """
+    on_stage("Dividing the ground")
+    pieces = build_pieces(road_map)
+    size = np.subtract(road_map.bounds[1], road_map.bounds[0]).max()
+    margin = max(_MARGIN, _MARGIN_SHARE * float(size))
+    parts = divide_ground(pieces, paved, _ramps(road_map), margin=margin)
+    on_stage("Cutting triangles")
+    ground = build_ground(pieces, parts, jobs=jobs)
+    meshes = list(surface_meshes(ground, pieces))
+    on_stage("Painting")
+    canvas = Canvas(pieces, parts)
+    paints = (
+        rail_markings(road_map),
+        line_markings(road_map, canvas),
+        crossing_paint(road_map, canvas),
+        stop_line_paint(road_map, canvas),
+        arrow_paint(road_map, canvas),
+    )
+    shift = np.array([*road_map.origin, 0.0])
+    lines = {e.id: e.shape - shift for e in (*road_map.lanes, *road_map.crossings)}
+    meshes += [mesh for paint in paints if (mesh := paint_mesh(paint, ground, lines)) is not None]
+    return (*meshes, *signal_meshes(road_map))
+
+
+def _ramps(road_map: RoadMap) -> Shapes:
+    """Outline where kerbs are lowered: each crossing, carried on into the pavement at both ends."""
+    shift = np.array(road_map.origin)
+    areas = []
+    for crossing in road_map.crossings:
+        line = crossing.shape[[0, -1], :2] - shift
+        length = float(np.hypot(*(line[1] - line[0])))
+        if length < 0.1:
+            continue
+        ahead = (line[1] - line[0]) / length
+        longer = [line[0] - ahead * _RAMP, *(crossing.shape[1:-1, :2] - shift), line[1] + ahead * _RAMP]
+        areas.append(shapely.LineString(longer).buffer(crossing.width / 2, cap_style="flat"))
+    return shapely.set_precision(np.array(areas, dtype=object), 1e-3)

@@ -1,0 +1,141 @@
+"""The divided ground as meshes: one per layer, neighbours joined corner to corner, pavement raised."""
+
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+
+import numpy as np
+import shapely
+
+from dojo_maps.geometry.arrangement import TERRAIN, Parts
+from dojo_maps.geometry.pieces import GRID, RAISED, Layer, Pieces
+from dojo_maps.geometry.polylines import Floats, Ints, Shapes
+from dojo_maps.meshes.mesh import Mesh, compact
+from dojo_maps.meshes.solids import extrude
+
+KERB = 0.12
+"""Height of a kerb, metres."""
+_LOWERED_KERB = 0.02
+_FOOTING = 0.3
+"""How far pavement reaches below the ground, metres, so that no gap shows under a kerb."""
+_SAME_HEIGHT = 1.0
+"""Corners on one place within this height, metres, are one corner; farther apart is another level."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Ground:
+    """The triangulated ground before anything is raised.
+
+    Attributes:
+        vertices: (n, 3) metres.
+        faces: (m, 3), counter-clockwise from above.
+        owners: (m,) index of the owning piece, or `TERRAIN`.
+        layers: (m,) the layer's index in `Layer`.
+        ramps: (m,) whether a kerb is lowered there.
+    """
+
+    vertices: Floats
+    faces: Ints
+    owners: Ints
+    layers: Ints
+    ramps: Ints
+
+
+def build_ground(pieces: Pieces, parts: Parts, *, jobs: int = 1) -> Ground:
+    """Triangulate every part; corners that meet on one level become one vertex."""
+    corners, part = triangulate(parts.polygons, jobs=jobs)
+    owner = parts.owners[part]
+    vertices, faces = _join_corners(corners.reshape(-1, 2), np.repeat(owner, 3), pieces)
+    solid = (faces != np.roll(faces, 1, axis=1)).all(axis=1)
+    layer_of = np.array([list(Layer).index(layer) for layer in pieces.layers] + [list(Layer).index(Layer.TERRAIN)])
+    return Ground(
+        vertices=vertices,
+        faces=faces[solid],
+        owners=owner[solid],
+        layers=layer_of[owner][solid],
+        ramps=parts.ramps[part][solid],
+    )
+
+
+def triangulate(polygons: Shapes, *, jobs: int = 1) -> tuple[Floats, Ints]:
+    """Cut polygons into triangles without adding corners (constrained Delaunay).
+
+    Returns:
+        (m, 3, 2) corners, counter-clockwise, metres, and (m,) the index of each triangle's polygon.
+    """
+    chunks = np.array_split(polygons, max(1, min(jobs, len(polygons) // 256)))
+    with ThreadPoolExecutor(max_workers=jobs) as pool:
+        cut = np.concatenate(list(pool.map(shapely.constrained_delaunay_triangles, chunks)))
+    triangles, polygon = shapely.get_parts(cut, return_index=True)
+    corners = shapely.get_coordinates(triangles).reshape(-1, 4, 2)[:, :3]
+    edge, other = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    turned = edge[:, 0] * other[:, 1] < edge[:, 1] * other[:, 0]
+    corners[turned] = corners[turned][:, ::-1]
+    return corners, polygon
+
+
+def surface_meshes(ground: Ground, pieces: Pieces) -> Iterator[Mesh]:
+    """Build the mesh of each layer that has ground; raised layers are watertight solids."""
+    rise = _kerb_heights(ground)
+    ids = [*pieces.ids, "terrain"]
+    for index, layer in enumerate(Layer):
+        chosen = ground.layers == index
+        if not chosen.any():
+            continue
+        faces, owners = ground.faces[chosen], ground.owners[chosen]
+        sources = np.where(owners == TERRAIN, len(pieces.ids), owners)
+        if layer in RAISED:
+            vertices, faces, origin = extrude(ground.vertices, faces, rise, _FOOTING)
+            yield compact(layer, vertices, faces, sources[origin], ids)
+        else:
+            yield compact(layer, ground.vertices, faces, sources, ids)
+
+
+def _kerb_heights(ground: Ground) -> Floats:
+    """Height of the pavement over each vertex: a kerb's, lowered where a ramp meets the carriageway."""
+    carriageway = [list(Layer).index(layer) for layer in (Layer.ROAD, Layer.JUNCTION)]
+    at_road = ground.faces[np.isin(ground.layers, carriageway)].ravel()
+    at_ramp = ground.faces[ground.ramps].ravel()
+    rise = np.full(len(ground.vertices), KERB)
+    rise[np.intersect1d(at_road, at_ramp)] = _LOWERED_KERB
+    return rise
+
+
+def _join_corners(corners: Floats, owners: Ints, pieces: Pieces) -> tuple[Floats, Ints]:
+    """Make one vertex of all corners on one place and level; its height is their mean.
+
+    Args:
+        corners: (3 m, 2) metres.
+        owners: (3 m,) owning piece of each corner, or `TERRAIN`.
+        pieces: where heights come from.
+
+    Returns:
+        Vertices (n, 3) and faces (m, 3).
+    """
+    raster = np.round(corners / GRID).astype(np.int64)
+    place = np.unique((raster[:, 0] << 32) + raster[:, 1], return_inverse=True)[1]
+    heights = np.full(len(corners), np.inf)
+    claimed = owners != TERRAIN
+    heights[claimed] = pieces.heights.at(owners[claimed], corners[claimed])
+    _lay_terrain(heights, place, corners)
+    order = np.lexsort((heights, place))
+    starts = np.ones(len(order), dtype=bool)
+    starts[1:] = (np.diff(place[order]) > 0) | (np.diff(heights[order]) > _SAME_HEIGHT)
+    vertex = np.empty(len(order), dtype=np.int64)
+    vertex[order] = np.cumsum(starts) - 1
+    first = order[starts]
+    mean = np.bincount(vertex, weights=heights) / np.bincount(vertex)
+    return np.column_stack([raster[first] * GRID, mean]), vertex.reshape(-1, 3)
+
+
+def _lay_terrain(heights: Floats, place: Ints, corners: Floats) -> None:
+    """Give terrain corners (infinite heights) the lowest height claimed on their place, or nearby."""
+    lowest = np.full(place.max() + 1, np.inf)
+    np.minimum.at(lowest, place, heights)
+    terrain = np.isinf(heights)
+    heights[terrain] = lowest[place[terrain]]
+    alone = np.flatnonzero(np.isinf(heights))
+    known = np.flatnonzero(~np.isinf(heights))
+    if len(alone) and len(known):
+        nearest = shapely.STRtree(shapely.points(corners[known])).nearest(shapely.points(corners[alone]))
+        heights[alone] = heights[known[nearest]]
