@@ -1,3 +1,113 @@
-"""Placeholder while the pipeline grows."""
-class ConvertOptions: pass
-def convert(): pass
+"""From a network to a bundle, in named steps: read, furnish, build, check, write."""
+
+import os
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from dojo_maps import bundle
+from dojo_maps.description import RoadMap
+from dojo_maps.enrichment import furnish
+from dojo_maps.exports import EXPORTERS
+from dojo_maps.geometry.arrangement import paved_ground
+from dojo_maps.geometry.pieces import build_pieces
+from dojo_maps.issue import Issue
+from dojo_maps.meshes.gltf import write_scene
+from dojo_maps.meshes.mesh import Mesh
+from dojo_maps.meshes.scene import build_scene
+from dojo_maps.report.overview import draw_overview
+from dojo_maps.report.page import write_page
+from dojo_maps.serialization import to_json
+from dojo_maps.sources.enrich_net import enrich_network
+from dojo_maps.sources.files import find_network, read_bytes, sha256_of
+from dojo_maps.sources.sumo_net import read_network
+from dojo_maps.validation.runner import run_checks
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ConvertOptions:
+    """How to convert.
+
+    Attributes:
+        generated: add sidewalks and crossings to look at where the network has none.
+        enrich_net: add real sidewalks and crossings to the network itself.
+        exports: further formats, by their names in `EXPORTERS`.
+        jobs: threads for cutting triangles; None takes one per core.
+    """
+
+    generated: bool = True
+    enrich_net: bool = False
+    exports: tuple[str, ...] = ()
+    jobs: int | None = None
+
+
+def convert(
+    source: str,
+    folder: Path | str | None = None,
+    options: ConvertOptions | None = None,
+    *,
+    on_stage: Callable[[str], None] = lambda _stage: None,
+) -> tuple[bundle.Bundle, dict[str, Any]]:
+    """Convert a SUMO network into a bundle.
+
+    Args:
+        source: a path (.net.xml, .net.xml.gz) or the name of a packaged scenario.
+        folder: the bundle to write; by default the map's name with .dojo, in the current folder.
+        options: how to convert.
+        on_stage: told what begins.
+
+    Returns:
+        The bundle, and its report as JSON values.
+
+    Raises:
+        SourceError: the input cannot be read.
+        UsageError: the folder is there and is not a bundle.
+        DojoError: the conversion failed; nothing is written then.
+    """
+    options = options or ConvertOptions()
+    path, name = find_network(source)
+    folder = Path(folder) if folder is not None else Path(f"{name}.dojo")
+    bundle.check_replaceable(folder)
+    on_stage("Reading")
+    data, sha256 = read_bytes(path), sha256_of(path)
+    changes = None
+    if options.enrich_net:
+        on_stage("Adding sidewalks and crossings to the network")
+        data, changes = enrich_network(data, path=path)
+    described, issues = read_network(data, path=path, name=name, sha256=sha256)
+    road_map, meshes = furnish_and_build(described, options, on_stage)
+    with bundle.replace_bundle(folder) as fresh:
+        on_stage("Writing")
+        (fresh / bundle.NETWORK).write_bytes(data)
+        if changes is not None:
+            bundle.write_json(fresh / bundle.ENRICHMENT, changes)
+        report = _write(fresh, road_map, meshes, issues)
+        for export in options.exports:
+            on_stage(f"Exporting {export}")
+            target = fresh / bundle.EXPORTS / export
+            target.mkdir(parents=True)
+            EXPORTERS[export](road_map, fresh / bundle.NETWORK, target)
+    return bundle.Bundle(folder=folder, road_map=road_map), report
+
+
+def furnish_and_build(
+    described: RoadMap, options: ConvertOptions, on_stage: Callable[[str], None] = lambda _stage: None
+) -> tuple[RoadMap, tuple[Mesh, ...]]:
+    """Add what a street has to a description and build its scene, without touching the disk."""
+    on_stage("Joining surfaces")
+    paved = paved_ground(build_pieces(described))
+    on_stage("Furnishing the street")
+    road_map = furnish(described, paved, generated=options.generated)
+    jobs = options.jobs or os.cpu_count() or 1
+    return road_map, build_scene(road_map, paved, jobs=jobs, on_stage=on_stage)
+
+
+def _write(folder: Path, road_map: RoadMap, meshes: tuple[Mesh, ...], issues: tuple[Issue, ...]) -> dict[str, Any]:
+    bundle.write_json(folder / bundle.DESCRIPTION, to_json(road_map))
+    write_scene(meshes, folder / bundle.SCENE)
+    draw_overview(road_map, meshes, folder / bundle.OVERVIEW)
+    report = run_checks(road_map, meshes, issues)
+    bundle.write_json(folder / bundle.REPORT, report)
+    write_page(report, folder / bundle.OVERVIEW, folder / bundle.REPORT_PAGE)
+    return report

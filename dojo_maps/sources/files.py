@@ -1,5 +1,6 @@
 """Find an input and read its bytes, within bounds: paths, packaged scenarios and gzip."""
 
+import hashlib
 import importlib.util
 import zlib
 from pathlib import Path
@@ -78,6 +79,12 @@ def read_bytes(path: Path) -> bytes:
     if not data.strip():
         raise SourceError(path, "the file is empty")
     return data
+
+
+def sha256_of(path: Path) -> str:
+    """Hash a file as it lies on disk."""
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 def _unpack(path: Path, packed: bytes) -> bytes:

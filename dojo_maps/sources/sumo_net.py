@@ -3,7 +3,6 @@
 Signals are read in `sumo_signals`. Nothing is repaired in silence: what cannot be kept becomes an issue.
 """
 
-import hashlib
 from collections import defaultdict
 from collections.abc import Iterable, Mapping
 from pathlib import Path
@@ -33,14 +32,14 @@ _SERVICES = {"emergency", "authority", "army", "vip"}
 T = TypeVar("T")
 
 
-def read_network(data: bytes, *, path: Path, name: str, packed: bytes) -> tuple[RoadMap, tuple[Issue, ...]]:
+def read_network(data: bytes, *, path: Path, name: str, sha256: str) -> tuple[RoadMap, tuple[Issue, ...]]:
     """Describe a SUMO network.
 
     Args:
         data: the network's bytes, unpacked.
         path: where they came from, for errors and for the description.
         name: the map's name.
-        packed: the file's bytes as they lie on disk, for their hash.
+        sha256: of the file as it lies on disk.
 
     Returns:
         The description, and an issue for each thing in the file that could not be kept.
@@ -60,7 +59,7 @@ def read_network(data: bytes, *, path: Path, name: str, packed: bytes) -> tuple[
         source=Source(
             kind="sumo",
             file=path.name,
-            sha256=hashlib.sha256(packed).hexdigest(),
+            sha256=sha256,
             sumo_version=records.net.get("version", ""),
         ),
         projection=_read_projection(records.location, path),

@@ -1,0 +1,123 @@
+"""The command `dojo-maps`. Results go to standard output, everything else to standard error."""
+
+import argparse
+import signal
+import sys
+import tempfile
+import webbrowser
+from collections.abc import Sequence
+from pathlib import Path
+from types import FrameType
+
+from dojo_maps.errors import DojoError
+
+EXPORT_NAMES = ("metadrive", "opendrive", "geojson")
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run a command and return its exit status.
+
+    0 clean or warnings only, 1 the map has errors, 2 wrong usage, 3 bad input, 4 failure or a tool missing.
+    """
+    options = _parser().parse_args(arguments)
+    signal.signal(signal.SIGTERM, _stop)
+    try:
+        status: int = options.run(options)
+    except DojoError as error:
+        print(f"dojo-maps: {' '.join(str(error).split())}", file=sys.stderr)
+        return error.exit_status
+    except KeyboardInterrupt:
+        print("dojo-maps: interrupted; nothing was written", file=sys.stderr)
+        return 130
+    except MemoryError:
+        print("dojo-maps: not enough memory for this input; nothing was written", file=sys.stderr)
+        return 4
+    except OSError as error:
+        print(f"dojo-maps: {error}", file=sys.stderr)
+        return 4
+    return status
+
+
+def _stop(_signal: int, _frame: FrameType | None) -> None:
+    raise KeyboardInterrupt
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(prog="dojo-maps", description="Road maps for vision-based traffic signal control.")
+    commands = parser.add_subparsers(required=True, metavar="COMMAND")
+
+    convert = commands.add_parser("convert", help="turn a SUMO network into a map bundle")
+    convert.add_argument("source", metavar="NET", help=".net.xml, .net.xml.gz, or a packaged scenario such as cologne1")
+    convert.add_argument("-o", "--output", metavar="DIR", type=Path, help="the bundle to write (default: NAME.dojo)")
+    convert.add_argument(
+        "--no-generated", action="store_true", help="add no sidewalks and crossings that the network does not have"
+    )
+    convert.add_argument(
+        "--enrich-net", action="store_true", help="give the network itself sidewalks and crossings, keep its programs"
+    )
+    convert.add_argument("--export", nargs="+", action="extend", default=[], choices=EXPORT_NAMES, help="also write")
+    convert.add_argument("--jobs", metavar="N", type=_positive, help="threads to use (default: one per core)")
+    convert.add_argument("--strict", action="store_true", help="exit with 1 on warnings, too")
+    convert.add_argument("--quiet", action="store_true", help="no progress on standard error")
+    convert.set_defaults(run=_convert)
+
+    view = commands.add_parser("view", help="show a bundle's 3D scene in the browser")
+    view.add_argument("bundle", metavar="BUNDLE", type=Path)
+    view.add_argument("-o", "--output", metavar="FILE", type=Path, help="write the page here and open nothing")
+    view.set_defaults(run=_view)
+
+    checks = commands.add_parser("checks", help="list the checks")
+    checks.set_defaults(run=_list_checks)
+    return parser
+
+
+def _positive(text: str) -> int:
+    value = int(text)
+    if value < 1:
+        raise argparse.ArgumentTypeError("expected a number above 0")
+    return value
+
+
+def _convert(options: argparse.Namespace) -> int:
+    from dojo_maps.convert import ConvertOptions, convert  # noqa: PLC0415 - keeps --help and errors quick
+    from dojo_maps.progress import Progress  # noqa: PLC0415
+
+    wanted = ConvertOptions(
+        generated=not options.no_generated,
+        enrich_net=options.enrich_net,
+        exports=tuple(dict.fromkeys(options.export)),
+        jobs=options.jobs,
+    )
+    written, report = convert(options.source, options.output, wanted, on_stage=Progress(quiet=options.quiet))
+    road_map, counts = written.road_map, report["counts"]
+    print(
+        f"{written.folder}: {len(road_map.roads)} roads, {len(road_map.lanes)} lanes, "
+        f"{len(road_map.junctions)} junctions, {len(road_map.signals)} signals, {len(road_map.crossings)} crossings; "
+        f"{counts['error']} errors, {counts['warning']} warnings, {counts['note']} notes"
+    )
+    return int(counts["error"] > 0 or (options.strict and counts["warning"] > 0))
+
+
+def _view(options: argparse.Namespace) -> int:
+    from dojo_maps.bundle import read_bundle  # noqa: PLC0415 - as above
+    from dojo_maps.viewer import write_view  # noqa: PLC0415
+
+    shown = read_bundle(options.bundle)
+    page = options.output or Path(tempfile.mkdtemp(prefix="dojo-maps-")) / f"{shown.folder.resolve().name}.html"
+    write_view(shown.scene, page, title=shown.road_map.name)
+    print(page)
+    if options.output is None:
+        webbrowser.open(page.resolve().as_uri())
+    return 0
+
+
+def _list_checks(_options: argparse.Namespace) -> int:
+    from dojo_maps.validation.runner import CHECKS  # noqa: PLC0415 - as above
+
+    for check in CHECKS:
+        print(f"{check.id:32} {check.severity.value:8} {check.title} (limit: {check.limit}; {check.source})")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,161 @@
+"""GeoJSON (RFC 7946): everything on the map as features in WGS84 longitude and latitude.
+
+A feature's `kind` is one of map.json's list names in the singular, or `signal_head`; an element's own kind is
+called `lane_kind`, `road_kind` and so on. A third coordinate, metres, stands only where the map has heights.
+"""
+
+import json
+from collections.abc import Iterator, Sequence
+from dataclasses import fields
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyproj
+
+from dojo_maps.description import Points, Projection, RoadMap
+from dojo_maps.errors import ExportError
+from dojo_maps.exports import file_stem
+
+Geometry = dict[str, Any]
+
+_SHAPES = {"shape", "polygon", "holes", "position"}
+_LISTS = ("roads", "lanes", "junctions", "sidewalks", "crossings", "walking_areas", "stop_lines", "props")
+_DECIMALS = 8
+"""Of degrees: about a millimetre."""
+
+
+def write_geojson(road_map: RoadMap, _network: Path, folder: Path) -> None:
+    """Write `<name>.geojson`, one feature a line.
+
+    Raises:
+        ExportError: the network has no geographic projection, or one that does not fit its coordinates.
+    """
+    places = _Places(road_map)
+    features = [
+        json.dumps(feature, ensure_ascii=False, separators=(",", ":"), allow_nan=False)
+        for feature in _features(road_map, places)
+    ]
+    name = json.dumps(road_map.name, ensure_ascii=False)
+    text = f'{{"type":"FeatureCollection","name":{name},"features":[\n' + ",\n".join(features) + "\n]}\n"
+    (folder / f"{file_stem(road_map)}.geojson").write_text(text, encoding="utf-8")
+
+
+class _Places:
+    """Turns map positions into geometries in degrees."""
+
+    def __init__(self, road_map: RoadMap) -> None:
+        self._projection = road_map.projection
+        self._convert = _projector(road_map.projection)
+        self._with_heights = any(lane.shape[:, 2].any() for lane in road_map.lanes)
+
+    def point(self, position: Sequence[float]) -> Geometry:
+        """Make a point of (x, y, z), metres."""
+        return {"type": "Point", "coordinates": self._degrees(np.array([position]))[0]}
+
+    def line(self, shape: Points) -> Geometry:
+        """Make a line of (n, 3) metres; a single position is a point."""
+        if len(shape) < 2:
+            return self.point(shape[0])
+        return {"type": "LineString", "coordinates": self._degrees(shape)}
+
+    def lines(self, shapes: Sequence[Points]) -> Geometry:
+        """Make one geometry of several lines."""
+        drawn = [self._degrees(shape) for shape in shapes if len(shape) > 1]
+        return {"type": "MultiLineString", "coordinates": drawn}
+
+    def polygon(self, ring: Points, holes: Sequence[Points] = ()) -> Geometry | None:
+        """Make a polygon: closed rings, the outer one counter-clockwise; None where there is no area."""
+        if len(ring) < 3:
+            return None
+        rings = [self._ring(ring, outer=True)]
+        rings += [self._ring(hole, outer=False) for hole in holes if len(hole) > 2]
+        return {"type": "Polygon", "coordinates": rings}
+
+    def _ring(self, ring: Points, *, outer: bool) -> list[list[float]]:
+        x, y = ring[:, 0], ring[:, 1]
+        counter_clockwise = np.sum((np.roll(x, -1) - x) * (np.roll(y, -1) + y)) < 0
+        degrees = self._degrees(ring if counter_clockwise == outer else ring[::-1])
+        return [*degrees, degrees[0]]
+
+    def _degrees(self, positions: Any) -> list[list[float]]:
+        offset = self._projection.net_offset
+        try:
+            degrees = self._convert(positions[:, 0] - offset[0], positions[:, 1] - offset[1], inverse=True)
+        except pyproj.exceptions.ProjError as error:
+            raise ExportError(f"{_does_not_fit(self._projection)}: {error}") from error
+        columns = [np.round(axis, _DECIMALS) for axis in degrees]
+        if not np.isfinite(columns).all():
+            raise ExportError(_does_not_fit(self._projection))
+        if self._with_heights:
+            columns.append(np.round(positions[:, 2], 3))
+        values: list[list[float]] = np.column_stack(columns).tolist()
+        return values
+
+
+def _projector(projection: Projection) -> pyproj.Proj:
+    if projection.proj is None:
+        raise ExportError(
+            "GeoJSON needs longitudes and latitudes, and the network has no geographic projection; build it "
+            "from geographic data with netconvert --proj.utm, or choose another --export"
+        )
+    try:
+        # Without a datum shift, because SUMO applies none on the way in.
+        return pyproj.Proj(projection.proj)
+    except pyproj.exceptions.CRSError as error:
+        raise ExportError(
+            f"the network's projection {projection.proj[:200]!r} is not one that PROJ knows: {error}; "
+            "correct projParameter in its <location>"
+        ) from error
+
+
+def _does_not_fit(projection: Projection) -> str:
+    return (
+        f"the network's coordinates lie outside its projection {str(projection.proj)[:200]!r}; "
+        "correct projParameter and netOffset in its <location>"
+    )
+
+
+def _features(road_map: RoadMap, places: _Places) -> Iterator[dict[str, Any]]:
+    lanes = {lane.id: lane.shape for lane in road_map.lanes}
+    for name in _LISTS:
+        kind = name.removesuffix("s")
+        for element in getattr(road_map, name):
+            properties = {"kind": kind, **_properties(element, kind)}
+            geometry = (
+                places.lines([lanes[lane] for lane in element.lanes if lane in lanes])
+                if kind == "road"
+                else _geometry(element, kind, places)
+            )
+            yield {"type": "Feature", "geometry": geometry, "properties": properties}
+    for signal in road_map.signals:
+        for number, head in enumerate(signal.heads):
+            properties = {"kind": "signal_head", "id": f"{signal.id}/{number}", "signal": signal.id}
+            properties.update(_properties(head, "signal_head"))
+            yield {"type": "Feature", "geometry": places.point(head.position), "properties": properties}
+
+
+def _geometry(element: Any, kind: str, places: _Places) -> Geometry | None:
+    """Draw an element as its polygon if it has one, else as its line or its position."""
+    ring = getattr(element, "polygon", None)
+    polygon = places.polygon(ring, getattr(element, "holes", ())) if ring is not None else None
+    if polygon is not None:
+        return polygon
+    if kind in ("lane", "stop_line", "crossing"):
+        return places.line(element.shape)
+    position = getattr(element, "position", None)
+    return places.point(position) if position is not None else None
+
+
+def _properties(element: Any, kind: str) -> dict[str, Any]:
+    """Take every field that is no shape, under its name in map.json."""
+    found: dict[str, Any] = {}
+    for field in fields(element):
+        if field.name in _SHAPES:
+            continue
+        key = f"{kind}_kind" if field.name == "kind" else field.metadata.get("json", field.name)
+        value = getattr(element, field.name)
+        found[key] = dict(value) if field.name == "tags" else value
+    if kind == "stop_line":
+        found["id"] = found["lane"]
+    return found

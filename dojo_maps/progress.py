@@ -1,0 +1,22 @@
+"""Tell a person at a terminal what a long step is doing; say nothing in pipes or when asked to be quiet."""
+
+import sys
+import time
+
+_PATIENCE = 2.0
+"""Seconds before anything is said."""
+
+
+class Progress:
+    """Prints the current stage on standard error once a run takes longer than two seconds."""
+
+    def __init__(self, *, quiet: bool = False) -> None:
+        """Start the clock."""
+        self._shown = not quiet and sys.stderr.isatty()
+        self._start = time.monotonic()
+
+    def __call__(self, stage: str) -> None:
+        """Say what begins."""
+        seconds = time.monotonic() - self._start
+        if self._shown and seconds > _PATIENCE:
+            print(f"{seconds:6.1f} s  {stage}", file=sys.stderr, flush=True)  # noqa: T201
