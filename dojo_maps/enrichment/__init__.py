@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import shapely
 
-from dojo_maps.description import LaneKind, RoadMap
+from dojo_maps.description import RoadMap
 from dojo_maps.enrichment.crossings import generate_crossings
 from dojo_maps.enrichment.islands import find_islands
 from dojo_maps.enrichment.sidewalks import generate_sidewalks
@@ -19,10 +19,10 @@ def furnish(road_map: RoadMap, paved: shapely.Geometry, *, generated: bool) -> R
         paved: the network's own ground, in the frame of `origin`.
         generated: whether to add sidewalks and crossings that the network does not have.
     """
-    road_map = replace(road_map, stop_lines=place_stop_lines(road_map))
     road_map = replace(road_map, props=road_map.props + find_islands(road_map, paved))
-    if generated and not any(lane.kind is LaneKind.SIDEWALK for lane in road_map.lanes):
+    if generated:
         road_map = replace(road_map, sidewalks=road_map.sidewalks + generate_sidewalks(road_map))
     if generated and not road_map.crossings:
         road_map = replace(road_map, crossings=generate_crossings(road_map))
+    road_map = replace(road_map, stop_lines=place_stop_lines(road_map))
     return place_signal_heads(road_map)

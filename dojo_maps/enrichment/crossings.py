@@ -3,6 +3,7 @@
 from collections import defaultdict
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import combinations
 
 import numpy as np
 import shapely
@@ -12,7 +13,8 @@ from dojo_maps.enrichment.sidewalks import has_sidewalk
 from dojo_maps.geometry.polylines import Floats, drop_repeats, place_on, strip_outline
 
 _WIDTH = 3.0
-_BEHIND_STOP_LINE = 0.6
+_PAST_LANE_END = 0.6
+_BEFORE_LANE_END = 0.3
 _SHORTEST_ROAD = 10.0
 _SAME_ARM = np.radians(50.0)
 _REACH = 4.0
@@ -32,9 +34,10 @@ class _Arm:
 
 
 def generate_crossings(road_map: RoadMap) -> tuple[Crossing, ...]:
-    """Lay a crossing over each arm of every signalised junction, just inside of the stop lines.
+    """Lay a crossing over each arm of every signalised junction with three arms or more.
 
-    Arms whose crossing would lie on another one's, or would not reach from kerb to kerb, get none.
+    Where there is room they lie on the junction's floor, just past the ends of the lanes; at a tight junction
+    all of them lie on the arms, just before the ends of the lanes.
     """
     lane_of = {lane.id: lane for lane in road_map.lanes}
     road_of = {road.id: road for road in road_map.roads}
@@ -48,37 +51,50 @@ def generate_crossings(road_map: RoadMap) -> tuple[Crossing, ...]:
     return tuple(found)
 
 
-def _cross(junction: Junction, arms: list[_Arm]) -> list[Crossing]:
+def _cross(junction: Junction, arms: list[_Arm]) -> Iterator[Crossing]:
     floor = shapely.make_valid(shapely.Polygon(junction.polygon[:, :2]))
-    kept: list[tuple[Crossing, shapely.Polygon]] = []
-    for arm in arms:
-        line = _across(arm, floor)
-        if line is None:
-            continue
+    inside = [_across_floor(arm, floor) for arm in arms]
+    lines = [line for line in inside if line is not None]
+    if len(lines) < len(arms) or _overlap(lines):
+        lines = [_across_lanes(arm) for arm in arms]
+    for arm, line in zip(arms, lines, strict=True):
         shape = points(np.column_stack([np.round(line, 4), np.full(2, arm.height)]))
-        ring = strip_outline(shape, _WIDTH)
-        area = shapely.Polygon(ring[:, :2])
-        if any(area.intersection(other).area > 0.5 for _, other in kept):
-            continue
-        crossing = Crossing(
+        yield Crossing(
             id=f"generated:{junction.id}:{arm.roads[0]}",
             origin=Origin.GENERATED,
             junction=junction.id,
             roads=arm.roads,
             width=_WIDTH,
             shape=shape,
-            polygon=ring,
+            polygon=strip_outline(shape, _WIDTH),
             signal=None,
             link_index=None,
         )
-        kept.append((crossing, area))
-    return [crossing for crossing, _ in kept]
 
 
-def _across(arm: _Arm, floor: shapely.Geometry) -> Floats | None:
-    """Find a crossing's centre line, from kerb to kerb over the junction's floor; (2, 2) metres."""
+def _overlap(lines: list[Floats]) -> bool:
+    strips = [shapely.LineString(line).buffer(_WIDTH / 2, cap_style="flat") for line in lines]
+    return any(a.intersection(b).area > 0.5 for a, b in combinations(strips, 2))
+
+
+def _across_lanes(arm: _Arm) -> Floats:
+    """Find a crossing's centre line just before the ends of an arm's lanes, from border to border; (2, 2) metres.
+
+    Where the lanes of an arm end at different places, the line runs as obliquely as they do.
+    """
     side = np.array([-arm.into[1], arm.into[0]])
-    ahead = float((arm.ends @ arm.into).max()) + _BEHIND_STOP_LINE + _WIDTH / 2
+    reach, ahead = arm.ends @ side, arm.ends @ arm.into
+    borders = [int(reach.argmin()), int(reach.argmax())]
+    level = np.interp(reach, reach[borders], ahead[borders])
+    back = float((level - ahead).max()) + _BEFORE_LANE_END + _WIDTH / 2
+    line: Floats = arm.ends[borders] - back * arm.into
+    return line
+
+
+def _across_floor(arm: _Arm, floor: shapely.Geometry) -> Floats | None:
+    """Find a crossing's centre line past the ends of an arm's lanes, from kerb to kerb; (2, 2) metres."""
+    side = np.array([-arm.into[1], arm.into[0]])
+    ahead = float((arm.ends @ arm.into).max()) + _PAST_LANE_END + _WIDTH / 2
     low, high = float((arm.ends @ side).min()), float((arm.ends @ side).max())
     start, end = ((t * side + ahead * arm.into) for t in (low - _REACH, high + _REACH))
     on_floor = shapely.LineString([start, end]).intersection(floor)

@@ -13,20 +13,34 @@ _UNDERLAP = 0.1
 """How far generated pavement reaches under the carriageway, metres, so that no slit is left."""
 _FASTEST = 22.3
 """Roads above 80 km/h have no sidewalks, m/s."""
-_CLEAR = 8.0
+_CLEAR = 15.0
 """A side with another carriageway closer than this, metres, is a median and gets no sidewalk."""
 _VEHICLE_KINDS = (LaneKind.DRIVING, LaneKind.BUS, LaneKind.BICYCLE, LaneKind.SHOULDER, LaneKind.OTHER)
 
 
 def generate_sidewalks(road_map: RoadMap) -> tuple[Sidewalk, ...]:
-    """Lay pavement along the outer side of every road of a town, and along both sides where one runs alone."""
+    """Lay pavement where people would walk and the network has none.
+
+    Without sidewalk lanes it runs along the outer side of every road of a town, and along both sides where one
+    runs alone; without walking areas it goes around the corners between roads that have a sidewalk.
+    """
+    walked = {lane.road for lane in road_map.lanes if lane.kind is LaneKind.SIDEWALK}
+    along: tuple[Sidewalk, ...] = ()
+    if not walked:
+        along = _beside_roads(road_map)
+        walked = {sidewalk.road for sidewalk in along if sidewalk.road}
+    corners = () if road_map.walking_areas else tuple(_around_corners(road_map, walked))
+    return along + corners
+
+
+def _beside_roads(road_map: RoadMap) -> tuple[Sidewalk, ...]:
     lane_of = {lane.id: lane for lane in road_map.lanes}
     roads = [road for road in road_map.roads if has_sidewalk(road, lane_of)]
     outer = 1.0 if road_map.left_hand else -1.0
     free = _inner_side_is_free(road_map, roads, lane_of, -outer)
     along = [*_along(roads, lane_of, 0, outer, "outer")]
     along += _along([road for road, is_free in zip(roads, free, strict=True) if is_free], lane_of, -1, -outer, "inner")
-    return (*along, *_around_corners(road_map, {road.id for road in roads}))
+    return tuple(along)
 
 
 def has_sidewalk(road: Road, lane_of: dict[str, Lane]) -> bool:
@@ -60,9 +74,10 @@ def _along(
 
 
 def _around_corners(road_map: RoadMap, walked: set[str]) -> Iterator[Sidewalk]:
+    ends = {road.id: {road.from_junction, road.to_junction} for road in road_map.roads}
     for junction in road_map.junctions:
         roads = [road for road in (*junction.incoming, *junction.outgoing) if road in walked]
-        if junction.kind == "dead_end" or len(roads) < 2 or len(junction.polygon) < 3:
+        if len(set().union(*(ends[road] for road in roads))) < 3 or len(junction.polygon) < 3:
             continue
         shape = np.vstack([junction.polygon, junction.polygon[:1]])
         corner = shapely.make_valid(shapely.Polygon(shape[:, :2])).union(shapely.LineString(shape[:, :2]))

@@ -17,6 +17,10 @@ _STOPPING_STATES = "sw"
 """Connections of these states belong to a stop sign or an all-way stop."""
 _STOP_BACK = 0.5
 """Metres from a lane's end back to the middle of its stop line."""
+_STOP_GAP = 0.3
+"""Metres between a stop line's edge and the crossing behind it, beyond half the line's width."""
+_CROSSING_REACH = 15.0
+"""Crossings farther than this from a lane's end belong to no stop line, metres."""
 HEAD_HEIGHT = 5.2
 POLE_HEIGHT = 6.0
 WALK_HEAD_HEIGHT = 2.3
@@ -27,17 +31,35 @@ _NO_STOP_LINE = (LaneKind.RAIL, LaneKind.WATERWAY, LaneKind.SIDEWALK)
 
 
 def place_stop_lines(road_map: RoadMap) -> tuple[StopLine, ...]:
-    """Put a stop line before the end of every lane that ends at a signal or a stop sign."""
+    """Put a stop line before the end of every lane that ends at a signal or a stop sign.
+
+    Where a crossing lies on the lane, the line lies before the crossing.
+    """
     stopping = {
         c.from_lane
         for c in road_map.connections
         if c.signal is not None or (c.state and c.state in _STOPPING_STATES)
     }
-    return tuple(
-        StopLine(lane=lane.id, shape=_across(lane, -_STOP_BACK))
+    lanes = [
+        lane
         for lane in road_map.lanes
         if lane.id in stopping and lane.kind not in _NO_STOP_LINE and len(drop_repeats(lane.shape)) > 1
-    )
+    ]
+    areas = [shapely.polygons(crossing.polygon[:, :2]) for crossing in road_map.crossings]
+    tree = shapely.STRtree(areas)
+    return tuple(StopLine(lane=lane.id, shape=_across(lane, -_stop_distance(lane, tree))) for lane in lanes)
+
+
+def _stop_distance(lane: Lane, crossings: shapely.STRtree) -> float:
+    """Measure how far before a lane's end its stop line lies, metres."""
+    line = shapely.LineString(lane.shape[:, :2])
+    distance = _STOP_BACK
+    for k in crossings.query(line, predicate="intersects"):
+        met = shapely.get_coordinates(line.intersection(crossings.geometries[k]))
+        before_end = line.length - float(shapely.line_locate_point(line, shapely.points(met)).min())
+        if before_end < _CROSSING_REACH:
+            distance = max(distance, before_end + _STOP_BACK + _STOP_GAP)
+    return distance
 
 
 def place_signal_heads(road_map: RoadMap) -> RoadMap:

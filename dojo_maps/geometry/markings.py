@@ -20,6 +20,7 @@ _SLOW = 8.4
 """Streets up to 30 km/h have no edge lines, m/s."""
 _TOUCHING = 0.5
 """Carriageways closer than this share one centre line, metres."""
+_SHORTEST = 1.0
 _GAUGE = 1.435
 _RAIL_WIDTH = 0.08
 _UNMARKED = (LaneKind.SIDEWALK, LaneKind.RAIL, LaneKind.WATERWAY)
@@ -176,7 +177,7 @@ def _strokes(shapes: Shapes, dashed: Flags) -> tuple[Shapes, Ints]:
         Lines, and for each the index of the shape it is part of.
     """
     parts, index = shapely.get_parts(shapely.line_merge(shapes), return_index=True)
-    long_enough = (shapely.get_type_id(parts) == 1) & (shapely.length(parts) > 0.3)
+    long_enough = (shapely.get_type_id(parts) == 1) & (shapely.length(parts) > _SHORTEST)
     parts, index = parts[long_enough], index[long_enough]
     whole = ~dashed[index]
     broken = np.flatnonzero(~whole)

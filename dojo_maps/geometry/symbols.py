@@ -7,15 +7,15 @@ import numpy as np
 import shapely
 from shapely import affinity
 
-from dojo_maps.description import Crossing, Lane, LaneKind, RoadMap
+from dojo_maps.description import Crossing, Lane, LaneKind, Points, RoadMap
 from dojo_maps.geometry.paint import Canvas, Paint, PaintLayer
-from dojo_maps.geometry.polylines import along, drop_repeats, place_on
+from dojo_maps.geometry.polylines import Floats, along, drop_repeats, place_on
 
 _STOP_LINE_WIDTH = 0.5
 _STRIPE = 0.5
 _ARROW_LENGTH = 5.0
 _ARROW_PLACES = (4.0, 24.0)
-"""Metres from a lane's end back to the tips of its arrows."""
+"""Metres from a lane's stop line, or its end, back to the tips of its arrows."""
 _SHORTEST_LANE = 14.0
 _TURNS = {"s": "s", "l": "l", "L": "l", "r": "r", "R": "r"}
 """SUMO's connection directions as arrows; partly left or right is drawn as left or right."""
@@ -56,13 +56,16 @@ def crossing_paint(road_map: RoadMap, canvas: Canvas) -> Paint:
 def arrow_paint(road_map: RoadMap, canvas: Canvas) -> Paint:
     """Paint arrows on lanes that end where roads branch, by where each lane's connections lead."""
     shift = np.array([*road_map.origin, 0.0])
+    stop_of = {line.lane: line.shape.mean(axis=0)[:2] for line in road_map.stop_lines}
     polygons, ids = [], []
     for lane, turns in _arrow_lanes(road_map):
         shape = drop_repeats(lane.shape)
+        if lane.id in stop_of:
+            shape = _until(shape, stop_of[lane.id])
         length = along(shape)[-1]
         ground = canvas.area_of([lane.id])
         for tip in _ARROW_PLACES:
-            if length < tip + _ARROW_LENGTH + 5.0:
+            if len(shape) < 2 or length < tip + _ARROW_LENGTH + 5.0:
                 continue
             position, heading = place_on(shape - shift, -(tip + _ARROW_LENGTH / 2))
             glyph = affinity.rotate(_arrow(turns), heading, origin=(0, 0), use_radians=True)
@@ -74,6 +77,13 @@ def arrow_paint(road_map: RoadMap, canvas: Canvas) -> Paint:
         polygons=np.array(polygons, dtype=object),
         ids=tuple(ids),
     )
+
+
+def _until(line: Points, place: Floats) -> Points:
+    """Take the part of a line that leads up to the place nearest to a point."""
+    length = float(shapely.line_locate_point(shapely.LineString(line[:, :2]), shapely.Point(place)))
+    lengths = along(line)
+    return np.vstack([line[lengths < length - 1e-3], place_on(line, length)[0]])
 
 
 def _stripes(crossing: Crossing, shift: np.ndarray) -> list[shapely.Polygon]:  # type: ignore[type-arg]
@@ -124,15 +134,16 @@ def _arrow_lanes(road_map: RoadMap) -> list[tuple[Lane, str]]:
 def _arrow(turns: str) -> shapely.Polygon:
     """Draw an arrow for a set of turns, driving direction along +x, its middle at the origin."""
     stems = {
-        "s": (((0.0, 0.0), (3.4, 0.0)), ((3.4, 0.42), (5.0, 0.0), (3.4, -0.42))),
-        "l": (((0.0, 0.0), (1.8, 0.0), (3.1, 0.55)), ((2.6, 0.62), (3.7, 1.25), (3.55, 0.4))),
+        "s": (((0.0, 0.0), (3.6, 0.0)), ((3.6, 0.42), (5.0, 0.0), (3.6, -0.42))),
+        "l": (((0.0, 0.0), (1.3, 0.0), (2.3, 0.6)), ((1.95, 0.8), (2.8, 1.45), (2.65, 0.4))),
     }
-    stems["r"] = (
-        tuple((x, -y) for x, y in stems["l"][0]),
-        tuple((x, -y) for x, y in stems["l"][1]),
-    )
+    stems["r"] = (_mirrored(stems["l"][0]), _mirrored(stems["l"][1]))
     parts = []
     for turn in turns:
         stem, head = stems[turn]
         parts += [shapely.LineString(stem).buffer(0.08, cap_style="flat"), shapely.Polygon(head)]
     return affinity.translate(shapely.union_all(parts), -_ARROW_LENGTH / 2, 0.0)
+
+
+def _mirrored(places: tuple[tuple[float, float], ...]) -> tuple[tuple[float, float], ...]:
+    return tuple((x, -y) for x, y in places)

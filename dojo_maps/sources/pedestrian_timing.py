@@ -54,11 +54,19 @@ class Walk:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TimedPhase:
-    """A phase: its letters, the seconds it lasts at least, and the phases that may follow."""
+    """A phase as pedestrians need to know it.
+
+    Attributes:
+        state: its vehicle letters.
+        least: the seconds that it lasts at least.
+        following: the phases that may follow.
+        last_cut: the latest second at which it may be cut in two; None where any will do.
+    """
 
     state: str
     least: Decimal
     following: tuple[int, ...]
+    last_cut: Decimal | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -173,7 +181,9 @@ def _shorten(
         goes_on = all(seconds[after] > 0 for after in phases[current].following)
         if margins[current] >= clearance or (goes_on and seconds[current] == full):
             continue
-        allowed = max(_ZERO, full - (clearance - margins[current]))
+        last_cut = phases[current].last_cut
+        allowed = full - (clearance - margins[current])
+        allowed = max(_ZERO, allowed if last_cut is None else min(allowed, last_cut))
         if allowed < seconds[current]:
             seconds[current] = allowed
             changed = True

@@ -5,6 +5,7 @@ pedestrians' letters and times are in `pedestrian_timing`, the links in `pedestr
 """
 
 import copy
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from decimal import Decimal, InvalidOperation
@@ -23,8 +24,11 @@ from dojo_maps.sources.pedestrian_timing import (
 
 _VARIABLE_KINDS = ("actuated", "delay_based")
 """Their phases last from minDur to maxDur, so only minDur is certain to be there for walking."""
+_DETECTOR_GAP, _PASSING_TIME, _CAR_SPACE = 2.0, 1.9, 7.5
+"""SUMO's defaults: seconds from detector to stop line, seconds per car that leaves, metres per car."""
 _TIMED_KINDS = ("static", *_VARIABLE_KINDS)
 _COORDINATED = ("earliestEnd", "latestEnd", "earlyTarget", "finalTarget")
+_LANE_TIMES = ("detector-gap:", "passing-time:")
 _ZERO = Decimal(0)
 
 
@@ -78,7 +82,8 @@ def _extend_program(
     phases = logic.findall("phase")
     kind = logic.get("type", "static")
     variable = kind in _VARIABLE_KINDS
-    timed = [_timed(old, logic, number, phases, variable=variable) for number in range(len(phases))]
+    spare = _detector_time(old, logic) if variable else None
+    timed = [_timed(old, logic, number, phases, spare) for number in range(len(phases))]
     reason = _untimed_reason(logic, phases, kind)
     if reason:
         greens = [[Green(letter="r", seconds=_ZERO)] * len(phases) for _ in walks]
@@ -105,11 +110,15 @@ def _extend_program(
     )
 
 
-def _timed(old: NetTree, logic: Element, number: int, phases: list[Element], *, variable: bool) -> TimedPhase:
+def _timed(
+    old: NetTree, logic: Element, number: int, phases: Sequence[Element], spare: Decimal | None
+) -> TimedPhase:
+    """Describe a phase; `spare` is the minDur that must be left after a cut where phases vary."""
     phase = phases[number]
-    least = _seconds(old, logic, phase, "duration")
-    if variable and "minDur" in phase.attrib:
+    least, last_cut = _seconds(old, logic, phase, "duration"), None
+    if spare is not None and "minDur" in phase.attrib:
         least = min(least, _seconds(old, logic, phase, "minDur"))
+        last_cut = least - spare
     following = _following(phase)
     if any(not 0 <= after < len(phases) for after in following):
         raise SourceError(
@@ -119,7 +128,30 @@ def _timed(old: NetTree, logic: Element, number: int, phases: list[Element], *, 
         state=phase.get("state", ""),
         least=least,
         following=following or ((number + 1) % len(phases),),
+        last_cut=last_cut,
     )
+
+
+def _detector_time(old: NetTree, logic: Element) -> Decimal:
+    """Find the minDur from which on an actuated program's detectors no longer depend on it, in seconds.
+
+    SUMO puts a detector as far from the stop line as cars go in `detector-gap`, but no farther than the
+    queue that leaves within the least minDur of its lane's phases: a shorter rest of a phase would move it.
+    Source: MSActuatedTrafficLightLogic::init. Infinite where lanes have times of their own.
+    """
+    parameters = {
+        parameter.get("key", ""): parameter.get("value", "") for parameter in logic.iterfind("param")
+    }
+    if logic.get("type") != "actuated" or any(key.startswith(_LANE_TIMES) for key in parameters):
+        return Decimal("Infinity")
+    lanes = {key[:2] for key, link in old.vehicle_links.items() if link.get("tl") == logic.get("id")}
+    try:
+        gap = float(parameters.get("detector-gap", _DETECTOR_GAP))
+        passing = float(parameters.get("passing-time", _PASSING_TIME))
+        fastest = max((float(old.lanes(road)[lane].get("speed", "0")) for road, lane in lanes), default=0.0)
+        return Decimal(max(1, math.ceil((gap * fastest / _CAR_SPACE - 0.5) * passing)))
+    except (ValueError, OverflowError):
+        return Decimal("Infinity")
 
 
 def _following(phase: Element) -> tuple[int, ...]:
@@ -210,7 +242,8 @@ def _share_fixed(pieces: Sequence[Element], lengths: Sequence[Decimal]) -> None:
 def _share_variable(pieces: Sequence[Element], lengths: Sequence[Decimal]) -> None:
     """Fix the pieces with a green crossing; the last keeps the choice of when to end.
 
-    The cut lies before minDur, when no such program may end the phase yet: it decides as it did.
+    The cut lies before minDur, when no such program may end the phase yet, and leaves the detectors where
+    they were: it decides as it did.
     """
     for piece, length in zip(pieces, lengths, strict=False):
         for key in ("duration", "minDur", "maxDur"):
