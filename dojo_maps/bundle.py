@@ -51,7 +51,9 @@ def read_bundle(folder: Path | str) -> Bundle:
     folder = Path(folder)
     path = folder / DESCRIPTION
     if not path.is_file():
-        raise DescriptionError(folder, f"not a bundle: it has no {DESCRIPTION}; make one with dojo-maps convert")
+        raise DescriptionError(
+            folder, f"not a bundle: it has no {DESCRIPTION}; make one with dojo-maps convert"
+        )
     try:
         value = json.loads(path.read_bytes())
     except (OSError, ValueError, RecursionError) as error:
@@ -79,7 +81,9 @@ def replace_bundle(folder: Path) -> Iterator[Path]:
     try:
         work = Path(tempfile.mkdtemp(prefix=f".{folder.name}.", dir=folder.parent))
     except OSError as error:
-        raise UsageError(f"{folder.parent}: cannot be written ({error.strerror}); choose another with -o") from error
+        raise UsageError(
+            f"{folder.parent}: cannot be written ({error.strerror}); choose another with -o"
+        ) from error
     try:
         fresh = work / "new"
         fresh.mkdir()

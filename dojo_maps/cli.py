@@ -43,19 +43,31 @@ def _stop(_signal: int, _frame: FrameType | None) -> None:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(prog="dojo-maps", description="Road maps for vision-based traffic signal control.")
+    parser = argparse.ArgumentParser(
+        prog="dojo-maps", description="Road maps for vision-based traffic signal control."
+    )
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
 
     convert = commands.add_parser("convert", help="turn a SUMO network into a map bundle")
-    convert.add_argument("source", metavar="NET", help=".net.xml, .net.xml.gz, or a packaged scenario such as cologne1")
-    convert.add_argument("-o", "--output", metavar="DIR", type=Path, help="the bundle to write (default: NAME.dojo)")
     convert.add_argument(
-        "--no-generated", action="store_true", help="add no sidewalks and crossings that the network does not have"
+        "source", metavar="NET", help=".net.xml, .net.xml.gz, or a packaged scenario such as cologne1"
     )
     convert.add_argument(
-        "--enrich-net", action="store_true", help="give the network itself sidewalks and crossings, keep its programs"
+        "-o", "--output", metavar="DIR", type=Path, help="the bundle to write (default: NAME.dojo)"
     )
-    convert.add_argument("--export", nargs="+", action="extend", default=[], choices=EXPORT_NAMES, help="also write")
+    convert.add_argument(
+        "--no-generated",
+        action="store_true",
+        help="add no sidewalks and crossings that the network does not have",
+    )
+    convert.add_argument(
+        "--enrich-net",
+        action="store_true",
+        help="give the network itself sidewalks and crossings, keep its programs",
+    )
+    convert.add_argument(
+        "--export", nargs="+", action="extend", default=[], choices=EXPORT_NAMES, help="also write"
+    )
     convert.add_argument("--jobs", metavar="N", type=_positive, help="threads to use (default: one per core)")
     convert.add_argument("--strict", action="store_true", help="exit with 1 on warnings, too")
     convert.add_argument("--quiet", action="store_true", help="no progress on standard error")
@@ -63,7 +75,9 @@ def _parser() -> argparse.ArgumentParser:
 
     view = commands.add_parser("view", help="show a bundle's 3D scene in the browser")
     view.add_argument("bundle", metavar="BUNDLE", type=Path)
-    view.add_argument("-o", "--output", metavar="FILE", type=Path, help="write the page here and open nothing")
+    view.add_argument(
+        "-o", "--output", metavar="FILE", type=Path, help="write the page here and open nothing"
+    )
     view.set_defaults(run=_view)
 
     checks = commands.add_parser("checks", help="list the checks")
@@ -103,7 +117,9 @@ def _view(options: argparse.Namespace) -> int:
     from dojo_maps.viewer import write_view  # noqa: PLC0415
 
     shown = read_bundle(options.bundle)
-    page = options.output or Path(tempfile.mkdtemp(prefix="dojo-maps-")) / f"{shown.folder.resolve().name}.html"
+    page = (
+        options.output or Path(tempfile.mkdtemp(prefix="dojo-maps-")) / f"{shown.folder.resolve().name}.html"
+    )
     write_view(shown.scene, page, title=shown.road_map.name)
     print(page)
     if options.output is None:

@@ -103,7 +103,9 @@ def furnish_and_build(
     return road_map, build_scene(road_map, paved, jobs=jobs, on_stage=on_stage)
 
 
-def _write(folder: Path, road_map: RoadMap, meshes: tuple[Mesh, ...], issues: tuple[Issue, ...]) -> dict[str, Any]:
+def _write(
+    folder: Path, road_map: RoadMap, meshes: tuple[Mesh, ...], issues: tuple[Issue, ...]
+) -> dict[str, Any]:
     bundle.write_json(folder / bundle.DESCRIPTION, to_json(road_map))
     write_scene(meshes, folder / bundle.SCENE)
     draw_overview(road_map, meshes, folder / bundle.OVERVIEW)

@@ -175,13 +175,20 @@ function showAddress() {
   return true;
 }
 
+function reach() {
+  return box.getSize(new THREE.Vector3()).length();
+}
+
 function draw() {
   pending = false;
   view.elevation = Math.min(STEEPEST, Math.max(-STEEPEST, view.elevation));
   camera.position.copy(view.target).addScaledVector(axes().back, view.distance);
   camera.lookAt(view.target);
-  const reach = box.getSize(new THREE.Vector3()).length();
-  camera.far = view.distance + view.target.length() + 2 * reach + 1000;
+  // Paint lies a centimetre above the road: to tell them apart from afar, the near plane goes as far out as
+  // it can. Nothing stands higher than the box.
+  const clear = camera.position.y - box.max.y;
+  camera.near = Math.max(.15, .01 * view.distance, .8 * clear);
+  camera.far = camera.near + 2 * (camera.position.distanceTo(box.getCenter(new THREE.Vector3())) + reach());
   camera.updateProjectionMatrix();
   renderer.render(scene, camera);
 }
@@ -210,8 +217,7 @@ function move(dx, dy) {
 }
 
 function zoom(factor) {
-  const reach = box.getSize(new THREE.Vector3()).length();
-  view.distance = Math.min(10 * reach, Math.max(.5, view.distance * factor));
+  view.distance = Math.min(10 * reach(), Math.max(.5, view.distance * factor));
 }
 
 function listen(canvas) {
@@ -264,8 +270,7 @@ function start(gltf) {
 }
 
 try {
-  // Paint lies a centimetre above the road: only a logarithmic depth buffer tells them apart from afar.
-  renderer = new THREE.WebGLRenderer({ antialias: true, logarithmicDepthBuffer: true });
+  renderer = new THREE.WebGLRenderer({ antialias: true });
   renderer.setPixelRatio(Math.min(2, devicePixelRatio));
   renderer.outputEncoding = THREE.sRGBEncoding;
   camera = new THREE.PerspectiveCamera(FIELD * 180 / Math.PI, 1, .1, 1000);

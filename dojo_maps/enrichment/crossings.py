@@ -134,7 +134,9 @@ def _arm(ends: list[tuple[Road, float, list[Lane], bool]]) -> _Arm:
     headings = np.array([heading for _, heading, _, _ in ends])
     into = np.array([np.cos(headings).sum(), np.sin(headings).sum()])
     into /= np.hypot(*into)
-    corners = [corner for _, _, lanes, arrives in ends for lane in lanes for corner in _end_corners(lane, arrives)]
+    corners = [
+        corner for _, _, lanes, arrives in ends for lane in lanes for corner in _end_corners(lane, arrives)
+    ]
     _, _, lanes, arrives = ends[0]
     return _Arm(
         roads=tuple(road.id for road, *_ in ends),

@@ -39,7 +39,9 @@ def _beside_roads(road_map: RoadMap) -> tuple[Sidewalk, ...]:
     outer = 1.0 if road_map.left_hand else -1.0
     free = _inner_side_is_free(road_map, roads, lane_of, -outer)
     along = [*_along(roads, lane_of, 0, outer, "outer")]
-    along += _along([road for road, is_free in zip(roads, free, strict=True) if is_free], lane_of, -1, -outer, "inner")
+    along += _along(
+        [road for road, is_free in zip(roads, free, strict=True) if is_free], lane_of, -1, -outer, "inner"
+    )
     return tuple(along)
 
 
@@ -95,7 +97,9 @@ def _inner_side_is_free(
     road_map: RoadMap, roads: Sequence[Road], lane_of: dict[str, Lane], side: float
 ) -> list[bool]:
     """Tell for each road whether no other carriageway runs beside its innermost lane."""
-    others = [lane for lane in road_map.lanes if lane.kind in _VEHICLE_KINDS and len(drop_repeats(lane.shape)) > 1]
+    others = [
+        lane for lane in road_map.lanes if lane.kind in _VEHICLE_KINDS and len(drop_repeats(lane.shape)) > 1
+    ]
     tree = shapely.STRtree([shapely.linestrings(drop_repeats(lane.shape)[:, :2]) for lane in others])
     free = []
     for road in roads:

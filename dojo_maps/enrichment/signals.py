@@ -137,7 +137,9 @@ def _letter(state: str, link: Link) -> str:
     return state[link.index].replace("g", "G") if link.index < len(state) else ""
 
 
-def _approach_pole(signal: Signal, road: str, lanes: Sequence[Lane], site: _RoadSite, *, left_hand: bool) -> Prop:
+def _approach_pole(
+    signal: Signal, road: str, lanes: Sequence[Lane], site: _RoadSite, *, left_hand: bool
+) -> Prop:
     """Find a place for an approach's pole: outside of its lanes if free, else on the inner side."""
     outer = 1.0 if left_hand else -1.0
     for lane, side in ((lanes[0], outer), (lanes[-1], -outer)):

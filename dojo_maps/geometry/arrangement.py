@@ -18,6 +18,8 @@ LEVEL_GAP = 2.0
 """Claims on one place that are farther apart in height than this, metres, lie on different levels."""
 _SEAM = 0.15
 """Half the width of the gaps between a network's own surfaces that are closed, metres."""
+_WEDGE_ENCLOSED = 0.7
+"""Share of a wedge's outline that must lie along paved ground for it to be filled."""
 
 TERRAIN = -1
 """The owner of faces that nothing claims."""
@@ -59,9 +61,9 @@ def divide_ground(pieces: Pieces, paved: shapely.Geometry, ramps: Shapes, *, mar
         GeometryError: the outlines cannot be cut along each other.
     """
     frame = shapely.box(*_widened(shapely.total_bounds(pieces.polygons), margin))
-    outlines = [*shapely.boundary(pieces.polygons), paved.boundary, *shapely.boundary(ramps), frame.boundary]
+    areas = [*pieces.polygons, *pieces.mouths, *ramps, paved, frame]
     try:
-        lines = shapely.union_all(np.array(outlines, dtype=object), grid_size=GRID)
+        lines = shapely.union_all(shapely.boundary(np.array(areas, dtype=object)), grid_size=GRID)
         faces = shapely.get_parts(shapely.polygonize([lines]))
     except shapely.errors.GEOSException as error:
         raise GeometryError(f"the map's outlines cannot be cut along each other: {error}") from error
@@ -93,13 +95,31 @@ def _assign_owners(faces: Shapes, pieces: Pieces, paved: shapely.Geometry) -> tu
     shapely.prepare(paved)
     covered = np.zeros(len(faces), dtype=bool)
     covered[owned[owners < pieces.paved]] = True
-    seams = np.flatnonzero(~covered & shapely.contains(paved, inner))
+    within = shapely.contains(paved, inner)
+    seams = np.flatnonzero(~covered & (within | _fill_wedges(faces, inner, pieces.mouths, paved)))
     kept = ~np.isin(owned, seams)
     rest = np.setdiff1d(np.arange(len(faces)), np.union1d(owned, seams))
     return (
         np.concatenate([owned[kept], seams, rest]),
         np.concatenate([owners[kept], _nearest(inner[seams], pieces), np.full(len(rest), TERRAIN)]),
     )
+
+
+def _fill_wedges(faces: Shapes, inner: Shapes, mouths: Shapes, paved: shapely.Geometry) -> Flags:
+    """Find the faces between a lane's end and an oblique junction border: almost enclosed by paved ground."""
+    filled = np.zeros(len(faces), dtype=bool)
+    candidates = np.unique(shapely.STRtree(mouths).query(inner, predicate="within")[0])
+    candidates = candidates[~shapely.contains(paved, inner[candidates])]
+    wedges = shapely.get_parts(shapely.coverage_union_all(faces[candidates]))
+    if not len(wedges):
+        return filled
+    outline = shapely.segmentize(shapely.get_exterior_ring(wedges), 0.05)
+    places, wedge = shapely.get_coordinates(outline, return_index=True)
+    touching = shapely.dwithin(paved, shapely.points(places), 2 * GRID)
+    share = np.bincount(wedge, weights=touching) / np.bincount(wedge)
+    chosen = shapely.STRtree(wedges[share > _WEDGE_ENCLOSED]).query(inner[candidates], predicate="within")[0]
+    filled[candidates[chosen]] = True
+    return filled
 
 
 def _nearest(places: Shapes, pieces: Pieces) -> Ints:

@@ -77,7 +77,9 @@ def rail_markings(road_map: RoadMap) -> Paint:
     rails = offset_lines(lines, np.resize([_GAUGE / 2, -_GAUGE / 2], len(both)))
     return Paint(
         layer=PaintLayer.TRACK,
-        polygons=shapely.buffer(rails, _RAIL_WIDTH / 2, cap_style="flat", join_style="mitre", mitre_limit=2.0),
+        polygons=shapely.buffer(
+            rails, _RAIL_WIDTH / 2, cap_style="flat", join_style="mitre", mitre_limit=2.0
+        ),
         ids=tuple(lane.id for lane in both),
     )
 
@@ -138,12 +140,16 @@ def _marked(road: Road, lane_of: dict[str, Lane]) -> list[Lane]:
 
 def _centre_lines(lanes: Sequence[Lane], road_map: RoadMap) -> Shapes:
     shift = np.array(road_map.origin)
-    return np.array([shapely.linestrings(drop_repeats(lane.shape)[:, :2] - shift) for lane in lanes], dtype=object)
+    return np.array(
+        [shapely.linestrings(drop_repeats(lane.shape)[:, :2] - shift) for lane in lanes], dtype=object
+    )
 
 
 def _trace(lines: Sequence[_Line], lane_of: dict[str, Lane], inward: float, road_map: RoadMap) -> Shapes:
     """Draw each line beside its lane, as far as the border it depends on runs alongside or not."""
-    shapes = offset_lines(_centre_lines([line.lane for line in lines], road_map), np.array([e.offset for e in lines]))
+    shapes = offset_lines(
+        _centre_lines([line.lane for line in lines], road_map), np.array([e.offset for e in lines])
+    )
     bound = [k for k, line in enumerate(lines) if line.near]
     others = [lane_of[lines[k].near] for k in bound]
     usable = [k for k, lane in enumerate(others) if len(drop_repeats(lane.shape)) > 1]

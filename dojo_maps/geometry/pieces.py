@@ -32,6 +32,8 @@ class Layer(StrEnum):
 RAISED = (Layer.WALKING_AREA, Layer.SIDEWALK, Layer.ISLAND)
 """Layers that stand above the carriageway behind a kerb."""
 
+_MOUTH = 2.0
+"""Metres; the wedge between a lane of 3.2 m and a border 30 degrees askew is 1.8 m deep."""
 _NOT_ROAD = (LaneKind.SIDEWALK, LaneKind.RAIL, LaneKind.WATERWAY)
 _LANE_ORDER = tuple(LaneKind)
 
@@ -51,7 +53,8 @@ class Pieces:
     """All claims, those that win first; polygons on the raster, in the frame of the map's origin.
 
     `paved` counts the leading pieces that make up the network's own ground, without islands, generated
-    pavement and tracks: seams are closed between these only.
+    pavement and tracks: seams are closed between these only. `mouths` reach on from the lanes' ends into the
+    junctions, over the wedges that oblique borders leave there.
     """
 
     polygons: Shapes
@@ -59,6 +62,7 @@ class Pieces:
     ids: tuple[str, ...]
     heights: HeightLines
     paved: int
+    mouths: Shapes
 
 
 def build_pieces(road_map: RoadMap) -> Pieces:
@@ -69,10 +73,16 @@ def build_pieces(road_map: RoadMap) -> Pieces:
     """
     own = [*_road_claims(road_map), *_walking_area_claims(road_map), *_junction_claims(road_map)]
     own += _sidewalk_claims(road_map, Origin.NETWORK)
-    added = [*_island_claims(road_map), *_sidewalk_claims(road_map, Origin.GENERATED), *_rail_claims(road_map)]
+    added = [
+        *_island_claims(road_map),
+        *_sidewalk_claims(road_map, Origin.GENERATED),
+        *_rail_claims(road_map),
+    ]
     claims = [*own, *added]
     shift = np.array([*road_map.origin, 0.0])
-    polygons = shapely.transform(np.array([c.polygon for c in claims], dtype=object), lambda xy: xy - shift[:2])
+    polygons = shapely.transform(
+        np.array([c.polygon for c in claims], dtype=object), lambda xy: xy - shift[:2]
+    )
     polygons = shapely.set_precision(shapely.make_valid(polygons), GRID)
     kept = np.flatnonzero(shapely.area(polygons) > 0.01)
     return Pieces(
@@ -81,6 +91,7 @@ def build_pieces(road_map: RoadMap) -> Pieces:
         ids=tuple(claims[i].id for i in kept),
         heights=HeightLines([claims[i].line - shift for i in kept]),
         paved=int((kept < len(own)).sum()),
+        mouths=_mouths(road_map, shift),
     )
 
 
@@ -104,6 +115,29 @@ def _road_claims(road_map: RoadMap) -> Iterator[Claim]:
     lanes.sort(key=lambda lane: (_LANE_ORDER.index(lane.kind), -priority[lane.road]))
     for lane, strip in zip(lanes, lane_strips(lanes), strict=True):
         yield Claim(Layer.ROAD, lane.id, strip, lane.shape)
+
+
+def _mouths(road_map: RoadMap, shift: Points) -> Shapes:
+    """Carry each lane on past the ends where it goes on, straight and at its width."""
+    ends = {c.from_lane for c in road_map.connections}
+    starts = {c.to_lane for c in road_map.connections}
+    lines, widths = [], []
+    for lane in road_map.lanes:
+        shape = drop_repeats(lane.shape)[:, :2] - shift[:2]
+        if lane.kind in _NOT_ROAD or len(shape) < 2:
+            continue
+        for wanted, border, inner in (
+            (lane.id in ends, shape[-1], shape[-2]),
+            (lane.id in starts, *shape[:2]),
+        ):
+            if wanted:
+                step = (border - inner) / np.hypot(*(border - inner))
+                lines.append([border, border + step * _MOUTH])
+                widths.append(lane.width)
+    if not lines:
+        return np.empty(0, dtype=object)
+    mouths = shapely.buffer(shapely.linestrings(lines), np.array(widths) / 2, cap_style="flat")
+    return shapely.set_precision(mouths, GRID)
 
 
 def _rail_claims(road_map: RoadMap) -> Iterator[Claim]:

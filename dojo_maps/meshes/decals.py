@@ -67,7 +67,9 @@ def _drape(polygons: Shapes, index: Ints, lines: list[Points], ground: Ground) -
     """
     faces = ground.faces[np.isin(ground.layers, [list(Layer).index(layer) for layer in _PAINTED])]
     corners = ground.vertices[faces]
-    polygon, face = shapely.STRtree(shapely.polygons(corners[:, :, :2])).query(polygons, predicate="intersects")
+    polygon, face = shapely.STRtree(shapely.polygons(corners[:, :, :2])).query(
+        polygons, predicate="intersects"
+    )
     middle = corners[face].mean(axis=1)
     line_height = HeightLines(lines).at(index[polygon], middle[:, :2])
     level = np.abs(line_height - middle[:, 2]) < LEVEL_GAP

@@ -75,7 +75,9 @@ def _poles_and_arms(
             hook = np.array(head.position) - shift + [0.0, 0.0, _ARM_ABOVE_HEAD]
             yield signal.id, *_tube(hook - [0.0, 0.0, _ARM_ABOVE_HEAD / 2], hook, _ARM_RADIUS / 2)
         if arms.get(road or ""):
-            hooks = [np.array(head.position) - shift + [0.0, 0.0, _ARM_ABOVE_HEAD] for head in arms[road or ""]]
+            hooks = [
+                np.array(head.position) - shift + [0.0, 0.0, _ARM_ABOVE_HEAD] for head in arms[road or ""]
+            ]
             farthest = max(hooks, key=lambda hook: float(np.hypot(*(hook - foot)[:2])))
             yield signal.id, *_tube(np.array([*foot[:2], farthest[2]]), farthest, _ARM_RADIUS)
 

@@ -41,7 +41,7 @@ def write_scene(meshes: Sequence[Mesh], path: Path) -> None:
         x, y, z = mesh.vertices.T
         material = PBRMaterial(
             name=mesh.name,
-            baseColorFactor=[*COLOURS[mesh.name], 255],
+            baseColorFactor=_linear(COLOURS[mesh.name]),
             metallicFactor=0.0,
             roughnessFactor=0.9,
             doubleSided=mesh.layer == "road",
@@ -55,6 +55,14 @@ def write_scene(meshes: Sequence[Mesh], path: Path) -> None:
         )
         scene.add_geometry(shape, node_name=mesh.name, geom_name=mesh.name)
     path.write_bytes(trimesh.exchange.gltf.export_glb(scene, include_normals=False))
+
+
+def _linear(colour: tuple[int, int, int]) -> list[float]:
+    """Turn sRGB into the linear colour with alpha that glTF keeps. Source: IEC 61966-2-1."""
+    return [
+        *(c / 12.92 if c <= 0.04045 else ((c + 0.055) / 1.055) ** 2.4 for c in np.array(colour) / 255),
+        1.0,
+    ]
 
 
 def source_runs(mesh: Mesh) -> list[tuple[str, int, int]]:

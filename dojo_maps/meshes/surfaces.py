@@ -47,7 +47,9 @@ def build_ground(pieces: Pieces, parts: Parts, *, jobs: int = 1) -> Ground:
     owner = parts.owners[part]
     vertices, faces = _join_corners(corners.reshape(-1, 2), np.repeat(owner, 3), pieces)
     solid = (faces != np.roll(faces, 1, axis=1)).all(axis=1)
-    layer_of = np.array([list(Layer).index(layer) for layer in pieces.layers] + [list(Layer).index(Layer.TERRAIN)])
+    layer_of = np.array(
+        [list(Layer).index(layer) for layer in pieces.layers] + [list(Layer).index(Layer.TERRAIN)]
+    )
     return Ground(
         vertices=vertices,
         faces=faces[solid],

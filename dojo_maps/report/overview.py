@@ -25,7 +25,9 @@ def draw_overview(road_map: RoadMap, meshes: Sequence[Mesh], path: Path) -> None
     low, high = low - margin, high + margin
     scale = LONGER_SIDE / float((high - low).max())
     width, height = (int(round(side)) for side in np.maximum((high - low) * scale, 1))
-    canvas = np.full((height * _OVERSAMPLING, width * _OVERSAMPLING, 3), COLOURS["terrain"][::-1], dtype=np.uint8)
+    canvas = np.full(
+        (height * _OVERSAMPLING, width * _OVERSAMPLING, 3), COLOURS["terrain"][::-1], dtype=np.uint8
+    )
     corners, colours = _painters_order(meshes)
     pixels = (corners[:, :, :2] - [low[0], high[1]]) * [scale, -scale] * _OVERSAMPLING
     fixed = np.round((pixels - 0.5) * (1 << _FRACTION_BITS)).astype(np.int32)

@@ -29,14 +29,23 @@ def write_page(report: Mapping[str, Any], overview: Path, page: Path) -> None:
 
 
 def _checks(checks: list[dict[str, Any]]) -> str:
-    return _table(("check", "what", "status", "findings"), [[c["id"], c["title"], c["status"], c["count"]] for c in checks])
+    return _table(
+        ("check", "what", "status", "findings"),
+        [[c["id"], c["title"], c["status"], c["count"]] for c in checks],
+    )
 
 
 def _issues(issues: list[dict[str, Any]]) -> str:
     if not issues:
         return "<p>None.</p>"
     rows = [
-        [i["severity"], i["check"], ", ".join(f"{e['kind']} {e['id']}" for e in i["elements"]), i["message"], i["hint"]]
+        [
+            i["severity"],
+            i["check"],
+            ", ".join(f"{e['kind']} {e['id']}" for e in i["elements"]),
+            i["message"],
+            i["hint"],
+        ]
         for i in issues
     ]
     return _table(("severity", "check", "elements", "what is wrong", "what to do"), rows)

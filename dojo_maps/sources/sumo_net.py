@@ -73,7 +73,9 @@ def read_network(data: bytes, *, path: Path, name: str, sha256: str) -> tuple[Ro
         sidewalks=tuple(_read_sidewalks(lanes)),
         crossings=tuple(reader.crossings.values()),
         walking_areas=tuple(reader.walking_areas.values()),
-        signals=read_signals(reader.path, records.logics, reader.connections, reader.walks, reader.roads_of()),
+        signals=read_signals(
+            reader.path, records.logics, reader.connections, reader.walks, reader.roads_of()
+        ),
     )
     return road_map, tuple(reader.issues)
 
@@ -120,7 +122,9 @@ class _Reader:
         if function in _ROAD_FUNCTIONS:
             self._read_road(edge, record)
         elif function == "crossing" and record.lanes:
-            self._keep(self.crossings, edge, "crossing", self._read_crossing(edge, record, walks.get(edge, {})))
+            self._keep(
+                self.crossings, edge, "crossing", self._read_crossing(edge, record, walks.get(edge, {}))
+            )
         elif function == "walkingarea" and record.lanes:
             polygon = self._shape(record.lanes[0], f"walking area {edge}")
             area = WalkingArea(
@@ -230,7 +234,11 @@ class _Reader:
         while lane in self._internal and lane not in via:
             via.append(lane)
             lane = onward.get(lane)
-        parts = [self.lanes[source].shape[-1:], *(self._internal[v] for v in via), self.lanes[target].shape[:1]]
+        parts = [
+            self.lanes[source].shape[-1:],
+            *(self._internal[v] for v in via),
+            self.lanes[target].shape[:1],
+        ]
         path = np.concatenate(parts)
         moved = np.ones(len(path), dtype=bool)
         moved[1:-1] = (np.abs(np.diff(path, axis=0)) > 1e-9).any(axis=1)[:-1]

@@ -82,7 +82,9 @@ def read_records(data: bytes, path: Path | str) -> NetRecords:
                 raise SourceError(path, f"<{name}> stands where SUMO allows none", element=_at()) from None
 
     def refuse(*_: object) -> None:
-        raise SourceError(path, "has a document type or entities, which no SUMO network has; refused as unsafe")
+        raise SourceError(
+            path, "has a document type or entities, which no SUMO network has; refused as unsafe"
+        )
 
     def _at() -> str:
         return f"line {parser.CurrentLineNumber}"
