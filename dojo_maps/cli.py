@@ -93,8 +93,8 @@ def _positive(text: str) -> int:
 
 
 def _convert(options: argparse.Namespace) -> int:
-    from dojo_maps.convert import ConvertOptions, convert  # noqa: PLC0415 - keeps --help and errors quick
-    from dojo_maps.progress import Progress  # noqa: PLC0415
+    from dojo_maps.convert import ConvertOptions, convert
+    from dojo_maps.progress import Progress
 
     wanted = ConvertOptions(
         generated=not options.no_generated,
@@ -106,15 +106,16 @@ def _convert(options: argparse.Namespace) -> int:
     road_map, counts = written.road_map, report["counts"]
     print(
         f"{written.folder}: {len(road_map.roads)} roads, {len(road_map.lanes)} lanes, "
-        f"{len(road_map.junctions)} junctions, {len(road_map.signals)} signals, {len(road_map.crossings)} crossings; "
+        f"{len(road_map.junctions)} junctions, {len(road_map.signals)} signals, "
+        f"{len(road_map.crossings)} crossings; "
         f"{counts['error']} errors, {counts['warning']} warnings, {counts['note']} notes"
     )
     return int(counts["error"] > 0 or (options.strict and counts["warning"] > 0))
 
 
 def _view(options: argparse.Namespace) -> int:
-    from dojo_maps.bundle import read_bundle  # noqa: PLC0415 - as above
-    from dojo_maps.viewer import write_view  # noqa: PLC0415
+    from dojo_maps.bundle import read_bundle
+    from dojo_maps.viewer import write_view
 
     shown = read_bundle(options.bundle)
     page = (
@@ -128,7 +129,7 @@ def _view(options: argparse.Namespace) -> int:
 
 
 def _list_checks(_options: argparse.Namespace) -> int:
-    from dojo_maps.validation.runner import CHECKS  # noqa: PLC0415 - as above
+    from dojo_maps.validation.runner import CHECKS
 
     for check in CHECKS:
         print(f"{check.id:32} {check.severity.value:8} {check.title} (limit: {check.limit}; {check.source})")

@@ -54,7 +54,8 @@ def _fields(cls: type) -> tuple[tuple[Field[Any], str, Any], ...]:
 
 def _encode(value: Any) -> Any:
     if is_dataclass(value):
-        return {key: _encode(getattr(value, f.name)) for f, key, _ in _fields(type(value))}
+        cls: type = type(value)
+        return {key: _encode(getattr(value, f.name)) for f, key, _ in _fields(cls)}
     if isinstance(value, np.ndarray):
         return value.tolist()
     if isinstance(value, tuple):

@@ -108,7 +108,7 @@ function makeSky() {
   const material = new THREE.ShaderMaterial({
     side: THREE.BackSide, depthTest: false, depthWrite: false,
     vertexShader: `varying vec3 way; void main() { way = position;
-      gl_Position = projectionMatrix * vec4(mat3(viewMatrix) * position, 1.0); }`,
+      gl_Position = projectionMatrix * vec4(mat3(viewMatrix) * position, 1.0); gl_Position.z = 0.0; }`,
     fragmentShader: `varying vec3 way; void main() { float up = normalize(way).y;
       vec3 haze = mix(vec3(.87, .91, .94), vec3(.76, .83, .88), clamp(-up * 1.5, 0.0, 1.0));
       gl_FragColor = vec4(mix(haze, vec3(.36, .58, .84), pow(clamp(up, 0.0, 1.0), .6)), 1.0); }`
@@ -185,10 +185,10 @@ function draw() {
   camera.position.copy(view.target).addScaledVector(axes().back, view.distance);
   camera.lookAt(view.target);
   // Paint lies a centimetre above the road: to tell them apart from afar, the near plane goes as far out as
-  // it can. Nothing stands higher than the box.
-  const clear = camera.position.y - box.max.y;
-  camera.near = Math.max(.15, .01 * view.distance, .8 * clear);
-  camera.far = camera.near + 2 * (camera.position.distanceTo(box.getCenter(new THREE.Vector3())) + reach());
+  // it can. Nothing stands higher than the box, and little stands close to an eye high above its target.
+  const eye = camera.position;
+  camera.near = Math.max(.15, .05 * (eye.y - view.target.y), .8 * (eye.y - box.max.y));
+  camera.far = camera.near + 2 * (eye.distanceTo(box.getCenter(new THREE.Vector3())) + reach());
   camera.updateProjectionMatrix();
   renderer.render(scene, camera);
 }
@@ -258,7 +258,16 @@ function listen(canvas) {
   addEventListener("resize", resize);
 }
 
+// Meshes come without normals; what three.js derives per pixel instead breaks up near the eye.
+function giveNormals(mesh) {
+  mesh.geometry = mesh.geometry.toNonIndexed();
+  mesh.geometry.computeVertexNormals();
+  mesh.material = mesh.material.clone();
+  mesh.material.flatShading = false;
+}
+
 function start(gltf) {
+  gltf.scene.traverse(node => { if (node.isMesh && !node.geometry.attributes.normal) giveNormals(node); });
   box = new THREE.Box3().setFromObject(gltf.scene);
   if (box.isEmpty()) box.set(new THREE.Vector3(-1, 0, -1), new THREE.Vector3(1, 0, 1));
   scene.add(makeSky(), ...makeLights(), gltf.scene);

@@ -1,4 +1,4 @@
-"""Steps that add to a description what a street has and a network does not say; each is RoadMap -> RoadMap."""
+"""What a street has and a network does not say, added to a description step by step."""
 
 from dataclasses import replace
 

@@ -78,7 +78,7 @@ def _overlap(lines: list[Floats]) -> bool:
 
 
 def _across_lanes(arm: _Arm) -> Floats:
-    """Find a crossing's centre line just before the ends of an arm's lanes, from border to border; (2, 2) metres.
+    """Find a crossing's centre line just before the ends of an arm's lanes; (2, 2) metres.
 
     Where the lanes of an arm end at different places, the line runs as obliquely as they do.
     """

@@ -23,7 +23,8 @@ def find_islands(road_map: RoadMap, paved: shapely.Geometry) -> tuple[Prop, ...]
     Ground along a sidewalk is a verge and stays green.
     """
     shift = np.array(road_map.origin)
-    walks = [area.polygon for area in (*road_map.sidewalks, *road_map.walking_areas) if len(area.polygon) > 2]
+    walks = [sidewalk.polygon for sidewalk in road_map.sidewalks]
+    walks += [area.polygon for area in road_map.walking_areas if len(area.polygon) > 2]
     beside = np.array([shapely.polygons(ring[:, :2] - shift) for ring in walks], dtype=object)
     lines = [lane.shape for lane in road_map.lanes]
     rings = [shapely.get_coordinates(gap.exterior)[:-1] for gap in _gaps(paved, beside)]

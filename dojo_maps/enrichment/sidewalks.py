@@ -21,8 +21,8 @@ _VEHICLE_KINDS = (LaneKind.DRIVING, LaneKind.BUS, LaneKind.BICYCLE, LaneKind.SHO
 def generate_sidewalks(road_map: RoadMap) -> tuple[Sidewalk, ...]:
     """Lay pavement where people would walk and the network has none.
 
-    Without sidewalk lanes it runs along the outer side of every road of a town, and along both sides where one
-    runs alone; without walking areas it goes around the corners between roads that have a sidewalk.
+    Without sidewalk lanes it runs along the outer side of every road of a town, and along both sides where
+    one runs alone; without walking areas it goes around the corners between roads that have a sidewalk.
     """
     walked = {lane.road for lane in road_map.lanes if lane.kind is LaneKind.SIDEWALK}
     along: tuple[Sidewalk, ...] = ()

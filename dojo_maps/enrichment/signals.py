@@ -8,7 +8,18 @@ import numpy as np
 import shapely
 
 from dojo_maps.description import (
-    Crossing, Lane, LaneKind, Link, LinkKind, Prop, RoadMap, Signal, SignalHead, StopLine, points,
+    Crossing,
+    Lane,
+    LaneKind,
+    Link,
+    LinkKind,
+    Points,
+    Prop,
+    RoadMap,
+    Signal,
+    SignalHead,
+    StopLine,
+    points,
 )  # fmt: skip
 from dojo_maps.geometry.pieces import lane_strips
 from dojo_maps.geometry.polylines import drop_repeats, place_on
@@ -98,7 +109,7 @@ class _RoadSite:
         return not len(self._strips.query(shapely.Point(x, y).buffer(0.15), predicate="intersects"))
 
 
-def _across(lane: Lane, distance: float) -> np.ndarray:  # type: ignore[type-arg]
+def _across(lane: Lane, distance: float) -> Points:
     position, heading = place_on(lane.shape, max(distance, -lane.length / 2))
     normal = np.array([-np.sin(heading), np.cos(heading), 0.0]) * lane.width / 2
     return points(np.round([position - normal, position + normal], 4))
@@ -170,7 +181,7 @@ def _walk_heads(crossing: Crossing, link: Link) -> list[SignalHead]:
         heads.append(
             SignalHead(
                 link_indices=(link.index,),
-                position=_rounded(*(back + aside), position[2] + WALK_HEAD_HEIGHT),
+                position=_rounded(back[0] + aside[0], back[1] + aside[1], position[2] + WALK_HEAD_HEIGHT),
                 heading=round(float((toward + np.pi) % (2 * np.pi) - np.pi), 6),
             )
         )

@@ -12,7 +12,7 @@ import shapely
 
 from dojo_maps.errors import GeometryError
 from dojo_maps.geometry.pieces import GRID, RAISED, Pieces
-from dojo_maps.geometry.polylines import Flags, Ints, Shapes
+from dojo_maps.geometry.polylines import Flags, Floats, Ints, Shapes
 
 LEVEL_GAP = 2.0
 """Claims on one place that are farther apart in height than this, metres, lie on different levels."""
@@ -74,7 +74,7 @@ def divide_ground(pieces: Pieces, paved: shapely.Geometry, ramps: Shapes, *, mar
     return _merge(chosen, owners, ramp_faces)
 
 
-def _widened(bounds: np.ndarray, margin: float) -> np.ndarray:  # type: ignore[type-arg]
+def _widened(bounds: Floats, margin: float) -> Floats:
     low, high = np.floor(bounds[:2] - margin), np.ceil(bounds[2:] + margin)
     return np.concatenate([low, high])
 

@@ -3,6 +3,7 @@
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from enum import Enum
+from itertools import pairwise
 
 import numpy as np
 import shapely
@@ -15,7 +16,7 @@ _WIDTH = 0.12
 _EDGE_INSET = 0.15
 _DASH = 3.0
 _DASH_AND_GAP = 9.0
-"""Lane lines in towns: 3 m of paint, 6 m of gap. Source: RMS-1 (German guideline on road markings), table 3."""
+"""Lane lines in towns: 3 m of paint, 6 m of gap. Source: RMS-1, the German guideline on markings."""
 _SLOW = 8.4
 """Streets up to 30 km/h have no edge lines, m/s."""
 _TOUCHING = 0.5
@@ -33,14 +34,14 @@ class _Style(Enum):
 
 @dataclass(slots=True)
 class _Line:
-    """A line to paint: beside a lane's centre, by `offset` metres to the left, on the ground of some lanes."""
+    """A line to paint beside a lane's centre, `offset` metres to the left, on the ground of some lanes."""
 
     lane: Lane
     offset: float
     style: _Style
     ground: tuple[str, ...]
     near: str = ""
-    """Only where the inner border of this lane runs alongside; with `away`, only where it does not."""
+    """Only where this lane's inner border runs alongside; with `away`, only where it does not."""
     away: bool = False
 
 
@@ -87,7 +88,7 @@ def rail_markings(road_map: RoadMap) -> Paint:
 def _dividers(road: Road, lane_of: dict[str, Lane], inward: float) -> Iterator[_Line]:
     """Lines between neighbouring lanes; two where only one side may cross, the broken one on that side."""
     lanes = [lane_of[lane] for lane in road.lanes]
-    for outer, inner in zip(lanes, lanes[1:], strict=False):
+    for outer, inner in pairwise(lanes):
         if outer.kind in _UNMARKED or inner.kind in _UNMARKED:
             continue
         border = inward * outer.width / 2

@@ -96,7 +96,7 @@ def build_pieces(road_map: RoadMap) -> Pieces:
 
 
 def lane_strips(lanes: Iterable[Lane]) -> Shapes:
-    """Buffer centre lines by half their widths, with flat ends; map frame, empty for a lane without length."""
+    """Buffer centre lines by half their widths, ends flat; map frame, empty for a lane without length."""
     lanes = list(lanes)
     shapes = [drop_repeats(lane.shape)[:, :2] for lane in lanes]
     lines = [shapely.linestrings(shape) if len(shape) > 1 else shapely.LineString() for shape in shapes]

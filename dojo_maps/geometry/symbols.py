@@ -21,6 +21,9 @@ _TURNS = {"s": "s", "l": "l", "L": "l", "r": "r", "R": "r"}
 """SUMO's connection directions as arrows; partly left or right is drawn as left or right."""
 
 
+_Line = tuple[tuple[float, float], ...]
+
+
 def stop_line_paint(road_map: RoadMap, canvas: Canvas) -> Paint:
     """Paint each stop line across the ground of its lane's road."""
     lane_of = {lane.id: lane for lane in road_map.lanes}
@@ -86,7 +89,7 @@ def _until(line: Points, place: Floats) -> Points:
     return np.vstack([line[lengths < length - 1e-3], place_on(line, length)[0]])
 
 
-def _stripes(crossing: Crossing, shift: np.ndarray) -> list[shapely.Polygon]:  # type: ignore[type-arg]
+def _stripes(crossing: Crossing, shift: Floats) -> list[shapely.Polygon]:
     """Bars along the traffic, across the crossing's whole width, half a metre apart."""
     shape = drop_repeats(crossing.shape) - [*shift, 0.0]
     if len(shape) < 2:
@@ -111,12 +114,12 @@ def _arrow_lanes(road_map: RoadMap) -> list[tuple[Lane, str]]:
     signalled: set[str] = set()
     lane_of = {lane.id: lane for lane in road_map.lanes}
     for connection in road_map.connections:
-        road = lane_of[connection.from_lane].road
+        start = lane_of[connection.from_lane].road
         if connection.direction in _TURNS:
             turns[connection.from_lane].add(_TURNS[connection.direction])
-            targets[road].add(lane_of[connection.to_lane].road)
+            targets[start].add(lane_of[connection.to_lane].road)
         if connection.signal is not None:
-            signalled.add(road)
+            signalled.add(start)
     chosen = []
     for road in road_map.roads:
         lanes = [lane_of[i] for i in road.lanes if lane_of[i].kind in (LaneKind.DRIVING, LaneKind.BUS)]
@@ -133,7 +136,7 @@ def _arrow_lanes(road_map: RoadMap) -> list[tuple[Lane, str]]:
 @cache
 def _arrow(turns: str) -> shapely.Polygon:
     """Draw an arrow for a set of turns, driving direction along +x, its middle at the origin."""
-    stems = {
+    stems: dict[str, tuple[_Line, _Line]] = {
         "s": (((0.0, 0.0), (3.6, 0.0)), ((3.6, 0.42), (5.0, 0.0), (3.6, -0.42))),
         "l": (((0.0, 0.0), (1.3, 0.0), (2.3, 0.6)), ((1.95, 0.8), (2.8, 1.45), (2.65, 0.4))),
     }
@@ -145,5 +148,5 @@ def _arrow(turns: str) -> shapely.Polygon:
     return affinity.translate(shapely.union_all(parts), -_ARROW_LENGTH / 2, 0.0)
 
 
-def _mirrored(places: tuple[tuple[float, float], ...]) -> tuple[tuple[float, float], ...]:
+def _mirrored(places: _Line) -> _Line:
     return tuple((x, -y) for x, y in places)

@@ -69,7 +69,7 @@ def _poles_and_arms(
 ) -> Iterator[_Part]:
     for road, pole in poles[signal.id]:
         foot = np.array(pole.position) - shift
-        top = foot + [0.0, 0.0, pole.height]
+        top = foot + np.array([0.0, 0.0, pole.height])
         yield signal.id, *_tube(foot - [0.0, 0.0, 0.2], top, _POLE_RADIUS)
         for head in arms.get(road or "", ()):
             hook = np.array(head.position) - shift + [0.0, 0.0, _ARM_ABOVE_HEAD]
@@ -94,7 +94,7 @@ def _lamps(head: SignalHead, shift: Floats, *, walking: bool) -> Iterator[tuple[
     disc, faces = _disc()
     for k, colour in enumerate(colours):
         up = ((len(colours) - 1) / 2 - k) * LAMP_SPACING
-        placed = disc + [_HOUSING[0] / 2 + 0.01, 0.0, up]
+        placed = disc + np.array([_HOUSING[0] / 2 + 0.01, 0.0, up])
         yield colour, (_turned(placed, head, shift), faces)
 
 

@@ -56,7 +56,8 @@ def build_scene(
         arrow_paint(road_map, canvas),
     )
     shift = np.array([*road_map.origin, 0.0])
-    lines = {e.id: e.shape - shift for e in (*road_map.lanes, *road_map.crossings)}
+    lines = {lane.id: lane.shape - shift for lane in road_map.lanes}
+    lines |= {crossing.id: crossing.shape - shift for crossing in road_map.crossings}
     meshes += [mesh for paint in paints if (mesh := paint_mesh(paint, ground, lines)) is not None]
     return (*meshes, *signal_meshes(road_map))
 

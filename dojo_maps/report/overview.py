@@ -24,7 +24,7 @@ def draw_overview(road_map: RoadMap, meshes: Sequence[Mesh], path: Path) -> None
     margin = max(5.0, _MARGIN * float((high - low).max()))
     low, high = low - margin, high + margin
     scale = LONGER_SIDE / float((high - low).max())
-    width, height = (int(round(side)) for side in np.maximum((high - low) * scale, 1))
+    width, height = (round(float(side)) for side in np.maximum((high - low) * scale, 1))
     canvas = np.full(
         (height * _OVERSAMPLING, width * _OVERSAMPLING, 3), COLOURS["terrain"][::-1], dtype=np.uint8
     )

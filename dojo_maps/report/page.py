@@ -7,9 +7,10 @@ from pathlib import Path
 from typing import Any
 
 _STYLE = """
-body { font: 15px/1.5 system-ui, sans-serif; margin: 2rem auto; max-width: 62rem; padding: 0 1rem; color: #222 }
-img { max-width: 100%; max-height: 70vh; border: 1px solid #ccc }
-table { border-collapse: collapse; width: 100% } th, td { text-align: left; padding: .3rem .6rem; vertical-align: top }
+body { font: 15px/1.5 system-ui, sans-serif; margin: 2rem auto; max-width: 62rem; padding: 0 1rem }
+img { max-width: 100%; max-height: 70vh }
+table { border-collapse: collapse; width: 100% }
+th, td { text-align: left; padding: .3rem .6rem; vertical-align: top }
 tr { border-bottom: 1px solid #ddd } .error { color: #b00020 } .warning { color: #9a6700 }
 """
 

@@ -9,23 +9,35 @@ from pathlib import Path
 from typing import TypeVar
 
 import numpy as np
-import shapely
 
 from dojo_maps.description import (
-    Connection, Crossing, Junction, Lane, LaneKind, Origin, Points, Projection, Road, RoadMap, Sidewalk,
-    Source, WalkingArea, points,
+    Connection,
+    Crossing,
+    Junction,
+    Lane,
+    Points,
+    Projection,
+    Road,
+    RoadMap,
+    Source,
+    WalkingArea,
+    points,
 )  # fmt: skip
 from dojo_maps.errors import SourceError
-from dojo_maps.geometry.polylines import strip_outline
 from dojo_maps.issue import Element, Issue, Severity
 from dojo_maps.sources.permissions import allowed_classes, lane_kind
+from dojo_maps.sources.sumo_pavement import (
+    read_crossing,
+    read_walking_area,
+    sidewalks_of,
+    walk_connections,
+)
 from dojo_maps.sources.sumo_signals import read_signals
 from dojo_maps.sources.sumo_xml import Attributes, EdgeRecord, NetRecords, read_records
 from dojo_maps.sources.values import read_float, read_int, read_shape
 
 _LANE_WIDTH = 3.2
 """SUMO's default, metres, where a lane names none."""
-_CROSSING_WIDTH = 4.0
 _ROAD_FUNCTIONS = ("normal", "connector")
 _SERVICES = {"emergency", "authority", "army", "vip"}
 
@@ -70,7 +82,7 @@ def read_network(data: bytes, *, path: Path, name: str, sha256: str) -> tuple[Ro
         lanes=lanes,
         connections=tuple(reader.connections),
         junctions=tuple(reader.junctions.values()),
-        sidewalks=tuple(_read_sidewalks(lanes)),
+        sidewalks=tuple(sidewalks_of(lanes)),
         crossings=tuple(reader.crossings.values()),
         walking_areas=tuple(reader.walking_areas.values()),
         signals=read_signals(
@@ -94,7 +106,7 @@ class _Reader:
         self.connections: list[Connection] = []
         self.walks: list[Attributes] = []
         self._internal: dict[str, Points] = {}
-        walks = _walk_connections(records.connections)
+        walks = walk_connections(records.connections)
         for record in records.edges:
             self._read_edge(record, walks)
         incoming, outgoing = _roads_by_junction(self.roads.values())
@@ -122,15 +134,10 @@ class _Reader:
         if function in _ROAD_FUNCTIONS:
             self._read_road(edge, record)
         elif function == "crossing" and record.lanes:
-            self._keep(
-                self.crossings, edge, "crossing", self._read_crossing(edge, record, walks.get(edge, {}))
-            )
+            crossing = read_crossing(edge, record, walks.get(edge, {}), self.path)
+            self._keep(self.crossings, edge, "crossing", crossing)
         elif function == "walkingarea" and record.lanes:
-            polygon = self._shape(record.lanes[0], f"walking area {edge}")
-            area = WalkingArea(
-                id=edge, origin=Origin.NETWORK, junction=_junction_of(edge, "w"), polygon=polygon
-            )
-            self._keep(self.walking_areas, edge, "walking_area", area)
+            self._keep(self.walking_areas, edge, "walking_area", read_walking_area(edge, record, self.path))
         elif function == "internal":
             for lane in record.lanes:
                 lane_id = self._id(lane, "lane")
@@ -172,23 +179,6 @@ class _Reader:
             change_inward=_may_change(attributes.get("changeLeft"), ordinary),
             change_outward=_may_change(attributes.get("changeRight"), ordinary),
             opposite=record.opposites.get(lane_id) or None,
-        )
-
-    def _read_crossing(self, edge: str, record: EdgeRecord, walk: Attributes) -> Crossing:
-        attributes, what = record.lanes[0], f"crossing {edge}"
-        shape = self._shape(attributes, what)
-        width = read_float(attributes, "width", self.path, what, default=_CROSSING_WIDTH, above=0.0)
-        outline = self._shape(attributes, what, key="outlineShape") if "outlineShape" in attributes else None
-        return Crossing(
-            id=edge,
-            origin=Origin.NETWORK,
-            junction=_junction_of(edge, "c"),
-            roads=tuple(record.attributes.get("crossingEdges", "").split()),
-            width=width,
-            shape=shape,
-            polygon=_crossing_polygon(shape, width, outline),
-            signal=walk.get("tl"),
-            link_index=read_int(walk, "linkIndex", self.path, what) if "tl" in walk else None,
         )
 
     def _read_junction(
@@ -241,7 +231,7 @@ class _Reader:
         ]
         path = np.concatenate(parts)
         moved = np.ones(len(path), dtype=bool)
-        moved[1:-1] = (np.abs(np.diff(path, axis=0)) > 1e-9).any(axis=1)[:-1]
+        moved[1:-1] = np.abs(path[1:-1] - path[:-2]).max(axis=1) > 0
         self.connections.append(
             Connection(
                 from_lane=source,
@@ -280,7 +270,7 @@ class _Reader:
                     severity=Severity.ERROR,
                     elements=(Element(kind=kind, id=key),),
                     position=(0.0, 0.0, 0.0),
-                    message=f"the {kind.replace('_', ' ')} {key} is defined more than once; the first is kept",
+                    message=f"the {kind} {key} is defined more than once; the first is kept",
                     hint="give each its own id",
                 )
             )
@@ -305,39 +295,11 @@ def _read_projection(location: Attributes, path: Path) -> Projection:
     )
 
 
-def _read_sidewalks(lanes: Iterable[Lane]) -> Iterable[Sidewalk]:
-    for lane in lanes:
-        if lane.kind is LaneKind.SIDEWALK:
-            ring = strip_outline(lane.shape, lane.width)
-            yield Sidewalk(id=lane.id, origin=Origin.NETWORK, road=lane.road, polygon=ring)
-
-
-def _crossing_polygon(shape: Points, width: float, outline: Points | None) -> Points:
-    """Take the crossing's own outline where it is one; netconvert appends stray corners to some."""
-    strip = strip_outline(shape, width)
-    if outline is None or len(outline) < 3:
-        return strip
-    drawn, expected = shapely.Polygon(outline[:, :2]), shapely.Polygon(strip[:, :2])
-    if not drawn.is_valid or drawn.intersection(expected).area < 0.7 * drawn.union(expected).area:
-        return strip
-    return outline
-
-
 def _may_change(classes: str | None, ordinary: set[str]) -> bool:
     """Tell whether ordinary traffic may leave its lane, by SUMO's changeLeft or changeRight."""
     if classes is None or classes == "all":
         return True
     return bool(ordinary & set(classes.split()))
-
-
-def _walk_connections(connections: list[Attributes]) -> dict[str, Attributes]:
-    """Find the signalled way onto each crossing."""
-    return {a["to"]: a for a in reversed(connections) if "tl" in a and a.get("to", "").startswith(":")}
-
-
-def _junction_of(edge: str, letter: str) -> str:
-    """Find the junction in the id of its crossing (:J_c0) or walking area (:J_w0)."""
-    return edge.removeprefix(":").rpartition(f"_{letter}")[0]
 
 
 def _roads_by_junction(roads: Iterable[Road]) -> tuple[dict[str, list[str]], dict[str, list[str]]]:

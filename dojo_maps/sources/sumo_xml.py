@@ -57,14 +57,14 @@ def read_records(data: bytes, path: Path | str) -> NetRecords:
         "net": records.net.update,
         "location": records.location.update,
         "edge": lambda a: records.edges.append(EdgeRecord(a)),
-        "lane": lambda a: records.edges[-1].lanes.append(a),
+        "lane": lambda a: records.edges[-1].lanes.append(a),  # noqa: PLW0108 - the last edge of that moment
         "neigh": lambda a: records.edges[-1].opposites.update(
             {records.edges[-1].lanes[-1].get("id", ""): a.get("lane", "")}
         ),
         "junction": records.junctions.append,
         "connection": records.connections.append,
         "tlLogic": lambda a: records.logics.append(LogicRecord(a)),
-        "phase": lambda a: records.logics[-1].phases.append(a),
+        "phase": lambda a: records.logics[-1].phases.append(a),  # noqa: PLW0108
     }
     open_elements: list[str] = []
 
