@@ -184,8 +184,8 @@ function draw() {
   view.elevation = Math.min(STEEPEST, Math.max(-STEEPEST, view.elevation));
   camera.position.copy(view.target).addScaledVector(axes().back, view.distance);
   camera.lookAt(view.target);
-  // Paint lies a centimetre above the road: to tell them apart from afar, the near plane goes as far out as
-  // it can. Nothing stands higher than the box, and little stands close to an eye high above its target.
+  // The farther out the near plane, the finer the depths are told apart. Nothing stands higher than the box,
+  // and little stands close to an eye high above its target.
   const eye = camera.position;
   camera.near = Math.max(.15, .05 * (eye.y - view.target.y), .8 * (eye.y - box.max.y));
   camera.far = camera.near + 2 * (eye.distanceTo(box.getCenter(new THREE.Vector3())) + reach());
@@ -258,16 +258,22 @@ function listen(canvas) {
   addEventListener("resize", resize);
 }
 
-// Meshes come without normals; what three.js derives per pixel instead breaks up near the eye.
-function giveNormals(mesh) {
-  mesh.geometry = mesh.geometry.toNonIndexed();
-  mesh.geometry.computeVertexNormals();
+// Meshes come without normals; what three.js derives per pixel instead breaks up near the eye. Paint is
+// drawn as if it lay nearer, because from kilometres away its centimetre above the road is lost in rounding.
+function prepare(mesh) {
   mesh.material = mesh.material.clone();
-  mesh.material.flatShading = false;
+  if (!mesh.geometry.attributes.normal) {
+    mesh.geometry = mesh.geometry.toNonIndexed();
+    mesh.geometry.computeVertexNormals();
+    mesh.material.flatShading = false;
+  }
+  mesh.material.polygonOffset = /^(crossing|marking|stop_line|arrow)/.test(mesh.name);
+  mesh.material.polygonOffsetFactor = -1;
+  mesh.material.polygonOffsetUnits = -16;
 }
 
 function start(gltf) {
-  gltf.scene.traverse(node => { if (node.isMesh && !node.geometry.attributes.normal) giveNormals(node); });
+  gltf.scene.traverse(node => { if (node.isMesh) prepare(node); });
   box = new THREE.Box3().setFromObject(gltf.scene);
   if (box.isEmpty()) box.set(new THREE.Vector3(-1, 0, -1), new THREE.Vector3(1, 0, 1));
   scene.add(makeSky(), ...makeLights(), gltf.scene);

@@ -33,11 +33,13 @@ class Parts:
         polygons: (n,) polygons.
         owners: (n,) indices of pieces, or `TERRAIN`.
         ramps: (n,) whether the part lies where a kerb is lowered.
+        lowest: (n,) whether no other part lies under it.
     """
 
     polygons: Shapes
     owners: Ints
     ramps: Flags
+    lowest: Flags
 
 
 def paved_ground(pieces: Pieces) -> shapely.Geometry:
@@ -68,10 +70,10 @@ def divide_ground(pieces: Pieces, paved: shapely.Geometry, ramps: Shapes, *, mar
     except shapely.errors.GEOSException as error:
         raise GeometryError(f"the map's outlines cannot be cut along each other: {error}") from error
     faces = faces[shapely.area(faces) > 0]
-    face_indices, owners = _assign_owners(faces, pieces, paved)
+    face_indices, owners, lowest = _assign_owners(faces, pieces, paved)
     chosen = faces[face_indices]
     ramp_faces = _inside_any(chosen, ramps) & np.isin(owners, _raised(pieces))
-    return _merge(chosen, owners, ramp_faces)
+    return _merge(chosen, owners, ramp_faces, lowest)
 
 
 def _widened(bounds: Floats, margin: float) -> Floats:
@@ -79,8 +81,8 @@ def _widened(bounds: Floats, margin: float) -> Floats:
     return np.concatenate([low, high])
 
 
-def _assign_owners(faces: Shapes, pieces: Pieces, paved: shapely.Geometry) -> tuple[Ints, Ints]:
-    """List (face, owner) pairs: one for each level of a face, or one with `TERRAIN`."""
+def _assign_owners(faces: Shapes, pieces: Pieces, paved: shapely.Geometry) -> tuple[Ints, Ints, Flags]:
+    """List (face, owner, lowest or not): one for each level of a face, or one with `TERRAIN`."""
     inner = shapely.point_on_surface(faces)
     face, piece = shapely.STRtree(pieces.polygons).query(inner, predicate="within")
     heights = pieces.heights.at(piece, shapely.get_coordinates(inner)[face])
@@ -99,9 +101,11 @@ def _assign_owners(faces: Shapes, pieces: Pieces, paved: shapely.Geometry) -> tu
     seams = np.flatnonzero(~covered & (within | _fill_wedges(faces, inner, pieces.mouths, paved)))
     kept = ~np.isin(owned, seams)
     rest = np.setdiff1d(np.arange(len(faces)), np.union1d(owned, seams))
+    lowest = np.diff(owned, prepend=-1) > 0
     return (
         np.concatenate([owned[kept], seams, rest]),
         np.concatenate([owners[kept], _nearest(inner[seams], pieces), np.full(len(rest), TERRAIN)]),
+        np.concatenate([lowest[kept], np.ones(len(seams) + len(rest), dtype=bool)]),
     )
 
 
@@ -143,9 +147,9 @@ def _raised(pieces: Pieces) -> Ints:
     return np.flatnonzero([layer in RAISED for layer in pieces.layers])
 
 
-def _merge(faces: Shapes, owners: Ints, ramps: Flags) -> Parts:
+def _merge(faces: Shapes, owners: Ints, ramps: Flags, lowest: Flags) -> Parts:
     """Join the faces of each owner; their outlines keep every corner that a neighbour has there."""
-    group = owners * 2 + ramps
+    group = owners * 4 + ramps * 2 + lowest
     order = np.argsort(group, kind="stable")
     starts = np.flatnonzero(np.diff(group[order], prepend=group[order][:1] - 1))
     ends = [*starts[1:], len(order)]
@@ -155,4 +159,4 @@ def _merge(faces: Shapes, owners: Ints, ramps: Flags) -> Parts:
         joined.append(run[0] if len(run) == 1 else shapely.coverage_union_all(run))
     polygons, index = shapely.get_parts(np.array(joined, dtype=object), return_index=True)
     source = order[starts][index]
-    return Parts(polygons=polygons, owners=owners[source], ramps=ramps[source])
+    return Parts(polygons=polygons, owners=owners[source], ramps=ramps[source], lowest=lowest[source])

@@ -44,7 +44,7 @@ def write_scene(meshes: Sequence[Mesh], path: Path) -> None:
             baseColorFactor=_linear(COLOURS[mesh.name]),
             metallicFactor=0.0,
             roughnessFactor=0.9,
-            doubleSided=mesh.layer == "road",
+            doubleSided=mesh.layer in ("road", "junction", "terrain"),
         )
         shape = trimesh.Trimesh(
             vertices=np.column_stack([x, z, -y]),

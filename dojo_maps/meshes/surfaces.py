@@ -9,7 +9,7 @@ import shapely
 
 from dojo_maps.geometry.arrangement import TERRAIN, Parts
 from dojo_maps.geometry.pieces import GRID, RAISED, Layer, Pieces
-from dojo_maps.geometry.polylines import Floats, Ints, Shapes
+from dojo_maps.geometry.polylines import Flags, Floats, Ints, Shapes
 from dojo_maps.meshes.mesh import Mesh, compact
 from dojo_maps.meshes.solids import extrude
 
@@ -32,20 +32,24 @@ class Ground:
         owners: (m,) index of the owning piece, or `TERRAIN`.
         layers: (m,) the layer's index in `Layer`.
         ramps: (m,) whether a kerb is lowered there.
+        lowest: (m,) whether no other face lies under it.
+        places: (n,) number of each vertex's place on the plane; levels share it.
     """
 
     vertices: Floats
     faces: Ints
     owners: Ints
     layers: Ints
-    ramps: Ints
+    ramps: Flags
+    lowest: Flags
+    places: Ints
 
 
 def build_ground(pieces: Pieces, parts: Parts, *, jobs: int = 1) -> Ground:
     """Triangulate every part; corners that meet on one level become one vertex."""
     corners, part = triangulate(parts.polygons, jobs=jobs)
     owner = parts.owners[part]
-    vertices, faces = _join_corners(corners.reshape(-1, 2), np.repeat(owner, 3), pieces)
+    vertices, faces, places = _join_corners(corners.reshape(-1, 2), np.repeat(owner, 3), pieces)
     solid = (faces != np.roll(faces, 1, axis=1)).all(axis=1)
     layer_of = np.array(
         [list(Layer).index(layer) for layer in pieces.layers] + [list(Layer).index(Layer.TERRAIN)]
@@ -56,6 +60,8 @@ def build_ground(pieces: Pieces, parts: Parts, *, jobs: int = 1) -> Ground:
         owners=owner[solid],
         layers=layer_of[owner][solid],
         ramps=parts.ramps[part][solid],
+        lowest=parts.lowest[part][solid],
+        places=places,
     )
 
 
@@ -85,12 +91,35 @@ def surface_meshes(ground: Ground, pieces: Pieces) -> Iterator[Mesh]:
         if not chosen.any():
             continue
         faces, owners = ground.faces[chosen], ground.owners[chosen]
+        if layer is Layer.TERRAIN:
+            faces = np.concatenate([faces, _abutments(ground)])
+            owners = np.full(len(faces), TERRAIN)
         sources = np.where(owners == TERRAIN, len(pieces.ids), owners)
         if layer in RAISED:
             vertices, faces, origin = extrude(ground.vertices, faces, rise, _FOOTING)
             yield compact(layer, vertices, faces, sources[origin], ids)
         else:
             yield compact(layer, ground.vertices, faces, sources, ids)
+
+
+def _abutments(ground: Ground) -> Ints:
+    """Close the ground where its lowest surface steps to another level: walls under the ends of bridges."""
+    faces = ground.faces[ground.lowest]
+    start, end = faces.ravel(), faces[:, [1, 2, 0]].ravel()
+    count = int(ground.places.max()) + 1
+    keys = ground.places[start] * count + ground.places[end]
+    twins = ground.places[end] * count + ground.places[start]
+    order = np.argsort(keys)
+    found = np.minimum(np.searchsorted(keys[order], twins), len(keys) - 1)
+    other = order[found]
+    paired = keys[other] == twins
+    step = paired & ((start != end[other]) | (end != start[other]))
+    step &= ground.vertices[start, 2] + ground.vertices[end, 2] > (
+        ground.vertices[start[other], 2] + ground.vertices[end[other], 2]
+    )
+    a, b, below_b, below_a = start[step], end[step], start[other][step], end[other][step]
+    walls = np.concatenate([np.column_stack([b, a, below_a]), np.column_stack([b, below_a, below_b])])
+    return walls[(walls != np.roll(walls, 1, axis=1)).all(axis=1)]
 
 
 def _kerb_heights(ground: Ground) -> Floats:
@@ -103,7 +132,7 @@ def _kerb_heights(ground: Ground) -> Floats:
     return rise
 
 
-def _join_corners(corners: Floats, owners: Ints, pieces: Pieces) -> tuple[Floats, Ints]:
+def _join_corners(corners: Floats, owners: Ints, pieces: Pieces) -> tuple[Floats, Ints, Ints]:
     """Make one vertex of all corners on one place and level; its height is their mean.
 
     Args:
@@ -112,7 +141,7 @@ def _join_corners(corners: Floats, owners: Ints, pieces: Pieces) -> tuple[Floats
         pieces: where heights come from.
 
     Returns:
-        Vertices (n, 3) and faces (m, 3).
+        Vertices (n, 3), faces (m, 3), and the number of each vertex's place (n,).
     """
     raster = np.round(corners / GRID).astype(np.int64)
     place = np.unique((raster[:, 0] << 32) + raster[:, 1], return_inverse=True)[1]
@@ -127,7 +156,7 @@ def _join_corners(corners: Floats, owners: Ints, pieces: Pieces) -> tuple[Floats
     vertex[order] = np.cumsum(starts) - 1
     first = order[starts]
     mean = np.bincount(vertex, weights=heights) / np.bincount(vertex)
-    return np.column_stack([raster[first] * GRID, mean]), vertex.reshape(-1, 3)
+    return np.column_stack([raster[first] * GRID, mean]), vertex.reshape(-1, 3), place[first]
 
 
 def _lay_terrain(heights: Floats, place: Ints, corners: Floats) -> None:
