@@ -96,11 +96,12 @@ def furnish_and_build(
 ) -> tuple[RoadMap, tuple[Mesh, ...]]:
     """Add what a street has to a description and build its scene, without touching the disk."""
     on_stage("Joining surfaces")
-    paved = paved_ground(build_pieces(described))
+    pieces = build_pieces(described)
+    paved = paved_ground(pieces)
     on_stage("Furnishing the street")
     road_map = furnish(described, paved, generated=options.generated)
     jobs = options.jobs or os.cpu_count() or 1
-    return road_map, build_scene(road_map, paved, jobs=jobs, on_stage=on_stage)
+    return road_map, build_scene(road_map, pieces, paved, jobs=jobs, on_stage=on_stage)
 
 
 def _write(

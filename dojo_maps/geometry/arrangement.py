@@ -12,7 +12,7 @@ import shapely
 
 from dojo_maps.errors import GeometryError
 from dojo_maps.geometry.pieces import GRID, RAISED, Pieces
-from dojo_maps.geometry.polylines import Flags, Floats, Ints, Shapes
+from dojo_maps.geometry.polylines import Flags, Floats, HeightLines, Ints, Shapes
 
 LEVEL_GAP = 2.0
 """Claims on one place that are farther apart in height than this, metres, lie on different levels."""
@@ -44,7 +44,8 @@ class Parts:
 
 def paved_ground(pieces: Pieces) -> shapely.Geometry:
     """Join the network's own surfaces and close the slits that its rounded coordinates leave between them."""
-    joined = shapely.union_all(pieces.polygons[: pieces.paved], grid_size=GRID)
+    # Buffering all surfaces at once joins them, in a fifth of the time that a union takes.
+    joined = shapely.multipolygons(shapely.get_parts(pieces.polygons[: pieces.paved]))
     for distance in (_SEAM, -_SEAM):
         joined = shapely.buffer(joined, distance, join_style="mitre", mitre_limit=2.0)
     return shapely.set_precision(joined, GRID)
@@ -85,7 +86,7 @@ def _assign_owners(faces: Shapes, pieces: Pieces, paved: shapely.Geometry) -> tu
     """List (face, owner, lowest or not): one for each level of a face, or one with `TERRAIN`."""
     inner = shapely.point_on_surface(faces)
     face, piece = shapely.STRtree(pieces.polygons).query(inner, predicate="within")
-    heights = pieces.heights.at(piece, shapely.get_coordinates(inner)[face])
+    heights = HeightLines(pieces.lines).at(piece, shapely.get_coordinates(inner)[face])
     order = np.lexsort((piece, heights, face))
     face, piece, heights = face[order], piece[order], heights[order]
     starts = np.ones(len(face), dtype=bool)

@@ -3,15 +3,15 @@
 A piece is a polygon as the description has it, overlaps and all. `arrangement` decides who owns what.
 """
 
-from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
 from enum import StrEnum
 
 import numpy as np
 import shapely
 
 from dojo_maps.description import Lane, LaneKind, Origin, Points, RoadMap
-from dojo_maps.geometry.polylines import HeightLines, Shapes, drop_repeats
+from dojo_maps.geometry.polylines import Shapes, drop_repeats
 
 GRID = 1e-3
 """Every corner of every surface lies on this raster, metres, so that neighbours share their corners."""
@@ -52,6 +52,8 @@ class Claim:
 class Pieces:
     """All claims, those that win first; polygons on the raster, in the frame of the map's origin.
 
+    `lines` are those that each piece's heights are known along.
+
     `paved` counts the leading pieces that make up the network's own ground, without islands, generated
     pavement and tracks: seams are closed between these only. `mouths` reach on from the lanes' ends into the
     junctions, over the wedges that oblique borders leave there.
@@ -60,38 +62,49 @@ class Pieces:
     polygons: Shapes
     layers: tuple[Layer, ...]
     ids: tuple[str, ...]
-    heights: HeightLines
+    lines: tuple[Points, ...]
     paved: int
     mouths: Shapes
 
 
 def build_pieces(road_map: RoadMap) -> Pieces:
-    """Collect every claim to ground in the order of precedence.
+    """Collect the network's own claims to ground in the order of precedence.
 
-    A lane wins over a walking area, that over a junction's floor, that over a sidewalk; then come islands,
-    generated pavement and tracks. Among lanes, driving lanes win, then roads of higher priority.
+    A lane wins over a walking area, that over a junction's floor, that over a sidewalk. Among lanes, driving
+    lanes win, then roads of higher priority.
     """
-    own = [*_road_claims(road_map), *_walking_area_claims(road_map), *_junction_claims(road_map)]
-    own += _sidewalk_claims(road_map, Origin.NETWORK)
-    added = [
-        *_island_claims(road_map),
-        *_sidewalk_claims(road_map, Origin.GENERATED),
-        *_rail_claims(road_map),
-    ]
-    claims = [*own, *added]
+    claims = [*_road_claims(road_map), *_walking_area_claims(road_map), *_junction_claims(road_map)]
+    pieces = _pieces([*claims, *_sidewalk_claims(road_map, Origin.NETWORK)], road_map)
+    return replace(pieces, paved=len(pieces.ids), mouths=_mouths(road_map))
+
+
+def add_pieces(pieces: Pieces, road_map: RoadMap) -> Pieces:
+    """Add the claims that give way to the network's own: islands, then generated pavement, then tracks."""
+    claims = [*_island_claims(road_map), *_sidewalk_claims(road_map, Origin.GENERATED)]
+    added = _pieces([*claims, *_rail_claims(road_map)], road_map)
+    return replace(
+        pieces,
+        polygons=np.concatenate([pieces.polygons, added.polygons]),
+        layers=pieces.layers + added.layers,
+        ids=pieces.ids + added.ids,
+        lines=pieces.lines + added.lines,
+    )
+
+
+def _pieces(claims: Sequence[Claim], road_map: RoadMap) -> Pieces:
     shift = np.array([*road_map.origin, 0.0])
     polygons = shapely.transform(
         np.array([c.polygon for c in claims], dtype=object), lambda xy: xy - shift[:2]
     )
     polygons = shapely.set_precision(shapely.make_valid(polygons), GRID)
-    kept = np.flatnonzero(shapely.area(polygons) > 0.01)
+    kept = [int(i) for i in np.flatnonzero(shapely.area(polygons) > 0.01)]
     return Pieces(
         polygons=polygons[kept],
         layers=tuple(claims[i].layer for i in kept),
         ids=tuple(claims[i].id for i in kept),
-        heights=HeightLines([claims[i].line - shift for i in kept]),
-        paved=int((kept < len(own)).sum()),
-        mouths=_mouths(road_map, shift),
+        lines=tuple(claims[i].line - shift for i in kept),
+        paved=0,
+        mouths=np.empty(0, dtype=object),
     )
 
 
@@ -117,13 +130,14 @@ def _road_claims(road_map: RoadMap) -> Iterator[Claim]:
         yield Claim(Layer.ROAD, lane.id, strip, lane.shape)
 
 
-def _mouths(road_map: RoadMap, shift: Points) -> Shapes:
+def _mouths(road_map: RoadMap) -> Shapes:
     """Carry each lane on past the ends where it goes on, straight and at its width."""
     ends = {c.from_lane for c in road_map.connections}
     starts = {c.to_lane for c in road_map.connections}
     lines, widths = [], []
+    origin = np.array(road_map.origin)
     for lane in road_map.lanes:
-        shape = drop_repeats(lane.shape)[:, :2] - shift[:2]
+        shape = drop_repeats(lane.shape)[:, :2] - origin
         if lane.kind in _NOT_ROAD or len(shape) < 2:
             continue
         for wanted, border, inner in (

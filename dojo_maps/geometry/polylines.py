@@ -22,9 +22,8 @@ def along(line: Floats) -> Floats:
 
 def drop_repeats(line: Points, *, closer_than: float = 1e-3) -> Points:
     """Drop points that lie on the one before them; a line without length comes back as one point."""
-    keep = np.ones(len(line), dtype=bool)
-    keep[1:] = np.hypot(*np.diff(line[:, :2], axis=0).T) > closer_than
-    return line[keep]
+    repeats = (np.abs(line[1:, :2] - line[:-1, :2]) <= closer_than).all(axis=1)
+    return line[np.append(True, ~repeats)] if repeats.any() else line
 
 
 def place_on(line: Points, distance: float) -> tuple[Floats, float]:

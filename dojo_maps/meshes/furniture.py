@@ -122,7 +122,20 @@ def _disc() -> tuple[Floats, Ints]:
 
 
 def _tube(start: Floats, end: Floats, radius: float) -> tuple[Floats, Ints]:
-    if float(np.linalg.norm(end - start)) < 1e-3:
+    """Make an eight-sided tube with closed ends; empty where both ends are one place."""
+    axis = end - start
+    length = float(np.linalg.norm(axis))
+    if length < 1e-3:
         return np.empty((0, 3)), np.empty((0, 3), dtype=np.int64)
-    tube = trimesh.creation.cylinder(radius=radius, segment=[start, end], sections=8)
-    return np.array(tube.vertices), np.array(tube.faces, dtype=np.int64)
+    ring, faces = _unit_tube()
+    across = np.cross(axis / length, [1.0, 0.0, 0.0] if abs(axis[0]) < 0.9 * length else [0.0, 1.0, 0.0])
+    across /= np.linalg.norm(across)
+    frame = np.array([across, np.cross(axis / length, across), axis / length])
+    return start + (ring * [radius, radius, length]) @ frame, faces
+
+
+@cache
+def _unit_tube() -> tuple[Floats, Ints]:
+    tube = trimesh.creation.cylinder(radius=1.0, height=1.0, sections=8)
+    vertices: Floats = np.array(tube.vertices) + np.array([0.0, 0.0, 0.5])
+    return vertices, np.array(tube.faces, dtype=np.int64)

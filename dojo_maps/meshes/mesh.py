@@ -36,14 +36,21 @@ def compact(name: str, vertices: Floats, faces: Ints, sources: Ints, ids: Sequen
     """Drop unused vertices and ids, and put the faces of each id together, in the ids' order."""
     order = np.argsort(sources, kind="stable")
     used_ids, sources = np.unique(sources[order], return_inverse=True)
-    used, corners = np.unique(faces[order], return_inverse=True)
+    used, corners = used_vertices(faces[order], len(vertices))
     return Mesh(
         name=name,
         vertices=vertices[used],
-        faces=corners.reshape(-1, 3),
+        faces=corners,
         sources=sources,
         ids=tuple(ids[i] for i in used_ids),
     )
+
+
+def used_vertices(faces: Ints, count: int) -> tuple[Ints, Ints]:
+    """Number the vertices that faces use anew; returns their old numbers and the faces with new ones."""
+    used = np.zeros(count, dtype=bool)
+    used[faces] = True
+    return np.flatnonzero(used), (np.cumsum(used) - 1)[faces]
 
 
 def join(name: str, parts: Iterable[tuple[str, Floats, Ints]]) -> Mesh:
@@ -71,6 +78,6 @@ def upward_area(mesh: Mesh) -> float:
 def is_watertight(mesh: Mesh) -> bool:
     """Tell whether every edge is shared by exactly two faces that run along it in opposite ways."""
     edges = mesh.faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
-    keys = edges[:, 0] * len(mesh.vertices) + edges[:, 1]
-    twins = edges[:, 1] * len(mesh.vertices) + edges[:, 0]
-    return len(np.unique(keys)) == len(keys) and bool(np.array_equal(np.sort(keys), np.sort(twins)))
+    keys = np.sort(edges[:, 0] * len(mesh.vertices) + edges[:, 1])
+    twins = np.sort(edges[:, 1] * len(mesh.vertices) + edges[:, 0])
+    return bool((np.diff(keys) > 0).all()) and np.array_equal(keys, twins)

@@ -9,7 +9,7 @@ from dojo_maps.description import RoadMap
 from dojo_maps.geometry.arrangement import divide_ground
 from dojo_maps.geometry.markings import line_markings, rail_markings
 from dojo_maps.geometry.paint import Canvas
-from dojo_maps.geometry.pieces import build_pieces
+from dojo_maps.geometry.pieces import Pieces, add_pieces
 from dojo_maps.geometry.polylines import Shapes
 from dojo_maps.geometry.symbols import arrow_paint, crossing_paint, stop_line_paint
 from dojo_maps.meshes.decals import paint_mesh
@@ -25,6 +25,7 @@ _MARGIN_SHARE = 0.05
 
 def build_scene(
     road_map: RoadMap,
+    pieces: Pieces,
     paved: shapely.Geometry,
     *,
     jobs: int = 1,
@@ -34,12 +35,13 @@ def build_scene(
 
     Args:
         road_map: the description, furnished.
+        pieces: the network's own claims to ground.
         paved: the network's own ground, in the frame of `origin`.
         jobs: how many threads cut triangles; the result is the same for any number.
         on_stage: told what begins.
     """
     on_stage("Dividing the ground")
-    pieces = build_pieces(road_map)
+    pieces = add_pieces(pieces, road_map)
     size = np.subtract(road_map.bounds[1], road_map.bounds[0]).max()
     margin = max(_MARGIN, _MARGIN_SHARE * float(size))
     parts = divide_ground(pieces, paved, _ramps(road_map), margin=margin)

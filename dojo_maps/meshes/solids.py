@@ -3,6 +3,7 @@
 import numpy as np
 
 from dojo_maps.geometry.polylines import Floats, Ints
+from dojo_maps.meshes.mesh import used_vertices
 
 _APART = 2e-3
 """How far parts of an outline that touch in one point are drawn apart, metres."""
@@ -20,8 +21,8 @@ def extrude(vertices: Floats, faces: Ints, rise: Floats, depth: float) -> tuple[
     Returns:
         Vertices (k, 3), faces (j, 3), and for each face the index of the input face it stands for.
     """
-    used, corners = np.unique(faces, return_inverse=True)
-    ground, faces, origin = _split_pinches(vertices[used], corners.reshape(-1, 3))
+    used, corners = used_vertices(faces, len(vertices))
+    ground, faces, origin = _split_pinches(vertices[used], corners)
     rise = rise[used][origin]
     top, bottom = ground.copy(), ground.copy()
     top[:, 2] += rise
@@ -44,7 +45,10 @@ def _outline(faces: Ints) -> tuple[Ints, Ints, Ints]:
     """Find the edges with a face on one side only: start, end and face of each, the face on the left."""
     start, end = faces.ravel(), faces[:, [1, 2, 0]].ravel()
     count = int(faces.max(initial=0)) + 1
-    free = ~np.isin(start * count + end, end * count + start)
+    twins = np.sort(end * count + start)
+    keys = start * count + end
+    found = np.minimum(np.searchsorted(twins, keys), len(twins) - 1)
+    free = twins[found] != keys
     return start[free], end[free], np.repeat(np.arange(len(faces)), 3)[free]
 
 

@@ -9,7 +9,7 @@ import shapely
 
 from dojo_maps.geometry.arrangement import TERRAIN, Parts
 from dojo_maps.geometry.pieces import GRID, RAISED, Layer, Pieces
-from dojo_maps.geometry.polylines import Flags, Floats, Ints, Shapes
+from dojo_maps.geometry.polylines import Flags, Floats, HeightLines, Ints, Shapes
 from dojo_maps.meshes.mesh import Mesh, compact
 from dojo_maps.meshes.solids import extrude
 
@@ -145,10 +145,13 @@ def _join_corners(corners: Floats, owners: Ints, pieces: Pieces) -> tuple[Floats
     """
     raster = np.round(corners / GRID).astype(np.int64)
     place = np.unique((raster[:, 0] << 32) + raster[:, 1], return_inverse=True)[1]
-    heights = np.full(len(corners), np.inf)
-    claimed = owners != TERRAIN
-    heights[claimed] = pieces.heights.at(owners[claimed], corners[claimed])
-    _lay_terrain(heights, place, corners)
+    known = HeightLines(pieces.lines)
+    heights = np.zeros(len(corners))
+    if not known.flat:
+        claimed = owners != TERRAIN
+        heights[claimed] = known.at(owners[claimed], corners[claimed])
+        heights[~claimed] = np.inf
+        _lay_terrain(heights, place, corners)
     order = np.lexsort((heights, place))
     starts = np.ones(len(order), dtype=bool)
     starts[1:] = (np.diff(place[order]) > 0) | (np.diff(heights[order]) > _SAME_HEIGHT)
