@@ -35,6 +35,16 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except OSError as error:
         print(f"dojo-maps: {error}", file=sys.stderr)
         return 4
+    except Exception as error:  # noqa: BLE001 - a user gets one line, whatever happens
+        place = error.__traceback__
+        while place and place.tb_next:
+            place = place.tb_next
+        where = f"{Path(place.tb_frame.f_code.co_filename).name}:{place.tb_lineno}" if place else "?"
+        print(
+            f"dojo-maps: a defect of this program ({type(error).__name__}: {error}; {where})", file=sys.stderr
+        )
+        print("dojo-maps: nothing was written; please report it with the input", file=sys.stderr)
+        return 4
     return status
 
 

@@ -6,9 +6,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from shapely.errors import ShapelyError
+
 from dojo_maps import bundle
 from dojo_maps.description import RoadMap
 from dojo_maps.enrichment import furnish
+from dojo_maps.errors import GeometryError
 from dojo_maps.exports import EXPORTERS
 from dojo_maps.geometry.arrangement import paved_ground
 from dojo_maps.geometry.pieces import build_pieces
@@ -61,6 +64,7 @@ def convert(
         The bundle, and its report as JSON values.
 
     Raises:
+        GeometryError: the map's shapes defeat every way to cut them.
         SourceError: the input cannot be read.
         UsageError: the folder is there and is not a bundle.
         DojoError: the conversion failed; nothing is written then.
@@ -95,13 +99,18 @@ def furnish_and_build(
     described: RoadMap, options: ConvertOptions, on_stage: Callable[[str], None] = lambda _stage: None
 ) -> tuple[RoadMap, tuple[Mesh, ...]]:
     """Add what a street has to a description and build its scene, without touching the disk."""
-    on_stage("Joining surfaces")
-    pieces = build_pieces(described)
-    paved = paved_ground(pieces)
-    on_stage("Furnishing the street")
-    road_map = furnish(described, paved, generated=options.generated)
-    jobs = options.jobs or os.cpu_count() or 1
-    return road_map, build_scene(road_map, pieces, paved, jobs=jobs, on_stage=on_stage)
+    try:
+        on_stage("Joining surfaces")
+        pieces = build_pieces(described)
+        paved = paved_ground(pieces)
+        on_stage("Furnishing the street")
+        road_map = furnish(described, paved, generated=options.generated)
+        jobs = options.jobs or os.cpu_count() or 1
+        return road_map, build_scene(road_map, pieces, paved, jobs=jobs, on_stage=on_stage)
+    except ShapelyError as error:
+        raise GeometryError(
+            f"{described.name}: its shapes cannot be cut along each other: {error}"
+        ) from error
 
 
 def _write(

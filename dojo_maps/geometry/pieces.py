@@ -11,7 +11,7 @@ import numpy as np
 import shapely
 
 from dojo_maps.description import Lane, LaneKind, Origin, Points, RoadMap
-from dojo_maps.geometry.polylines import Shapes, drop_repeats
+from dojo_maps.geometry.polylines import Ints, Shapes, drop_repeats
 
 GRID = 1e-3
 """Every corner of every surface lies on this raster, metres, so that neighbours share their corners."""
@@ -34,6 +34,8 @@ RAISED = (Layer.WALKING_AREA, Layer.SIDEWALK, Layer.ISLAND)
 
 _MOUTH = 2.0
 """Metres; the wedge between a lane of 3.2 m and a border 30 degrees askew is 1.8 m deep."""
+_POLYGON = 3
+"""shapely's type number."""
 _NOT_ROAD = (LaneKind.SIDEWALK, LaneKind.RAIL, LaneKind.WATERWAY)
 _LANE_ORDER = tuple(LaneKind)
 
@@ -96,13 +98,15 @@ def _pieces(claims: Sequence[Claim], road_map: RoadMap) -> Pieces:
     polygons = shapely.transform(
         np.array([c.polygon for c in claims], dtype=object), lambda xy: xy - shift[:2]
     )
-    polygons = shapely.set_precision(shapely.make_valid(polygons), GRID)
-    kept = [int(i) for i in np.flatnonzero(shapely.area(polygons) > 0.01)]
+    polygons, index = flat_polygons(
+        shapely.set_precision(shapely.make_valid(polygons), GRID), larger_than=0.01
+    )
+    kept = [claims[int(i)] for i in index]
     return Pieces(
-        polygons=polygons[kept],
-        layers=tuple(claims[i].layer for i in kept),
-        ids=tuple(claims[i].id for i in kept),
-        lines=tuple(claims[i].line - shift for i in kept),
+        polygons=polygons,
+        layers=tuple(claim.layer for claim in kept),
+        ids=tuple(claim.id for claim in kept),
+        lines=tuple(claim.line - shift for claim in kept),
         paved=0,
         mouths=np.empty(0, dtype=object),
     )
@@ -120,6 +124,24 @@ def lane_strips(lanes: Iterable[Lane]) -> Shapes:
         join_style="mitre",
         mitre_limit=2.0,
     )
+
+
+def flat_polygons(shapes: Shapes, *, larger_than: float = 1e-4) -> tuple[Shapes, Ints]:
+    """Take the polygons out of shapes, however deep in collections; drop those of hardly any area.
+
+    Args:
+        shapes: (n,) of any type.
+        larger_than: square metres.
+
+    Returns:
+        (m,) polygons, and the index of each one's shape.
+    """
+    parts, index = shapely.get_parts(shapes, return_index=True)
+    while (shapely.get_type_id(parts) > _POLYGON).any():
+        parts, inner = shapely.get_parts(parts, return_index=True)
+        index = index[inner]
+    kept = (shapely.get_type_id(parts) == _POLYGON) & (shapely.area(parts) > larger_than)
+    return parts[kept], index[kept]
 
 
 def _road_claims(road_map: RoadMap) -> Iterator[Claim]:

@@ -8,13 +8,12 @@ import shapely
 from dojo_maps.description import Points
 from dojo_maps.geometry.arrangement import LEVEL_GAP
 from dojo_maps.geometry.paint import LIFT, Paint
-from dojo_maps.geometry.pieces import Layer
+from dojo_maps.geometry.pieces import Layer, flat_polygons
 from dojo_maps.geometry.polylines import Floats, HeightLines, Ints, Shapes
 from dojo_maps.meshes.mesh import Mesh, compact
 from dojo_maps.meshes.surfaces import Ground, triangulate
 
 _PAINTED = (Layer.ROAD, Layer.JUNCTION, Layer.RAIL)
-_LEAST_AREA = 1e-4
 
 
 def paint_mesh(paint: Paint, ground: Ground, lines: Mapping[str, Points]) -> Mesh | None:
@@ -25,7 +24,7 @@ def paint_mesh(paint: Paint, ground: Ground, lines: Mapping[str, Points]) -> Mes
         ground: what it lies on.
         lines: the line (n, 3) along which each source id of the paint runs, metres, to tell levels apart.
     """
-    polygons, index = _flat_polygons(paint.polygons)
+    polygons, index = flat_polygons(paint.polygons)
     if ground.vertices[:, 2].any():
         polygons, index, planes = _drape(polygons, index, [lines[id_] for id_ in paint.ids], ground)
     else:
@@ -41,16 +40,6 @@ def paint_mesh(paint: Paint, ground: Ground, lines: Mapping[str, Points]) -> Mes
     number = {id_: k for k, id_ in enumerate(ids)}
     sources = np.array([number[id_] for id_ in paint.ids])[index[polygon]]
     return compact(paint.layer, np.column_stack([places, z]), faces, sources, ids)
-
-
-def _flat_polygons(shapes: Shapes) -> tuple[Shapes, Ints]:
-    """Take the polygons out of whatever cutting left; returns them and the index of each one's shape."""
-    parts, index = shapely.get_parts(shapes, return_index=True)
-    while (shapely.get_type_id(parts) > 3).any():
-        parts, inner = shapely.get_parts(parts, return_index=True)
-        index = index[inner]
-    kept = (shapely.get_type_id(parts) == 3) & (shapely.area(parts) > _LEAST_AREA)
-    return parts[kept], index[kept]
 
 
 def _drape(polygons: Shapes, index: Ints, lines: list[Points], ground: Ground) -> tuple[Shapes, Ints, Floats]:
@@ -75,7 +64,7 @@ def _drape(polygons: Shapes, index: Ints, lines: list[Points], ground: Ground) -
     level = np.abs(line_height - middle[:, 2]) < LEVEL_GAP
     polygon, face = polygon[level], face[level]
     triangles = shapely.polygons(corners[face][:, :, :2])
-    pieces, part = _flat_polygons(shapely.intersection(polygons[polygon], triangles))
+    pieces, part = flat_polygons(shapely.intersection(polygons[polygon], triangles))
     return pieces, index[polygon[part]], _planes(corners[face[part]])
 
 
