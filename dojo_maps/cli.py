@@ -40,10 +40,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         while place and place.tb_next:
             place = place.tb_next
         where = f"{Path(place.tb_frame.f_code.co_filename).name}:{place.tb_lineno}" if place else "?"
-        print(
-            f"dojo-maps: a defect of this program ({type(error).__name__}: {error}; {where})", file=sys.stderr
-        )
-        print("dojo-maps: nothing was written; please report it with the input", file=sys.stderr)
+        what = " ".join(f"{type(error).__name__}: {error}".split())
+        print(f"dojo-maps: a defect of this program ({what}; {where}); nothing was written", file=sys.stderr)
         return 4
     return status
 

@@ -15,7 +15,7 @@ from dojo_maps.geometry.polylines import Floats, drop_repeats, place_on, strip_o
 _WIDTH = 3.0
 _PAST_LANE_END = 0.6
 _BEFORE_LANE_END = 0.3
-_SHORTEST_ROAD = 10.0
+_SHORTEST_ROAD = 8.0
 _SAME_ARM = np.radians(50.0)
 _REACH = 4.0
 """How far a crossing may run past the outermost lanes to reach the kerb, metres."""

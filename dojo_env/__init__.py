@@ -1,0 +1,4 @@
+"""The environment: traffic simulated by SUMO on a converted map, seen through cameras, measured and controlled.
+
+Reads maps only through `dojo_maps.bundle`.
+"""

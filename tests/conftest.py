@@ -1,0 +1,174 @@
+"""Shared by the acceptance tests: networks by name, and each conversion run once for all tests."""
+
+import contextlib
+import fcntl
+import json
+import os
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import networks
+import pytest
+from oracle import ExpectedMap, read_expected
+from scene_reader import Scene, read_scene
+
+REPOSITORY = Path(__file__).resolve().parents[1]
+NO_GENERATED = "--no-generated"
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    parser.addoption(
+        "--all-networks", action="store_true", help="convert every installed network, the slow ones too"
+    )
+    parser.addoption("--fuzz", type=int, default=60, help="how many damaged copies of a network to convert")
+
+
+def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
+    if "network" in metafunc.fixturenames:
+        everything = metafunc.config.getoption("--all-networks")
+        installed = list(networks.installed_networks()) if everything else networks.default_sample()
+        metafunc.parametrize("network", [*networks.BUILDERS, *installed], indirect=True)
+    if "fuzz_seed" in metafunc.fixturenames:
+        metafunc.parametrize("fuzz_seed", range(metafunc.config.getoption("--fuzz")))
+
+
+def read_strict_json(path: Path) -> Any:
+    """Read JSON as its standard has it: UTF-8, and no NaN or Infinity."""
+
+    def refuse(constant: str) -> None:
+        raise ValueError(f"{path} holds {constant}, which is not JSON")
+
+    return json.loads(path.read_text(encoding="utf-8"), parse_constant=refuse)
+
+
+@dataclass(frozen=True)
+class Conversion:
+    """One run of the command, and where its bundle should be."""
+
+    network: str
+    bundle: str
+    status: int
+    stdout: str
+    stderr: str
+
+    @property
+    def folder(self) -> Path:
+        return Path(self.bundle)
+
+    @property
+    def description(self) -> dict[str, Any]:
+        return read_strict_json(self.folder / "map.json")
+
+    @property
+    def report(self) -> dict[str, Any]:
+        return read_strict_json(self.folder / "report.json")
+
+    @property
+    def expected(self) -> ExpectedMap:
+        return read_expected(Path(self.network))
+
+    @property
+    def scene(self) -> Scene:
+        x, y = self.description["origin"]
+        return read_scene(self.folder / "scene.glb", (x, y))
+
+
+def command_environment(**changes: str) -> dict[str, str]:
+    """The environment in which the command is run: this checkout first."""
+    paths = [str(REPOSITORY), *filter(None, [os.environ.get("PYTHONPATH")])]
+    return {**os.environ, "PYTHONPATH": os.pathsep.join(paths), **changes}
+
+
+def dojo_maps(*arguments: object, timeout: float = 300, **options: Any) -> subprocess.CompletedProcess[str]:
+    """Run the real command line."""
+    options.setdefault("env", command_environment())
+    return subprocess.run(
+        [sys.executable, "-m", "dojo_maps.cli", *map(str, arguments)],
+        capture_output=True,
+        text=True,
+        encoding="utf-8",
+        timeout=timeout,
+        check=False,
+        **options,
+    )
+
+
+@contextlib.contextmanager
+def _locked(path: Path) -> Iterator[None]:
+    with path.open("w") as handle:
+        fcntl.flock(handle, fcntl.LOCK_EX)
+        yield
+
+
+@pytest.fixture(scope="session")
+def shared_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """One folder for all workers of this run."""
+    base = tmp_path_factory.getbasetemp()
+    folder = (base.parent if os.environ.get("PYTEST_XDIST_WORKER") else base) / "shared"
+    folder.mkdir(exist_ok=True)
+    return folder
+
+
+@pytest.fixture(scope="session")
+def network_path(shared_folder: Path) -> Callable[[str], Path]:
+    """Find or build a network by its name."""
+    installed = networks.installed_networks()
+
+    def find(name: str) -> Path:
+        if name in installed:
+            return installed[name]
+        folder = shared_folder / "networks" / name
+        folder.mkdir(parents=True, exist_ok=True)
+        note = folder / "path.txt"
+        with _locked(folder / "lock"):
+            if not note.exists():
+                note.write_text(str(networks.BUILDERS[name](folder)), encoding="utf-8")
+        return Path(note.read_text(encoding="utf-8"))
+
+    return find
+
+
+@pytest.fixture(scope="session")
+def converted(shared_folder: Path, network_path: Callable[[str], Path]) -> Callable[..., Conversion]:
+    """Convert a network, by name or path, once per set of flags; fail the test if that does not work."""
+
+    def convert(network: str | Path, *flags: str) -> Conversion:
+        path = network if isinstance(network, Path) else network_path(network)
+        name = "_".join([path.parent.name, path.name.split(".")[0], *flags]).replace(" ", "_")
+        folder = shared_folder / "bundles" / name
+        folder.mkdir(parents=True, exist_ok=True)
+        note, bundle = folder / "conversion.json", folder / "out.dojo"
+        with _locked(folder / "lock"):
+            if not note.exists():
+                done = dojo_maps("convert", path, "-o", bundle, *flags, timeout=900)
+                result = Conversion(str(path), str(bundle), done.returncode, done.stdout, done.stderr)
+                note.write_text(json.dumps(asdict(result)), encoding="utf-8")
+        result = Conversion(**json.loads(note.read_text(encoding="utf-8")))
+        # Python itself ends with 1 after a traceback, so the status alone does not tell.
+        if result.status not in {0, 1} or "Traceback" in result.stderr:
+            pytest.fail(f"convert {path.name} ended with {result.status}: {result.stderr[-2000:]}")
+        return result
+
+    return convert
+
+
+@pytest.fixture
+def network(request: pytest.FixtureRequest) -> str:
+    """The name of one of the networks under test."""
+    return request.param
+
+
+@pytest.fixture
+def conversion(network: str, converted: Callable[..., Conversion]) -> Conversion:
+    """A network converted with everything that is generated to look at."""
+    return converted(network)
+
+
+@pytest.fixture
+def plain_conversion(network: str, converted: Callable[..., Conversion]) -> Conversion:
+    """A network converted as it is."""
+    return converted(network, NO_GENERATED)
