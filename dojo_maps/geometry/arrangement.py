@@ -15,8 +15,9 @@ from dojo_maps.geometry.polylines import Flags, Floats, HeightLines, Ints, Shape
 
 LEVEL_GAP = 2.0
 """Claims on one place that are farther apart in height than this, metres, lie on different levels."""
-_SEAM = 0.15
-"""Half the width of the gaps between a network's own surfaces that are closed, metres."""
+_SEAM = 0.025
+"""Half the width of the gaps between a network's own surfaces that are closed, metres: SUMO writes two
+decimals, so a gap of up to 3 cm is none. Wider ones are the network's own; they become islands."""
 _WEDGE_ENCLOSED = 0.7
 """Share of a wedge's outline that must lie along paved ground for it to be filled."""
 
@@ -61,13 +62,16 @@ def divide_ground(pieces: Pieces, paved: shapely.Geometry, ramps: Shapes, *, mar
     """
     frame = shapely.box(*_widened(shapely.total_bounds(pieces.polygons), margin))
     areas = [*pieces.polygons, *pieces.mouths, *ramps, paved, frame]
-    lines = shapely.union_all(shapely.boundary(np.array(areas, dtype=object)), grid_size=GRID)
+    outlines = np.concatenate([shapely.boundary(np.array(areas, dtype=object)), pieces.cuts])
+    lines = shapely.union_all(outlines, grid_size=GRID)
     faces = shapely.get_parts(shapely.polygonize([lines]))
     faces = faces[shapely.area(faces) > 0]
     face_indices, owners, lowest = _assign_owners(faces, pieces, paved)
     chosen = faces[face_indices]
     ramp_faces = _inside_any(chosen, ramps) & np.isin(owners, _raised(pieces))
-    return _merge(chosen, owners, ramp_faces, lowest)
+    faces_as_parts = Parts(polygons=chosen, owners=owners, ramps=ramp_faces, lowest=lowest)
+    # Where a surface bends it must keep the faces that the cuts across it make.
+    return faces_as_parts if len(pieces.cuts) else _merge(faces_as_parts)
 
 
 def _widened(bounds: Floats, margin: float) -> Floats:
@@ -141,16 +145,21 @@ def _raised(pieces: Pieces) -> Ints:
     return np.flatnonzero([layer in RAISED for layer in pieces.layers])
 
 
-def _merge(faces: Shapes, owners: Ints, ramps: Flags, lowest: Flags) -> Parts:
+def _merge(faces: Parts) -> Parts:
     """Join the faces of each owner; their outlines keep every corner that a neighbour has there."""
-    group = owners * 4 + ramps * 2 + lowest
+    group = faces.owners * 4 + faces.ramps * 2 + faces.lowest
     order = np.argsort(group, kind="stable")
     starts = np.flatnonzero(np.diff(group[order], prepend=group[order][:1] - 1))
     ends = [*starts[1:], len(order)]
     joined = []
     for start, end in zip(starts, ends, strict=True):
-        run = faces[order[start:end]]
+        run = faces.polygons[order[start:end]]
         joined.append(run[0] if len(run) == 1 else shapely.coverage_union_all(run))
     polygons, index = shapely.get_parts(np.array(joined, dtype=object), return_index=True)
     source = order[starts][index]
-    return Parts(polygons=polygons, owners=owners[source], ramps=ramps[source], lowest=lowest[source])
+    return Parts(
+        polygons=polygons,
+        owners=faces.owners[source],
+        ramps=faces.ramps[source],
+        lowest=faces.lowest[source],
+    )

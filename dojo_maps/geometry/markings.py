@@ -53,8 +53,9 @@ def line_markings(road_map: RoadMap, canvas: Canvas) -> Paint:
     lines += _borders(road_map, lane_of, inward)
     lines = [line for line in lines if len(drop_repeats(line.lane.shape)) > 1]
     shapes = _trace(lines, lane_of, inward, road_map)
-    areas = {ground: canvas.area_of(ground) for ground in {line.ground for line in lines}}
-    shapes = shapely.intersection(shapes, np.array([areas[line.ground] for line in lines], dtype=object))
+    grounds = [(line.ground, bool(line.near) and not line.away) for line in lines]
+    areas = {ground: _paintable(canvas.area_of(ground[0]), shared=ground[1]) for ground in set(grounds)}
+    shapes = shapely.intersection(shapes, np.array([areas[ground] for ground in grounds], dtype=object))
     shapes = _clear_crossings(shapes, road_map)
     strokes, index = _strokes(shapes, np.array([line.style is _Style.DASHED for line in lines], dtype=bool))
     return Paint(
@@ -67,12 +68,13 @@ def line_markings(road_map: RoadMap, canvas: Canvas) -> Paint:
 def rail_markings(road_map: RoadMap) -> Paint:
     """Lay rails along tracks, and along lanes that share their road with a tramway."""
     kind = {road.id: road.kind for road in road_map.roads}
-    lanes = [
-        lane
-        for lane in road_map.lanes
-        if len(drop_repeats(lane.shape)) > 1
-        and (lane.kind is LaneKind.RAIL or ("tram" in lane.allow and "tram" in kind[lane.road]))
-    ]
+    tracks: dict[frozenset[bytes], Lane] = {}
+    for lane in road_map.lanes:
+        tram = "tram" in lane.allow and "tram" in kind[lane.road]
+        if len(drop_repeats(lane.shape)) > 1 and (tram or lane.kind is LaneKind.RAIL):
+            # Tracks used in both directions are two lanes of one shape.
+            tracks.setdefault(frozenset((lane.shape.tobytes(), lane.shape[::-1].tobytes())), lane)
+    lanes = tracks.values()
     both = [lane for lane in lanes for _ in range(2)]
     lines = _centre_lines(both, road_map)
     rails = offset_lines(lines, np.resize([_GAUGE / 2, -_GAUGE / 2], len(both)))
@@ -164,6 +166,14 @@ def _trace(lines: Sequence[_Line], lane_of: dict[str, Lane], inward: float, road
         away, shapely.difference(shapes[bound], beside), shapely.intersection(shapes[bound], beside)
     )
     return shapes
+
+
+def _paintable(area: shapely.Geometry, *, shared: bool) -> shapely.Geometry:
+    """Keep lines off the borders of their ground by half a line; a slit between two roads is no border."""
+    slit = _TOUCHING / 2 if shared else 0.0
+    for distance in (slit, -slit - _WIDTH / 2):
+        area = shapely.buffer(area, distance, join_style="mitre", mitre_limit=2.0)
+    return area
 
 
 def _clear_crossings(lines: Shapes, road_map: RoadMap) -> Shapes:

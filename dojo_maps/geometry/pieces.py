@@ -48,25 +48,29 @@ class Claim:
     id: str
     polygon: shapely.Geometry
     line: Points
+    flush: bool = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Pieces:
     """All claims, those that win first; polygons on the raster, in the frame of the map's origin.
 
-    `lines` are those that each piece's heights are known along.
+    `lines` are those that each piece's heights are known along; `flush` tells which have no kerb.
 
     `paved` counts the leading pieces that make up the network's own ground, without islands, generated
     pavement and tracks: seams are closed between these only. `mouths` reach on from the lanes' ends into the
-    junctions, over the wedges that oblique borders leave there.
+    junctions, over the wedges that oblique borders leave there. `cuts` lie across lanes where their slope
+    changes, so that surfaces can bend there.
     """
 
     polygons: Shapes
     layers: tuple[Layer, ...]
     ids: tuple[str, ...]
     lines: tuple[Points, ...]
+    flush: tuple[bool, ...]
     paved: int
     mouths: Shapes
+    cuts: Shapes
 
 
 def build_pieces(road_map: RoadMap) -> Pieces:
@@ -77,7 +81,7 @@ def build_pieces(road_map: RoadMap) -> Pieces:
     """
     claims = [*_road_claims(road_map), *_walking_area_claims(road_map), *_junction_claims(road_map)]
     pieces = _pieces([*claims, *_sidewalk_claims(road_map, Origin.NETWORK)], road_map)
-    return replace(pieces, paved=len(pieces.ids), mouths=_mouths(road_map))
+    return replace(pieces, paved=len(pieces.ids), mouths=_mouths(road_map), cuts=_cuts(road_map))
 
 
 def add_pieces(pieces: Pieces, road_map: RoadMap) -> Pieces:
@@ -90,6 +94,7 @@ def add_pieces(pieces: Pieces, road_map: RoadMap) -> Pieces:
         layers=pieces.layers + added.layers,
         ids=pieces.ids + added.ids,
         lines=pieces.lines + added.lines,
+        flush=pieces.flush + added.flush,
     )
 
 
@@ -107,8 +112,10 @@ def _pieces(claims: Sequence[Claim], road_map: RoadMap) -> Pieces:
         layers=tuple(claim.layer for claim in kept),
         ids=tuple(claim.id for claim in kept),
         lines=tuple(claim.line - shift for claim in kept),
+        flush=tuple(claim.flush for claim in kept),
         paved=0,
         mouths=np.empty(0, dtype=object),
+        cuts=np.empty(0, dtype=object),
     )
 
 
@@ -124,6 +131,21 @@ def lane_strips(lanes: Iterable[Lane]) -> Shapes:
         join_style="mitre",
         mitre_limit=2.0,
     )
+
+
+def _cuts(road_map: RoadMap) -> Shapes:
+    """Lay a line across each lane at every inner point of its shape, where the map has heights."""
+    cuts = []
+    for lane in road_map.lanes:
+        shape = drop_repeats(lane.shape)
+        if len(shape) < 3 or not shape[:, 2].any():
+            continue
+        places = shape[1:-1, :2] - np.array(road_map.origin)
+        along = shape[2:, :2] - shape[:-2, :2]
+        across = np.column_stack([-along[:, 1], along[:, 0]]) / np.hypot(*along.T)[:, None]
+        reach = across * (lane.width / 2 + 2 * GRID)
+        cuts += [*shapely.linestrings(np.stack([places - reach, places + reach], axis=1))]
+    return np.array(cuts, dtype=object)
 
 
 def flat_polygons(shapes: Shapes, *, larger_than: float = 1e-4) -> tuple[Shapes, Ints]:
@@ -202,7 +224,7 @@ def _sidewalk_claims(road_map: RoadMap, origin: Origin) -> Iterator[Claim]:
 def _island_claims(road_map: RoadMap) -> Iterator[Claim]:
     for prop in road_map.props:
         if prop.kind == "island" and prop.polygon is not None:
-            yield _ring_claim(Layer.ISLAND, prop.id, prop.polygon)
+            yield replace(_ring_claim(Layer.ISLAND, prop.id, prop.polygon), flush=prop.height == 0.0)
 
 
 def _ring_claim(layer: Layer, source: str, ring: Points, holes: tuple[Points, ...] = ()) -> Claim:

@@ -84,7 +84,7 @@ def triangulate(polygons: Shapes, *, jobs: int = 1) -> tuple[Floats, Ints]:
 
 def surface_meshes(ground: Ground, pieces: Pieces) -> Iterator[Mesh]:
     """Build the mesh of each layer that has ground; raised layers are watertight solids."""
-    rise = _kerb_heights(ground)
+    rise = _kerb_heights(ground, pieces)
     ids = [*pieces.ids, "terrain"]
     for index, layer in enumerate(Layer):
         chosen = ground.layers == index
@@ -122,13 +122,15 @@ def _abutments(ground: Ground) -> Ints:
     return walls[(walls != np.roll(walls, 1, axis=1)).all(axis=1)]
 
 
-def _kerb_heights(ground: Ground) -> Floats:
+def _kerb_heights(ground: Ground, pieces: Pieces) -> Floats:
     """Height of the pavement over each vertex: a kerb's, lowered where a ramp meets the carriageway."""
     carriageway = [list(Layer).index(layer) for layer in (Layer.ROAD, Layer.JUNCTION)]
     at_road = ground.faces[np.isin(ground.layers, carriageway)].ravel()
     at_ramp = ground.faces[ground.ramps].ravel()
     rise = np.full(len(ground.vertices), KERB)
     rise[np.intersect1d(at_road, at_ramp)] = _LOWERED_KERB
+    flush = np.append(pieces.flush, False)
+    rise[ground.faces[flush[ground.owners]]] = 0.0
     return rise
 
 

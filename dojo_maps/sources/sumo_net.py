@@ -34,7 +34,7 @@ from dojo_maps.sources.sumo_pavement import (
 )
 from dojo_maps.sources.sumo_signals import read_signals
 from dojo_maps.sources.sumo_xml import Attributes, EdgeRecord, NetRecords, read_records
-from dojo_maps.sources.values import read_float, read_int, read_shape
+from dojo_maps.sources.values import read_float, read_int, read_link, read_shape
 
 _LANE_WIDTH = 3.2
 """SUMO's default, metres, where a lane names none."""
@@ -232,6 +232,7 @@ class _Reader:
         path = np.concatenate(parts)
         moved = np.ones(len(path), dtype=bool)
         moved[1:-1] = np.abs(path[1:-1] - path[:-2]).max(axis=1) > 0
+        signal, link_index = read_link(a, self.path, what)
         self.connections.append(
             Connection(
                 from_lane=source,
@@ -239,8 +240,8 @@ class _Reader:
                 via=tuple(via),
                 direction=a.get("dir", ""),
                 state=a.get("state", ""),
-                signal=a.get("tl"),
-                link_index=read_int(a, "linkIndex", self.path, what) if "tl" in a else None,
+                signal=signal,
+                link_index=link_index,
                 shape=points(path[moved]),
             )
         )

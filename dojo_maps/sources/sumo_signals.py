@@ -6,7 +6,7 @@ from pathlib import Path
 
 from dojo_maps.description import Connection, Link, LinkKind, Phase, Program, Road, Signal
 from dojo_maps.sources.sumo_xml import Attributes, LogicRecord
-from dojo_maps.sources.values import read_float, read_int
+from dojo_maps.sources.values import read_float, read_link
 
 
 def read_signals(
@@ -49,15 +49,18 @@ def read_signals(
         if "_c" not in walk.get("to", ""):
             continue
         what = f"connection {walk.get('from')}->{walk.get('to')}"
+        signal, index = read_link(walk, path, what)
+        if signal is None or index is None:
+            continue
         link = Link(
-            index=read_int(walk, "linkIndex", path, what),
+            index=index,
             kind=LinkKind.PEDESTRIAN,
             from_id=walk.get("from", ""),
             to_id=walk["to"],
             direction=walk.get("dir", ""),
         )
-        links[walk["tl"]].append(link)
-        junctions[walk["tl"]][walk["to"].removeprefix(":").rpartition("_c")[0]] = None
+        links[signal].append(link)
+        junctions[signal][walk["to"].removeprefix(":").rpartition("_c")[0]] = None
     return tuple(
         Signal(
             id=signal,

@@ -49,6 +49,12 @@ def read_int(attributes: Attributes, key: str, path: Path, what: str, *, default
         ) from None
 
 
+def read_link(attributes: Attributes, path: Path, what: str) -> tuple[str, int] | tuple[None, None]:
+    """Read a connection's signal and link index; none where it names no signal or an index below zero."""
+    index = read_int(attributes, "linkIndex", path, what) if "tl" in attributes else -1
+    return (attributes["tl"], index) if index >= 0 else (None, None)
+
+
 def read_shape(text: str, path: Path, what: str) -> Points:
     """Read a SUMO position list, `x,y` or `x,y,z` by spaces, into (n, 3) metres; n is at least 1."""
     try:
