@@ -22,6 +22,7 @@ _SLOW = 8.4
 _TOUCHING = 0.5
 """Carriageways closer than this share one centre line, metres."""
 _SHORTEST = 1.0
+_CROSSING_CLEARANCE = 0.3
 _GAUGE = 1.435
 _RAIL_WIDTH = 0.08
 _UNMARKED = (LaneKind.SIDEWALK, LaneKind.RAIL, LaneKind.WATERWAY)
@@ -56,7 +57,7 @@ def line_markings(road_map: RoadMap, canvas: Canvas) -> Paint:
     grounds = [(line.ground, bool(line.near) and not line.away) for line in lines]
     areas = {ground: _paintable(canvas.area_of(ground[0]), shared=ground[1]) for ground in set(grounds)}
     shapes = shapely.intersection(shapes, np.array([areas[ground] for ground in grounds], dtype=object))
-    shapes = _clear_crossings(shapes, road_map)
+    shapes = _clear_obstacles(shapes, road_map)
     strokes, index = _strokes(shapes, np.array([line.style is _Style.DASHED for line in lines], dtype=bool))
     return Paint(
         layer=PaintLayer.MARKING,
@@ -176,14 +177,20 @@ def _paintable(area: shapely.Geometry, *, shared: bool) -> shapely.Geometry:
     return area
 
 
-def _clear_crossings(lines: Shapes, road_map: RoadMap) -> Shapes:
-    """Cut lines out of crossings."""
-    shift = np.array(road_map.origin)
-    rings = [crossing.polygon[:, :2] - shift for crossing in road_map.crossings]
-    areas = np.array([shapely.polygons(ring).buffer(0.3) for ring in rings], dtype=object)
-    line, area = shapely.STRtree(areas).query(lines, predicate="intersects")
+def _clear_obstacles(lines: Shapes, road_map: RoadMap) -> Shapes:
+    """Cut lines out of crossings and off islands with a kerb."""
+    origin = np.array(road_map.origin)
+    rings = [(crossing.polygon, _CROSSING_CLEARANCE) for crossing in road_map.crossings]
+    rings += [
+        (prop.polygon, _WIDTH)
+        for prop in road_map.props
+        if prop.kind == "island" and prop.polygon is not None and prop.height > 0
+    ]
+    areas = [shapely.polygons(ring[:, :2] - origin).buffer(distance) for ring, distance in rings]
+    obstacles = np.array(areas, dtype=object)
+    line, obstacle = shapely.STRtree(obstacles).query(lines, predicate="intersects")
     for k in np.unique(line):
-        lines[k] = shapely.difference(lines[k], shapely.union_all(areas[area[line == k]]))
+        lines[k] = shapely.difference(lines[k], shapely.union_all(obstacles[obstacle[line == k]]))
     return lines
 
 

@@ -135,7 +135,9 @@ def _kerb_heights(ground: Ground, pieces: Pieces) -> Floats:
 
 
 def _join_corners(corners: Floats, owners: Ints, pieces: Pieces) -> tuple[Floats, Ints, Ints]:
-    """Make one vertex of all corners on one place and level; its height is their mean.
+    """Make one vertex of all corners on one place and level; its height is the mean of the lanes' there.
+
+    Junctions and pavement, whose heights are known at their outlines only, follow the lanes they touch.
 
     Args:
         corners: (3 m, 2) metres.
@@ -160,7 +162,9 @@ def _join_corners(corners: Floats, owners: Ints, pieces: Pieces) -> tuple[Floats
     vertex = np.empty(len(order), dtype=np.int64)
     vertex[order] = np.cumsum(starts) - 1
     first = order[starts]
-    mean = np.bincount(vertex, weights=heights) / np.bincount(vertex)
+    on_road = np.append([layer is Layer.ROAD for layer in pieces.layers], False)[owners]
+    weight = np.where(on_road, 1.0, 1e-9)
+    mean = np.bincount(vertex, weights=heights * weight) / np.bincount(vertex, weights=weight)
     return np.column_stack([raster[first] * GRID, mean]), vertex.reshape(-1, 3), place[first]
 
 
