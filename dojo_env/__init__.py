@@ -1,4 +1,4 @@
-"""The environment: traffic simulated by SUMO on a converted map, seen through cameras, measured and controlled.
+"""The environment: SUMO's traffic on a converted map, seen through cameras, measured and controlled.
 
 Reads maps only through `dojo_maps.bundle`.
 """

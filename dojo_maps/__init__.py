@@ -1,8 +1,30 @@
 """Road maps: read a SUMO network, describe it, mesh it, check it and export it."""
 
-from dojo_maps.bundle import Bundle, read_bundle
-from dojo_maps.convert import ConvertOptions, convert
-from dojo_maps.description import RoadMap
-from dojo_maps.errors import DojoError
+import importlib
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from dojo_maps.bundle import Bundle, read_bundle
+    from dojo_maps.conversion import ConvertOptions, convert
+    from dojo_maps.description import RoadMap
+    from dojo_maps.errors import DojoError
 
 __all__ = ["Bundle", "ConvertOptions", "DojoError", "RoadMap", "convert", "read_bundle"]
+
+_HOMES = {
+    "Bundle": "bundle",
+    "read_bundle": "bundle",
+    "ConvertOptions": "conversion",
+    "convert": "conversion",
+    "RoadMap": "description",
+    "DojoError": "errors",
+}
+
+
+def __getattr__(name: str) -> Any:
+    """Load a public name when it is first used, so that commands start at once."""
+    if name not in _HOMES:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    value = getattr(importlib.import_module(f"{__name__}.{_HOMES[name]}"), name)
+    globals()[name] = value
+    return value

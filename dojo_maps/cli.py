@@ -27,7 +27,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print(f"dojo-maps: {' '.join(str(error).split())}", file=sys.stderr)
         return error.exit_status
     except KeyboardInterrupt:
-        print("dojo-maps: interrupted; nothing was written", file=sys.stderr)
+        print("dojo-maps: interrupted; every bundle is as it was, or complete", file=sys.stderr)
         return 130
     except MemoryError:
         print("dojo-maps: not enough memory for this input; nothing was written", file=sys.stderr)
@@ -101,7 +101,7 @@ def _positive(text: str) -> int:
 
 
 def _convert(options: argparse.Namespace) -> int:
-    from dojo_maps.convert import ConvertOptions, convert
+    from dojo_maps.conversion import ConvertOptions, convert
     from dojo_maps.progress import Progress
 
     wanted = ConvertOptions(

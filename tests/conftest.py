@@ -8,6 +8,7 @@ import subprocess
 import sys
 from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -31,13 +32,16 @@ def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
     if "network" in metafunc.fixturenames:
         everything = metafunc.config.getoption("--all-networks")
         installed = list(networks.installed_networks()) if everything else networks.default_sample()
-        metafunc.parametrize("network", [*networks.BUILDERS, *installed], indirect=True)
+        # The scope puts all tests of a network in a row, so that what is read for one serves the next.
+        names = [*networks.BUILDERS, *installed]
+        metafunc.parametrize("network", names, indirect=True, scope="session")
     if "fuzz_seed" in metafunc.fixturenames:
         metafunc.parametrize("fuzz_seed", range(metafunc.config.getoption("--fuzz")))
 
 
+@lru_cache(maxsize=4)
 def read_strict_json(path: Path) -> Any:
-    """Read JSON as its standard has it: UTF-8, and no NaN or Infinity."""
+    """Read JSON as its standard has it: UTF-8, and no NaN or Infinity. Copy what you want to change."""
 
     def refuse(constant: str) -> None:
         raise ValueError(f"{path} holds {constant}, which is not JSON")
@@ -156,7 +160,7 @@ def converted(shared_folder: Path, network_path: Callable[[str], Path]) -> Calla
     return convert
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def network(request: pytest.FixtureRequest) -> str:
     """The name of one of the networks under test."""
     return request.param

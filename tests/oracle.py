@@ -165,6 +165,12 @@ class ExpectedMap:
         return shapely.union_all(strips, grid_size=1e-4)
 
     @cached_property
+    def vehicle_ground(self) -> BaseGeometry:
+        """The strips of all paved lanes that are not sidewalks."""
+        lanes = [lane for lane in self.lanes.values() if lane.has_ground and not lane.is_sidewalk]
+        return shapely.union_all([lane.strip for lane in lanes], grid_size=1e-4)
+
+    @cached_property
     def signalised_lanes(self) -> dict[str, set[tuple[str, int]]]:
         """Each vehicle lane that a signal with a program controls, with its (signal, link index) pairs."""
         found: dict[str, set[tuple[str, int]]] = {}

@@ -1,5 +1,6 @@
 """The bundle of `dojo-maps convert`, held against a separate reading of the same network."""
 
+import copy
 import hashlib
 import json
 import math
@@ -90,7 +91,7 @@ def test_map_json_follows_its_schema(conversion: Conversion) -> None:
 def test_map_schema_refuses_a_wrong_value(
     path: tuple[Any, ...], value: Any, converted: Callable[..., Conversion]
 ) -> None:
-    description = converted("bare").description
+    description = copy.deepcopy(converted("bare").description)
     *parents, last = path
     place = description
     for key in parents:
@@ -101,7 +102,7 @@ def test_map_schema_refuses_a_wrong_value(
 
 @pytest.mark.parametrize("key", ["format", "version", "lanes", "signals", "props", "source", "projection"])
 def test_map_schema_refuses_a_missing_field(key: str, converted: Callable[..., Conversion]) -> None:
-    description = converted("bare").description
+    description = copy.deepcopy(converted("bare").description)
     del description[key]
     assert list(map_schema().iter_errors(description))
 
@@ -283,6 +284,8 @@ def test_every_reference_in_the_map_names_something(conversion: Conversion) -> N
     description = conversion.description
     lanes, roads = by_id(description["lanes"]), by_id(description["roads"])
     junctions, signals = by_id(description["junctions"]), by_id(description["signals"])
+    assert {road[end] for road in roads.values() for end in ("from", "to")} <= set(junctions)
+    assert {lane["road"] for lane in lanes.values()} == set(roads)
     assert {line["lane"] for line in description["stop_lines"]} <= set(lanes)
     assert {item["road"] for item in description["sidewalks"]} - {None} <= set(roads)
     assert {road for item in description["crossings"] for road in item["roads"]} <= set(roads)

@@ -34,10 +34,12 @@ from dojo_maps.sources.sumo_pavement import (
 )
 from dojo_maps.sources.sumo_signals import read_signals
 from dojo_maps.sources.sumo_xml import Attributes, EdgeRecord, NetRecords, read_records
-from dojo_maps.sources.values import read_float, read_int, read_link, read_shape
+from dojo_maps.sources.values import MIN_WIDTH, read_float, read_int, read_link, read_shape, read_text
 
 _LANE_WIDTH = 3.2
 """SUMO's default, metres, where a lane names none."""
+_WIDEST = 1e6
+"""Metres; a larger network has a misplaced shape."""
 _ROAD_FUNCTIONS = ("normal", "connector")
 _SERVICES = {"emergency", "authority", "army", "vip"}
 
@@ -126,11 +128,17 @@ class _Reader:
         shapes += [area.polygon for area in self.walking_areas.values()]
         every = np.concatenate(shapes)[:, :2]
         low, high = every.min(axis=0), every.max(axis=0)
+        if (high - low).max() > _WIDEST:
+            size = f"{high[0] - low[0]:.0f} by {high[1] - low[1]:.0f} m"
+            raise SourceError(self.path, f"the network spans {size}; at most {_WIDEST:.0f} m are converted")
         return (float(low[0]), float(low[1])), (float(high[0]), float(high[1]))
 
     def _read_edge(self, record: EdgeRecord, walks: Mapping[str, Attributes]) -> None:
         attributes = record.attributes
-        edge, function = self._id(attributes, "edge"), attributes.get("function", "normal")
+        edge, function = (
+            read_text(attributes, "id", self.path, "an edge"),
+            attributes.get("function", "normal"),
+        )
         if function in _ROAD_FUNCTIONS:
             self._read_road(edge, record)
         elif function == "crossing" and record.lanes:
@@ -140,21 +148,23 @@ class _Reader:
             self._keep(self.walking_areas, edge, "walking_area", read_walking_area(edge, record, self.path))
         elif function == "internal":
             for lane in record.lanes:
-                lane_id = self._id(lane, "lane")
+                lane_id = read_text(lane, "id", self.path, "a lane")
                 self._internal[lane_id] = self._shape(lane, f"lane {lane_id}")
 
     def _read_road(self, edge: str, record: EdgeRecord) -> None:
         if not record.lanes:
             raise SourceError(self.path, "the edge has no lanes", element=f"edge {edge}")
-        attributes = record.attributes
+        attributes, what = record.attributes, f"edge {edge}"
         lanes = sorted((self._read_lane(edge, record, lane) for lane in record.lanes), key=lambda e: e.index)
+        if [lane.index for lane in lanes] != list(range(len(lanes))):
+            raise SourceError(self.path, "its lanes are not numbered 0, 1, 2...", element=what)
         road = Road(
             id=edge,
             name=attributes.get("name", ""),
-            from_junction=attributes.get("from", ""),
-            to_junction=attributes.get("to", ""),
+            from_junction=read_text(attributes, "from", self.path, what),
+            to_junction=read_text(attributes, "to", self.path, what),
             kind=attributes.get("type", ""),
-            priority=read_int(attributes, "priority", self.path, f"edge {edge}", default=-1),
+            priority=read_int(attributes, "priority", self.path, what, default=-1),
             lanes=tuple(lane.id for lane in lanes),
         )
         if self._keep(self.roads, edge, "road", road):
@@ -162,20 +172,23 @@ class _Reader:
                 self._keep(self.lanes, lane.id, "lane", lane)
 
     def _read_lane(self, edge: str, record: EdgeRecord, attributes: Attributes) -> Lane:
-        lane_id = self._id(attributes, "lane")
+        lane_id = read_text(attributes, "id", self.path, "a lane")
         what = f"lane {lane_id}"
         allow = allowed_classes(attributes.get("allow"), attributes.get("disallow"))
         ordinary = set(allow) - _SERVICES
+        shape = self._shape(attributes, what)
+        if len(shape) < 2:
+            raise SourceError(self.path, "its shape has one position, expected at least two", element=what)
         return Lane(
             id=lane_id,
             road=edge,
             index=read_int(attributes, "index", self.path, what),
             kind=lane_kind(allow),
-            width=read_float(attributes, "width", self.path, what, default=_LANE_WIDTH, above=0.0),
-            speed=read_float(attributes, "speed", self.path, what),
-            length=read_float(attributes, "length", self.path, what),
+            width=read_float(attributes, "width", self.path, what, default=_LANE_WIDTH, least=MIN_WIDTH),
+            speed=read_float(attributes, "speed", self.path, what, least=0.0),
+            length=read_float(attributes, "length", self.path, what, least=0.0),
             allow=allow,
-            shape=self._shape(attributes, what),
+            shape=shape,
             change_inward=_may_change(attributes.get("changeLeft"), ordinary),
             change_outward=_may_change(attributes.get("changeRight"), ordinary),
             opposite=record.opposites.get(lane_id) or None,
@@ -184,7 +197,7 @@ class _Reader:
     def _read_junction(
         self, attributes: Attributes, incoming: Mapping[str, list[str]], outgoing: Mapping[str, list[str]]
     ) -> None:
-        junction = self._id(attributes, "junction")
+        junction = read_text(attributes, "id", self.path, "a junction")
         what = f"junction {junction}"
         x, y, z = (
             read_float(attributes, key, self.path, what, default=0.0 if key == "z" else None) for key in "xyz"
@@ -278,11 +291,6 @@ class _Reader:
             return False
         table[key] = value
         return True
-
-    def _id(self, attributes: Attributes, kind: str) -> str:
-        if not attributes.get("id"):
-            raise SourceError(self.path, f"a {kind} has no id")
-        return attributes["id"]
 
     def _shape(self, attributes: Attributes, what: str, *, key: str = "shape") -> Points:
         return read_shape(attributes.get(key, ""), self.path, what)

@@ -8,7 +8,7 @@ import shapely
 from dojo_maps.description import Crossing, Lane, LaneKind, Origin, Points, Sidewalk, WalkingArea
 from dojo_maps.geometry.polylines import strip_outline
 from dojo_maps.sources.sumo_xml import Attributes, EdgeRecord
-from dojo_maps.sources.values import read_float, read_link, read_shape
+from dojo_maps.sources.values import MIN_WIDTH, read_float, read_link, read_shape
 
 _CROSSING_WIDTH = 4.0
 """SUMO's default, metres."""
@@ -25,7 +25,7 @@ def read_crossing(edge: str, record: EdgeRecord, walk: Attributes, path: Path) -
     """Describe a crossing; `walk` is the signalled connection onto it, empty if there is none."""
     attributes, what = record.lanes[0], f"crossing {edge}"
     shape = read_shape(attributes.get("shape", ""), path, what)
-    width = read_float(attributes, "width", path, what, default=_CROSSING_WIDTH, above=0.0)
+    width = read_float(attributes, "width", path, what, default=_CROSSING_WIDTH, least=MIN_WIDTH)
     signal, link_index = read_link(walk, path, what)
     outline = None
     if "outlineShape" in attributes:

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from dojo_maps.description import Connection, Link, LinkKind, Phase, Program, Road, Signal
 from dojo_maps.sources.sumo_xml import Attributes, LogicRecord
-from dojo_maps.sources.values import read_float, read_link
+from dojo_maps.sources.values import read_float, read_link, read_text
 
 
 def read_signals(
@@ -30,7 +30,8 @@ def read_signals(
     """
     programs: dict[str, list[Program]] = defaultdict(list)
     for record in logics:
-        programs[record.attributes.get("id", "")].append(_read_program(record, path))
+        signal = read_text(record.attributes, "id", path, "tlLogic")
+        programs[signal].append(_read_program(record, path))
     links: dict[str, list[Link]] = defaultdict(list)
     junctions: dict[str, dict[str, None]] = defaultdict(dict)
     for connection in connections:
@@ -49,8 +50,8 @@ def read_signals(
         if "_c" not in walk.get("to", ""):
             continue
         what = f"connection {walk.get('from')}->{walk.get('to')}"
-        signal, index = read_link(walk, path, what)
-        if signal is None or index is None:
+        controller, index = read_link(walk, path, what)
+        if controller is None or index is None:
             continue
         link = Link(
             index=index,
@@ -59,8 +60,8 @@ def read_signals(
             to_id=walk["to"],
             direction=walk.get("dir", ""),
         )
-        links[signal].append(link)
-        junctions[signal][walk["to"].removeprefix(":").rpartition("_c")[0]] = None
+        links[controller].append(link)
+        junctions[controller][walk["to"].removeprefix(":").rpartition("_c")[0]] = None
     return tuple(
         Signal(
             id=signal,
@@ -74,7 +75,7 @@ def read_signals(
 
 def _read_program(record: LogicRecord, path: Path) -> Program:
     attributes = record.attributes
-    what = f"tlLogic {attributes.get('id', '')}"
+    what = f"tlLogic {attributes['id']}"
 
     def seconds(phase: Attributes, key: str) -> float | None:
         return read_float(phase, key, path, what) if key in phase else None
@@ -85,10 +86,10 @@ def _read_program(record: LogicRecord, path: Path) -> Program:
         offset=read_float(attributes, "offset", path, what, default=0.0),
         phases=tuple(
             Phase(
-                duration=read_float(phase, "duration", path, what, default=0.0),
+                duration=read_float(phase, "duration", path, what, least=0.0),
                 min_duration=seconds(phase, "minDur"),
                 max_duration=seconds(phase, "maxDur"),
-                state=phase.get("state", ""),
+                state=read_text(phase, "state", path, what),
             )
             for phase in record.phases
         ),

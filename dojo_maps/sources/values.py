@@ -9,6 +9,15 @@ from dojo_maps.sources.sumo_xml import Attributes
 
 _MAX_COORDINATE = 1e8
 """Metres; farther out, double precision no longer keeps the millimetre that meshes are made with."""
+MIN_WIDTH = 0.01
+"""The least width of a lane or crossing that is read, metres."""
+
+
+def read_text(attributes: Attributes, key: str, path: Path, what: str) -> str:
+    """Read a text that must not be empty."""
+    if not attributes.get(key):
+        raise SourceError(path, f"has no {key}", element=what)
+    return attributes[key]
 
 
 def read_float(
@@ -18,9 +27,9 @@ def read_float(
     what: str,
     *,
     default: float | None = None,
-    above: float | None = None,
+    least: float | None = None,
 ) -> float:
-    """Read a finite number; `above` is a bound that it must exceed."""
+    """Read a finite number that is not below `least`."""
     text = attributes.get(key)
     if text is None:
         if default is None:
@@ -30,8 +39,8 @@ def read_float(
         value = float(text)
     except ValueError:
         value = math.nan
-    if not math.isfinite(value) or abs(value) > 1e12 or (above is not None and value <= above):
-        bound = f" above {above:g}" if above is not None else ""
+    if not math.isfinite(value) or abs(value) > 1e12 or (least is not None and value < least):
+        bound = f" of at least {least:g}" if least is not None else ""
         raise SourceError(path, f"{key}={text[:80]!r}, expected a number{bound}", element=what)
     return value
 
