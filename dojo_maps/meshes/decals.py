@@ -14,6 +14,8 @@ from dojo_maps.meshes.mesh import Mesh, compact
 from dojo_maps.meshes.surfaces import Ground, triangulate
 
 _PAINTED = (Layer.ROAD, Layer.JUNCTION, Layer.RAIL)
+_LEAST_TRIANGLE = 2e-6
+"""Square metres, doubled; thinner triangles show nothing and have no direction."""
 
 
 def paint_mesh(paint: Paint, ground: Ground, lines: Mapping[str, Points]) -> Mesh | None:
@@ -32,6 +34,8 @@ def paint_mesh(paint: Paint, ground: Ground, lines: Mapping[str, Points]) -> Mes
     if not len(polygons):
         return None
     corners, polygon = triangulate(polygons)
+    solid = np.abs(np.linalg.det(corners[:, 1:] - corners[:, :1])) > _LEAST_TRIANGLE
+    corners, polygon = corners[solid], polygon[solid]
     places = corners.reshape(-1, 2)
     slope = np.repeat(planes[polygon], 3, axis=0)
     z = slope[:, 0] * places[:, 0] + slope[:, 1] * places[:, 1] + slope[:, 2] + LIFT[paint.layer]
