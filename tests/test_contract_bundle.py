@@ -253,7 +253,8 @@ def test_signal_programs_equal_the_network(conversion: Conversion) -> None:
     expected = conversion.expected
     signals = by_id(conversion.description["signals"])
     assert set(signals) >= set(expected.programs)
-    controllers = {link.signal for link in expected.connections} - {None}
+    controllers = {link.signal for link in expected.connections}
+    controllers |= {crossing.signal for crossing in expected.crossings.values()}
     assert set(signals) <= set(expected.programs) | controllers
     for signal_id, signal in signals.items():
         programs = expected.programs.get(signal_id, [])

@@ -182,7 +182,11 @@ def test_ground_has_no_large_hole_or_extra_piece_when_nothing_is_generated(
     for name, rest in (("hole", wanted.difference(built)), ("extra", built.difference(wanted))):
         pieces = shapely.get_parts(rest.buffer(-0.2))
         worst = max(pieces, key=shapely.area, default=rest)
-        assert worst.area < 2.0, f"{name} of {worst.area} m2 at {worst.centroid} from the origin"
+        # The wedge between a lane's end and an oblique border is filled; it is wider where lanes are.
+        widest = max(lane.width for lane in plain_conversion.expected.lanes.values())
+        assert worst.area < max(2.0, widest / 2), (
+            f"{name} of {worst.area} m2 at {worst.centroid} from the origin"
+        )
 
 
 def test_generated_ground_only_adds_to_the_networks(conversion: Conversion) -> None:
@@ -258,8 +262,10 @@ def test_pavement_stands_a_kerb_above_the_road(conversion: Conversion) -> None:
         if len(tops.triangles):
             heights = tops.triangles[:, :, 2]
             assert heights.min() >= -ROUNDING
-            assert 0.05 <= np.median(heights) <= 0.2
             assert heights.max() <= KERB_LIMIT
+            # The rest is let down to the road at crossings.
+            raised = shapely.area(tops.polygons[heights.mean(axis=1) > 0.05]).sum()
+            assert raised >= 0.6 * tops.total_area, layer
 
 
 def test_paint_lies_just_above_the_ground(conversion: Conversion) -> None:
@@ -384,4 +390,5 @@ def test_lane_faces_lie_on_the_lane_they_name(plain_conversion: Conversion) -> N
             faces = Surface(part.triangles[first : first + count])
             strip = scene.to_local(lane.strip).buffer(0.3)
             beside = sum(shapely.area(shapely.difference(faces.polygons, strip)))
-            assert beside <= 0.01 * lane.strip.area, (source, beside)
+            # At each end, the wedge towards an oblique border may be filled.
+            assert beside <= 0.01 * lane.strip.area + lane.width / 2, (source, beside)

@@ -25,18 +25,13 @@ _Line = tuple[tuple[float, float], ...]
 
 
 def stop_line_paint(road_map: RoadMap, canvas: Canvas) -> Paint:
-    """Paint each stop line across the ground of its lane's road."""
-    lane_of = {lane.id: lane for lane in road_map.lanes}
+    """Paint each stop line across its lane."""
     shift = np.array(road_map.origin)
     lines = [shapely.linestrings(line.shape[:, :2] - shift) for line in road_map.stop_lines]
     bars = shapely.buffer(np.array(lines, dtype=object), _STOP_LINE_WIDTH / 2, cap_style="flat")
-    ids = tuple(line.lane for line in road_map.stop_lines)
-    ground = [canvas.area_of([lane_of[lane].id]) for lane in ids]
-    return Paint(
-        layer=PaintLayer.STOP_LINE,
-        polygons=shapely.intersection(bars, np.array(ground, dtype=object)),
-        ids=ids,
-    )
+    cut, index = canvas.cut(bars)
+    ids = tuple(road_map.stop_lines[int(k)].lane for k in index)
+    return Paint(layer=PaintLayer.STOP_LINE, polygons=cut, ids=ids)
 
 
 def crossing_paint(road_map: RoadMap, canvas: Canvas) -> Paint:

@@ -84,7 +84,7 @@ def triangulate(polygons: Shapes, *, jobs: int = 1) -> tuple[Floats, Ints]:
 
 def surface_meshes(ground: Ground, pieces: Pieces) -> Iterator[Mesh]:
     """Build the mesh of each layer that has ground; raised layers are watertight solids."""
-    rise = _kerb_heights(ground, pieces)
+    rise = _kerb_heights(ground)
     ids = [*pieces.ids, "terrain"]
     for index, layer in enumerate(Layer):
         chosen = ground.layers == index
@@ -96,10 +96,27 @@ def surface_meshes(ground: Ground, pieces: Pieces) -> Iterator[Mesh]:
             owners = np.full(len(faces), TERRAIN)
         sources = np.where(owners == TERRAIN, len(pieces.ids), owners)
         if layer in RAISED:
-            vertices, faces, origin = extrude(ground.vertices, faces, rise, _FOOTING)
-            yield compact(layer, vertices, faces, sources[origin], ids)
+            flush = np.array(pieces.flush)[owners]
+            solids = [
+                (sources[kept], extrude(ground.vertices, faces[kept], height, _FOOTING))
+                for kept, height in ((~flush, rise), (flush, np.zeros_like(rise)))
+                if kept.any()
+            ]
+            yield _one_mesh(layer, solids, ids)
         else:
             yield compact(layer, ground.vertices, faces, sources, ids)
+
+
+def _one_mesh(layer: Layer, solids: list[tuple[Ints, tuple[Floats, Ints, Ints]]], ids: list[str]) -> Mesh:
+    """Put solids side by side; each comes with the sources of the faces that it was made of."""
+    starts = np.cumsum([0, *(len(vertices) for _, (vertices, _, _) in solids)])
+    return compact(
+        layer,
+        np.concatenate([vertices for _, (vertices, _, _) in solids]),
+        np.concatenate([faces + start for (_, (_, faces, _)), start in zip(solids, starts, strict=False)]),
+        np.concatenate([sources[origin] for sources, (_, _, origin) in solids]),
+        ids,
+    )
 
 
 def _abutments(ground: Ground) -> Ints:
@@ -122,15 +139,13 @@ def _abutments(ground: Ground) -> Ints:
     return walls[(walls != np.roll(walls, 1, axis=1)).all(axis=1)]
 
 
-def _kerb_heights(ground: Ground, pieces: Pieces) -> Floats:
+def _kerb_heights(ground: Ground) -> Floats:
     """Height of the pavement over each vertex: a kerb's, lowered where a ramp meets the carriageway."""
     carriageway = [list(Layer).index(layer) for layer in (Layer.ROAD, Layer.JUNCTION)]
     at_road = ground.faces[np.isin(ground.layers, carriageway)].ravel()
     at_ramp = ground.faces[ground.ramps].ravel()
     rise = np.full(len(ground.vertices), KERB)
     rise[np.intersect1d(at_road, at_ramp)] = _LOWERED_KERB
-    flush = np.append(pieces.flush, False)
-    rise[ground.faces[flush[ground.owners]]] = 0.0
     return rise
 
 
