@@ -30,9 +30,9 @@ class Check:
 CHECKS = (
     Check(
         id="geometry.mesh_health",
-        title="Meshes are closed and cover the ground they stand for",
+        title="Raised surfaces are closed, and every position is a number",
         severity=Severity.ERROR,
-        limit="every edge shared by two faces; no face without area",
+        limit="every edge shared by two faces",
         source="glTF 2.0, trimesh",
         run=check_mesh_health,
     ),
