@@ -53,6 +53,8 @@ def _fields(cls: type) -> tuple[tuple[Field[Any], str, Any], ...]:
 
 
 def _encode(value: Any) -> Any:
+    if value is None or isinstance(value, str | float | int):
+        return value.value if isinstance(value, StrEnum) else value
     if is_dataclass(value):
         cls: type = type(value)
         return {key: _encode(getattr(value, f.name)) for f, key, _ in _fields(cls)}
@@ -60,7 +62,7 @@ def _encode(value: Any) -> Any:
         return value.tolist()
     if isinstance(value, tuple):
         return [_encode(item) for item in value]
-    return value.value if isinstance(value, StrEnum) else value
+    raise TypeError(f"{type(value).__name__} has no place in a description")
 
 
 def _decode(kind: Any, value: Any, where: str) -> Any:

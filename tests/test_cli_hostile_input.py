@@ -653,7 +653,9 @@ def test_interrupted_conversion_leaves_the_old_bundle_whole(
     check_whole(bench.output)
     if status in {0, 1}:
         return  # it was done before the signal came
-    assert snapshot(bench.output) == before
+    after = snapshot(bench.output)
+    # A signal after the swap finds the new bundle in place, and that one is whole too.
+    assert after == before or after["network.net.xml"] == network_path("ingolstadt7").read_bytes()
     assert status in {-number, 128 + number, 130, 4}
     # While Python itself is still starting, it is Python that answers an interruption.
     assert wait < 1.0 or "Traceback" not in errors

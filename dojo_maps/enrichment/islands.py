@@ -3,7 +3,7 @@
 import numpy as np
 import shapely
 
-from dojo_maps.description import Prop, RoadMap
+from dojo_maps.description import Prop, RoadMap, points
 from dojo_maps.geometry.pieces import GRID
 from dojo_maps.geometry.polylines import Flags, Shapes, lift_to_nearest
 
@@ -33,12 +33,15 @@ def find_islands(road_map: RoadMap, paved: shapely.Geometry) -> tuple[Prop, ...]
     lines = [lane.shape for lane in road_map.lanes]
     gaps, flush = _gaps(paved, beside)
     rings = [shapely.get_coordinates(gap.exterior)[:-1] for gap in gaps]
+    corners = np.concatenate([np.empty((0, 2)), *rings])
+    lifted = lift_to_nearest(np.round(corners + shift, 4), lines)
+    rings = np.split(lifted, np.cumsum([len(ring) for ring in rings])[:-1]) if rings else []
     return tuple(
         Prop(
             id=f"island_{k}",
             kind="island",
             height=0.0 if is_flush else ISLAND_HEIGHT,
-            polygon=lift_to_nearest(np.round(ring + shift, 4), lines),
+            polygon=points(ring),
         )
         for k, (ring, is_flush) in enumerate(zip(rings, flush, strict=True))
     )

@@ -61,12 +61,14 @@ def divide_ground(pieces: Pieces, paved: shapely.Geometry, ramps: Shapes, *, mar
         margin: metres of terrain around the map.
     """
     frame = shapely.box(*_widened(shapely.total_bounds(pieces.polygons), margin))
-    areas = [*pieces.polygons, *pieces.mouths, *ramps, paved, frame]
+    shapely.prepare(paved)
+    mouths = pieces.mouths[~shapely.covers(paved, pieces.mouths)]
+    areas = [*pieces.polygons, *mouths, *ramps, paved, frame]
     outlines = np.concatenate([shapely.boundary(np.array(areas, dtype=object)), pieces.cuts])
     lines = shapely.union_all(outlines, grid_size=GRID)
     faces = shapely.get_parts(shapely.polygonize([lines]))
     faces = faces[shapely.area(faces) > 0]
-    face_indices, owners, lowest = _assign_owners(faces, pieces, paved)
+    face_indices, owners, lowest = _assign_owners(faces, pieces, mouths, paved)
     chosen = faces[face_indices]
     ramp_faces = _inside_any(chosen, ramps) & np.isin(owners, _raised(pieces))
     faces_as_parts = Parts(polygons=chosen, owners=owners, ramps=ramp_faces, lowest=lowest)
@@ -79,7 +81,9 @@ def _widened(bounds: Floats, margin: float) -> Floats:
     return np.concatenate([low, high])
 
 
-def _assign_owners(faces: Shapes, pieces: Pieces, paved: shapely.Geometry) -> tuple[Ints, Ints, Flags]:
+def _assign_owners(
+    faces: Shapes, pieces: Pieces, mouths: Shapes, paved: shapely.Geometry
+) -> tuple[Ints, Ints, Flags]:
     """List (face, owner, lowest or not): one for each level of a face, or one with `TERRAIN`."""
     inner = shapely.point_on_surface(faces)
     face, piece = shapely.STRtree(pieces.polygons).query(inner, predicate="within")
@@ -92,11 +96,10 @@ def _assign_owners(faces: Shapes, pieces: Pieces, paved: shapely.Geometry) -> tu
     owners = np.minimum.reduceat(piece, first) if len(first) else piece
     owned = face[first]
 
-    shapely.prepare(paved)
     covered = np.zeros(len(faces), dtype=bool)
     covered[owned[owners < pieces.paved]] = True
     within = shapely.contains(paved, inner)
-    seams = np.flatnonzero(~covered & (within | _fill_wedges(faces, inner, pieces.mouths, paved)))
+    seams = np.flatnonzero(~covered & (within | _fill_wedges(faces, inner, mouths, paved)))
     kept = ~np.isin(owned, seams)
     rest = np.setdiff1d(np.arange(len(faces)), np.union1d(owned, seams))
     lowest = np.diff(owned, prepend=-1) > 0

@@ -55,8 +55,11 @@ def line_markings(road_map: RoadMap, canvas: Canvas) -> Paint:
     lines = [line for line in lines if len(drop_repeats(line.lane.shape)) > 1]
     shapes = _trace(lines, lane_of, inward, road_map)
     grounds = [(line.ground, bool(line.near) and not line.away) for line in lines]
-    areas = {ground: _paintable(canvas.area_of(ground[0]), shared=ground[1]) for ground in set(grounds)}
-    shapes = shapely.intersection(shapes, np.array([areas[ground] for ground in grounds], dtype=object))
+    distinct = list(dict.fromkeys(grounds))
+    areas = np.array([canvas.area_of(lanes) for lanes, _ in distinct], dtype=object)
+    areas = _paintable(areas, np.array([shared for _, shared in distinct], dtype=bool))
+    number = {ground: k for k, ground in enumerate(distinct)}
+    shapes = shapely.intersection(shapes, areas[[number[ground] for ground in grounds]])
     shapes = _clear_obstacles(shapes, road_map)
     strokes, index = _strokes(shapes, np.array([line.style is _Style.DASHED for line in lines], dtype=bool))
     return Paint(
@@ -169,12 +172,12 @@ def _trace(lines: Sequence[_Line], lane_of: dict[str, Lane], inward: float, road
     return shapes
 
 
-def _paintable(area: shapely.Geometry, *, shared: bool) -> shapely.Geometry:
+def _paintable(areas: Shapes, shared: Flags) -> Shapes:
     """Keep lines off the borders of their ground by half a line; a slit between two roads is no border."""
-    slit = _TOUCHING / 2 if shared else 0.0
-    for distance in (slit, -slit - _WIDTH / 2):
-        area = shapely.buffer(area, distance, join_style="mitre", mitre_limit=2.0)
-    return area
+    slit = _TOUCHING / 2
+    areas[shared] = shapely.buffer(areas[shared], slit, join_style="mitre", mitre_limit=2.0)
+    inset = np.where(shared, slit, 0.0) + _WIDTH / 2
+    return shapely.buffer(areas, -inset, join_style="mitre", mitre_limit=2.0)
 
 
 def _clear_obstacles(lines: Shapes, road_map: RoadMap) -> Shapes:
