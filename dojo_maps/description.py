@@ -20,11 +20,14 @@ Points = NDArray[np.float64]
 
 
 def points(values: Any) -> Points:
-    """Make a read-only (n, 3) array of positions; two-dimensional input gets z = 0."""
-    array = np.array(values, dtype=np.float64).reshape(len(values), -1)
-    if array.shape[1] == 2:
+    """Make a read-only (n, 3) array of positions; two-dimensional input gets z = 0, none is fine."""
+    array = np.array(values, dtype=np.float64)
+    if array.size == 0:
+        array = np.empty((0, 3))
+    elif array.shape[1:] == (2,):
         array = np.column_stack([array, np.zeros(len(array))])
-    array = array.reshape(-1, 3)
+    if array.ndim != 2 or array.shape[1] != 3:
+        raise ValueError(f"positions of shape {array.shape}, expected (n, 2) or (n, 3)")
     array.setflags(write=False)
     return array
 

@@ -115,7 +115,7 @@ def _decode_tuple(arms: tuple[Any, ...], value: Any, where: str) -> tuple[Any, .
 
 def _decode_points(value: Any, where: str) -> Any:
     try:
-        array = points(value) if value else points(np.empty((0, 3)))
+        array = points(value)
     except (TypeError, ValueError):
         array = None
     if array is None or not np.isfinite(array).all():

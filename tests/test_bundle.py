@@ -69,6 +69,8 @@ def test_description_survives_reading_and_writing(description: dict[str, Any]) -
         (("lanes", 0, "kind"), "footpath", "kind"),
         (("lanes", 0, "shape"), [[0, 0, "x"]], "shape"),
         (("lanes", 0, "shape"), [[0, 0, 1e999]], "shape"),
+        (("lanes", 0, "shape"), [0, 0, 0], "shape"),
+        (("lanes", 0, "shape"), [[0, 0, 0, 0]] * 3, "shape"),
         (("lanes", 0, "index"), True, "index"),
         (("bounds",), [[0, 0]], "bounds"),
     ],

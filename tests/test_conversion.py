@@ -1,6 +1,7 @@
 """The pipeline from Python, and the command's further ways: enriched networks, exports, quiet runs."""
 
 import json
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -10,6 +11,7 @@ import pytest
 import dojo_maps
 from dojo_maps import cli
 from dojo_maps.errors import SourceError
+from dojo_maps.sources.files import find_network
 
 
 def test_convert_returns_the_bundle_it_wrote(tmp_path: Path) -> None:
@@ -101,3 +103,14 @@ def test_checks_are_listed_with_severity_and_limit(capsys: pytest.CaptureFixture
     listed = capsys.readouterr().out
     assert "topology.duplicate_id" in listed
     assert "geometry.mesh_health" in listed
+
+
+def test_junction_without_a_shape_is_kept_without_one(tmp_path: Path) -> None:
+    path, _ = find_network("two-way")
+    text, count = re.subn(r'(<junction [^>]*type="dead_end"[^>]*) shape="[^"]*"', r"\1", path.read_text())
+    assert count
+    (tmp_path / "bare.net.xml").write_text(text)
+    bundle, report = dojo_maps.convert(str(tmp_path / "bare.net.xml"), tmp_path / "bare.dojo")
+    shapeless = [j for j in dojo_maps.read_bundle(bundle.folder).road_map.junctions if not len(j.polygon)]
+    assert len(shapeless) == count
+    assert report["counts"]["error"] == 0

@@ -202,7 +202,7 @@ class _Reader:
         x, y, z = (
             read_float(attributes, key, self.path, what, default=0.0 if key == "z" else None) for key in "xyz"
         )
-        polygon = self._shape(attributes, what) if attributes.get("shape") else points(np.empty((0, 3)))
+        polygon = self._shape(attributes, what) if attributes.get("shape") else points([])
         found = Junction(
             id=junction,
             kind=attributes.get("type", "unknown"),
