@@ -241,7 +241,6 @@ def test_sidewalks_and_walking_areas_are_watertight_for_trimesh(conversion: Conv
     for name in loaded.graph.nodes_geometry:
         if name.split("/")[0] in {"sidewalk", "walking_area"}:
             mesh = loaded.geometry[loaded.graph[name][1]]
-            mesh.merge_vertices(merge_tex=True, merge_norm=True)
             assert mesh.is_watertight, name
             assert mesh.is_winding_consistent, name
 
@@ -273,7 +272,8 @@ def test_paint_lies_just_above_the_ground(conversion: Conversion) -> None:
     ground = scene.tops(*GROUND, "terrain", "island")
     for layer in PAINT:
         paint = scene.tops(layer)
-        points = spread_points(paint)
+        # Slivers under a square centimetre, where surfaces of two heights meet, cannot be seen.
+        points = spread_points(Surface(paint.triangles[shapely.area(paint.polygons) > 1e-4]))
         gaps = -heights_near(ground, points)
         outside = points[np.isnan(gaps)]
         beyond = shapely.distance(shapely.points(outside[:, :2]), ground.union)

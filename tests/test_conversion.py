@@ -106,7 +106,7 @@ def test_checks_are_listed_with_severity_and_limit(capsys: pytest.CaptureFixture
 
 
 def test_junction_without_a_shape_is_kept_without_one(tmp_path: Path) -> None:
-    path, _ = find_network("two-way")
+    path, _ = find_network("cologne1")
     text, count = re.subn(r'(<junction [^>]*type="dead_end"[^>]*) shape="[^"]*"', r"\1", path.read_text())
     assert count
     (tmp_path / "bare.net.xml").write_text(text)
