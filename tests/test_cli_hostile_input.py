@@ -638,7 +638,7 @@ def _interrupt(bench: Bench, network: Path, number: int, wait: float) -> tuple[i
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-@pytest.mark.parametrize("wait", [0.7, 1.5, 2.5])
+@pytest.mark.parametrize("wait", [0.5, 1.2, 2.4])
 def test_interrupted_conversion_leaves_the_old_bundle_whole(
     number: int,
     wait: float,
@@ -648,14 +648,14 @@ def test_interrupted_conversion_leaves_the_old_bundle_whole(
 ) -> None:
     shutil.copytree(converted("village").folder, bench.output)
     before = snapshot(bench.output)
-    status, errors = _interrupt(bench, network_path("ingolstadt7"), number, wait)
+    status, errors = _interrupt(bench, network_path("ingolstadt21"), number, wait)
     assert bench.left_behind() == {"out.dojo"}
     check_whole(bench.output)
     if status in {0, 1}:
         return  # it was done before the signal came
     after = snapshot(bench.output)
     # A signal after the swap finds the new bundle in place, and that one is whole too.
-    assert after == before or after["network.net.xml"] == network_path("ingolstadt7").read_bytes()
+    assert after == before or after["network.net.xml"] == network_path("ingolstadt21").read_bytes()
     assert status in {-number, 128 + number, 130, 4}
     # While Python itself is still starting, it is Python that answers an interruption.
     assert wait < 1.0 or "Traceback" not in errors
@@ -664,7 +664,7 @@ def test_interrupted_conversion_leaves_the_old_bundle_whole(
 def test_interrupted_conversion_leaves_nothing_where_nothing_was(
     bench: Bench, network_path: Callable[[str], Path]
 ) -> None:
-    status, _ = _interrupt(bench, network_path("ingolstadt7"), signal.SIGTERM, 1.0)
+    status, _ = _interrupt(bench, network_path("ingolstadt21"), signal.SIGTERM, 1.0)
     assert bench.left_behind() == ({"out.dojo"} if status in {0, 1} else set())
 
 

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from dojo_maps.geometry.arrangement import TERRAIN, divide_ground, paved_ground
 from dojo_maps.geometry.pieces import GRID, Layer, Pieces
-from dojo_maps.meshes.mesh import is_watertight, upward_area
+from dojo_maps.meshes.mesh import Mesh, is_watertight
 from dojo_maps.meshes.surfaces import build_ground, surface_meshes
 
 NOTHING = np.empty(0, dtype=object)
@@ -41,6 +41,13 @@ def make_pieces(
         mouths=NOTHING,
         cuts=NOTHING,
     )
+
+
+def upward_area(mesh: Mesh) -> float:
+    """Measure the ground that a mesh's upward faces cover, square metres."""
+    a, b, c = (mesh.vertices[mesh.faces[:, k], :2] for k in range(3))
+    doubled = (b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0]
+    return float(np.maximum(doubled, 0.0).sum() / 2)
 
 
 @settings(max_examples=40, deadline=None)

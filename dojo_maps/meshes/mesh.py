@@ -68,13 +68,6 @@ def join(name: str, parts: Iterable[tuple[str, Floats, Ints]]) -> Mesh:
     return compact(name, np.concatenate(vertices), np.concatenate(faces), np.concatenate(sources), list(ids))
 
 
-def upward_area(mesh: Mesh) -> float:
-    """Measure the ground that a mesh's upward faces cover, square metres."""
-    a, b, c = (mesh.vertices[mesh.faces[:, k], :2] for k in range(3))
-    doubled = (b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0]
-    return float(np.maximum(doubled, 0.0).sum() / 2)
-
-
 def is_watertight(mesh: Mesh) -> bool:
     """Tell whether every edge is shared by exactly two faces that run along it in opposite ways."""
     edges = mesh.faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
