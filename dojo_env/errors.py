@@ -1,0 +1,21 @@
+"""The environment's errors; each says what is wrong, where, and what to do about it."""
+
+from dojo_maps.errors import DojoError
+
+
+class ConfigError(DojoError, ValueError):
+    """A setting has a value that cannot work."""
+
+    exit_status = 2
+
+
+class SnapshotError(DojoError, ValueError):
+    """A snapshot holds values that no simulated instant can have."""
+
+
+class SimulationError(DojoError):
+    """SUMO refused or stopped; the message names the simulated time."""
+
+
+class EpisodeOverError(DojoError):
+    """`step` was called after the episode's end, or before its first `reset`."""
