@@ -7,11 +7,14 @@ import tempfile
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from dojo_maps.description import RoadMap
 from dojo_maps.errors import DescriptionError, UsageError
 from dojo_maps.serialization import from_json
+
+if TYPE_CHECKING:
+    from dojo_maps.meshes.mesh import Mesh
 
 DESCRIPTION = "map.json"
 SCENE = "scene.glb"
@@ -40,6 +43,16 @@ class Bundle:
     def scene(self) -> Path:
         """The meshes, as binary glTF."""
         return self.folder / SCENE
+
+    def read_meshes(self) -> "tuple[Mesh, ...]":
+        """Read the meshes of the scene: metres, x east, y north, z up, around the map's origin.
+
+        Raises:
+            DescriptionError: the scene is missing or broken.
+        """
+        from dojo_maps.meshes.gltf import read_scene  # noqa: PLC0415 - trimesh loads slowly; few need it
+
+        return read_scene(self.scene)
 
 
 def read_bundle(folder: Path | str) -> Bundle:

@@ -214,6 +214,13 @@ class Program:
     phases: tuple[Phase, ...]
 
 
+LAMP_SPACING = 0.3
+"""Metres between the centres of a head's lamps."""
+LAMP_RADIUS = 0.11
+LAMP_AHEAD = 0.12
+"""Metres from a head's position to the plane of its lamps, along its heading."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class SignalHead:
     """A signal face: where it hangs and the heading it shines to (radians, counter-clockwise from east)."""
@@ -221,6 +228,12 @@ class SignalHead:
     link_indices: tuple[int, ...]
     position: tuple[float, float, float]
     heading: float
+
+    def lamps(self, count: int) -> Points:
+        """Place the centres of `count` lamps, red on top: (count, 3)."""
+        ahead = LAMP_AHEAD * np.array([np.cos(self.heading), np.sin(self.heading), 0.0])
+        up = ((count - 1) / 2 - np.arange(count)) * LAMP_SPACING
+        return points(np.array(self.position) + ahead + np.column_stack([np.zeros((count, 2)), up]))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -1,0 +1,1 @@
+"""Drawing: the static world once per camera, and then only what moves."""

@@ -1,0 +1,1 @@
+"""Sensors: cameras and lidar, where they hang, and what their pictures suffer from."""

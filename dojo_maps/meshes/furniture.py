@@ -7,13 +7,10 @@ from functools import cache
 import numpy as np
 import trimesh
 
-from dojo_maps.description import LinkKind, Prop, RoadMap, Signal, SignalHead
+from dojo_maps.description import LAMP_RADIUS, LAMP_SPACING, LinkKind, Prop, RoadMap, Signal, SignalHead
 from dojo_maps.geometry.polylines import Floats, Ints
 from dojo_maps.meshes.mesh import Mesh, join
 
-LAMP_SPACING = 0.3
-"""Metres between the centres of a head's lamps."""
-LAMP_RADIUS = 0.11
 _POLE_RADIUS = 0.07
 _ARM_RADIUS = 0.05
 _ARM_ABOVE_HEAD = 0.6
@@ -85,24 +82,22 @@ def _poles_and_arms(
 def _housing(head: SignalHead, shift: Floats, *, walking: bool) -> tuple[Floats, Ints]:
     lamps = 2 if walking else 3
     vertices, faces = _box(_HOUSING[0], _HOUSING[1], lamps * LAMP_SPACING + 0.06)
-    return _turned(vertices, head, shift), faces
+    return _turned(vertices, head, np.array(head.position) - shift), faces
 
 
 def _lamps(head: SignalHead, shift: Floats, *, walking: bool) -> Iterator[tuple[str, tuple[Floats, Ints]]]:
     """Lay a disc in front of the housing for each lamp, red on top."""
     colours = ("red", "green") if walking else _LAMPS
     disc, faces = _disc()
-    for k, colour in enumerate(colours):
-        up = ((len(colours) - 1) / 2 - k) * LAMP_SPACING
-        placed = disc + np.array([_HOUSING[0] / 2 + 0.01, 0.0, up])
-        yield colour, (_turned(placed, head, shift), faces)
+    for colour, centre in zip(colours, head.lamps(len(colours)), strict=True):
+        yield colour, (_turned(disc, head, centre - shift), faces)
 
 
-def _turned(vertices: Floats, head: SignalHead, shift: Floats) -> Floats:
+def _turned(vertices: Floats, head: SignalHead, place: Floats) -> Floats:
     """Turn a shape that faces +x to the head's heading and put it in its place."""
     cos, sin = np.cos(head.heading), np.sin(head.heading)
     turn = np.array([[cos, sin, 0.0], [-sin, cos, 0.0], [0.0, 0.0, 1.0]])
-    turned: Floats = vertices @ turn + (np.array(head.position) - shift)
+    turned: Floats = vertices @ turn + place
     return turned
 
 

@@ -1,0 +1,91 @@
+"""Light, weather and lens: what a picture suffers from, and how to sample it for domain randomisation."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, fields, replace
+from math import isfinite
+
+import numpy as np
+
+from dojo_env.errors import ConfigError
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Conditions:
+    """One state of the world outside and of the cameras; the default is a clear noon and perfect cameras.
+
+    Attributes:
+        hour: solar time, 0 to 24; the sun stands as over Cologne in May, and under the horizon it is night.
+        overcast: 0 clear sky to 1 closed clouds.
+        rain: 0 dry to 1 heavy rain; streets are wet.
+        fog: extinction per metre; 0.01 leaves 37 % of the contrast after 100 m.
+        exposure: stops above or below the automatic exposure.
+        noise: standard deviation of the cameras' noise, in levels of 255.
+        blur: standard deviation of the blur, pixels.
+        dirt: 0 clean lens to 1 very dirty.
+        shake_m: standard deviation of each camera's offset from its place, metres; one draw per episode.
+        shake_deg: standard deviation of each camera's turn from its direction, degrees; one draw per episode.
+        dropped: probability that a camera delivers its last frame again.
+        seed: of everything drawn at random here.
+    """
+
+    hour: float = 12.0
+    overcast: float = 0.0
+    rain: float = 0.0
+    fog: float = 0.0
+    exposure: float = 0.0
+    noise: float = 0.0
+    blur: float = 0.0
+    dirt: float = 0.0
+    shake_m: float = 0.0
+    shake_deg: float = 0.0
+    dropped: float = 0.0
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        """Refuse values out of range.
+
+        Raises:
+            ConfigError: a value is not finite or out of its range.
+        """
+        for name, (low, high) in LIMITS.items():
+            value = getattr(self, name)
+            if not (isfinite(value) and low <= value <= high):
+                raise ConfigError(f"conditions: {name} must be {low:g} to {high:g}; got {value!r}")
+
+
+LIMITS: Mapping[str, tuple[float, float]] = {
+    "hour": (0.0, 24.0),
+    "overcast": (0.0, 1.0),
+    "rain": (0.0, 1.0),
+    "fog": (0.0, 1.0),
+    "exposure": (-5.0, 5.0),
+    "noise": (0.0, 100.0),
+    "blur": (0.0, 20.0),
+    "dirt": (0.0, 1.0),
+    "shake_m": (0.0, 5.0),
+    "shake_deg": (0.0, 45.0),
+    "dropped": (0.0, 1.0),
+    "seed": (0, 2**63 - 1),
+}
+
+
+def sample_conditions(ranges: Mapping[str, tuple[float, float]], seed: int) -> Conditions:
+    """Draw one state from ranges, each value uniform and on its own.
+
+    Args:
+        ranges: (low, high) by the name of a field of `Conditions`; the others keep their defaults.
+        seed: the same seed and ranges give the same conditions.
+    Raises:
+        ConfigError: a name is unknown or a range is empty or out of its limits.
+    """
+    names = {field.name for field in fields(Conditions)} - {"seed"}
+    generator = np.random.default_rng(seed)
+    drawn = {}
+    for name in sorted(ranges):
+        if name not in names:
+            raise ConfigError(f"conditions: no {name!r}; choose from {', '.join(sorted(names))}")
+        low, high = ranges[name]
+        if not low <= high:
+            raise ConfigError(f"conditions: the range of {name} is empty: ({low!r}, {high!r})")
+        drawn[name] = float(generator.uniform(low, high))
+    return replace(Conditions(seed=seed), **drawn)

@@ -1,0 +1,80 @@
+"""Boxes of the road users that a camera sees, in the picture and in the world."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dojo_env.rendering.background import View
+from dojo_env.rendering.raster import kernel
+from dojo_env.rendering.traffic import Canvas, Users, count_pixels
+from dojo_env.sensors.camera import Camera
+from dojo_env.snapshot import Snapshot
+
+_CORNERS = np.array([(x, y, z) for x in (0.0, -1.0) for y in (-0.5, 0.5) for z in (0.0, 1.0)])
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Boxes:
+    """The road users of which at least one pixel is visible; arrays have one row each.
+
+    Attributes:
+        ids: SUMO's ids.
+        numbers: (k,) the numbers that the instance picture shows.
+        kinds: (k,) `Kind`.
+        picture: (k, 4) left, top, right, bottom of the visible pixels; right and bottom are exclusive.
+        pixels: (k,) visible pixels.
+        visible: (k,) visible share of the pixels that would show if nothing stood in front; the part outside
+            of the picture does not count.
+        corners: (k, 8, 3) of the box in the world, metres, map frame: nose before tail, right before left,
+            bottom before top.
+        projected: (k, 8, 2) the same corners in the picture, pixels; nan behind the camera.
+    """
+
+    ids: tuple[str, ...]
+    numbers: NDArray[np.int32]
+    kinds: NDArray[np.uint8]
+    picture: NDArray[np.int32]
+    pixels: NDArray[np.int32]
+    visible: NDArray[np.float64]
+    corners: NDArray[np.float64]
+    projected: NDArray[np.float64]
+
+
+def measure_boxes(canvas: Canvas, view: View, users: Users, snapshot: Snapshot, camera: Camera) -> Boxes:
+    """Measure every visible road user in a picture that was just drawn."""
+    pixels, spans = _measure(canvas.tags, canvas.owners, len(snapshot.ids))
+    shown = np.flatnonzero(pixels).astype(np.int32)
+    alone = count_pixels(canvas, view, users, shown)
+    shift = snapshot.positions[shown] - users.places[shown]
+    corners = np.einsum("kij,cj->kci", users.frames[shown], _CORNERS) + (users.places[shown] + shift)[:, None]
+    projected, _ = camera.project(corners.reshape(-1, 3))
+    return Boxes(
+        ids=tuple(snapshot.ids[k] for k in shown),
+        numbers=snapshot.numbers[shown],
+        kinds=snapshot.kinds[shown],
+        picture=spans[shown],
+        pixels=pixels[shown],
+        visible=pixels[shown] / np.maximum(alone, 1),
+        corners=corners,
+        projected=projected.reshape(-1, 8, 2),
+    )
+
+
+@kernel
+def _measure(tags, owners, count):
+    """Count each road user's visible pixels, and find the box they lie in."""
+    height, width = tags.shape
+    pixels = np.zeros(count, dtype=np.int32)
+    spans = np.zeros((count, 4), dtype=np.int32)
+    for k in range(count):
+        spans[k, 0], spans[k, 1] = width, height
+    for row in range(height):
+        for column in range(width):
+            tag = tags[row, column]
+            if tag >= 0 and owners[tag] >= 0:
+                k = owners[tag]
+                pixels[k] += 1
+                spans[k, 0], spans[k, 1] = min(spans[k, 0], column), min(spans[k, 1], row)
+                spans[k, 2], spans[k, 3] = max(spans[k, 2], column + 1), max(spans[k, 3], row + 1)
+    return pixels, spans

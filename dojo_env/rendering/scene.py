@@ -1,0 +1,184 @@
+"""The static world of a map, ready to draw: triangles and what they are, signal lamps, and link paths."""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dojo_env.rendering.classes import LAYERS, OTHER_LAYER, Semantic, Surface
+from dojo_env.rendering.lighting import to_linear
+from dojo_maps.bundle import Bundle
+from dojo_maps.description import LinkKind, RoadMap, Signal
+
+Floats = NDArray[np.float64]
+
+LAMP_COLOURS = to_linear(np.array([(255, 40, 24), (255, 190, 30), (40, 255, 130)], dtype=np.uint8))
+"""Linear light of a lit lamp: red, yellow, green."""
+_DARK_LAMP = 0.4
+_LAMPS = ("signal/red", "signal/yellow", "signal/green")
+_PATH_HALF_WIDTH = 0.22
+_PATH_LIFT = 0.1
+_RED, _YELLOW, _GREEN = 0, 1, 2
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Scene:
+    """Everything that does not move.
+
+    Attributes:
+        road_map: the description.
+        origin: (3,) the scene's frame is the map's, moved so that this point is 0.
+        vertices: (n, 3) metres, scene frame.
+        faces: (m, 3) vertex indices.
+        normals: (m, 3) unit vectors, upward where a face is level.
+        semantics: (m,) `Semantic`.
+        surfaces: (m,) `Surface`.
+        colours: (m, 3) linear.
+    """
+
+    road_map: RoadMap
+    origin: Floats
+    vertices: Floats
+    faces: NDArray[np.int32]
+    normals: Floats
+    semantics: NDArray[np.uint8]
+    surfaces: NDArray[np.uint8]
+    colours: NDArray[np.float32]
+
+    @property
+    def ground(self) -> float:
+        """Height of the lowest ground, metres."""
+        return float(self.vertices[:, 2].min()) if len(self.vertices) else 0.0
+
+
+def build_scene(bundle: Bundle) -> Scene:
+    """Read a bundle's meshes and tell what each face is.
+
+    Raises:
+        DescriptionError: the bundle's scene is missing or broken.
+    """
+    vertices: list[Floats] = [np.empty((0, 3))]
+    faces = [np.empty((0, 3), dtype=np.int64)]
+    looks: list[tuple[int, Semantic, Surface, Floats]] = []
+    count = 0
+    for mesh in bundle.read_meshes():
+        semantic, surface, colour = LAYERS.get(mesh.layer, OTHER_LAYER)
+        dark = _DARK_LAMP if mesh.name in _LAMPS else 1.0
+        vertices.append(mesh.vertices)
+        faces.append(mesh.faces + count)
+        looks.append((len(mesh.faces), semantic, surface, to_linear(np.array(colour)) * dark))
+        count += len(mesh.vertices)
+    counts = [look[0] for look in looks]
+    corners, triangles = np.concatenate(vertices), np.concatenate(faces)
+    return Scene(
+        road_map=bundle.road_map,
+        origin=np.array([*bundle.road_map.origin, 0.0]),
+        vertices=corners,
+        faces=triangles.astype(np.int32),
+        normals=_normals(corners, triangles),
+        semantics=np.repeat(np.array([look[1] for look in looks], dtype=np.uint8), counts),
+        surfaces=np.repeat(np.array([look[2] for look in looks], dtype=np.uint8), counts),
+        colours=np.repeat(np.array([look[3] for look in looks], np.float32).reshape(-1, 3), counts, axis=0),
+    )
+
+
+def _normals(vertices: Floats, faces: NDArray[np.int64]) -> Floats:
+    a, b, c = vertices[faces[:, 0]], vertices[faces[:, 1]], vertices[faces[:, 2]]
+    normals = np.cross(b - a, c - a)
+    length = np.linalg.norm(normals, axis=1, keepdims=True)
+    return np.where(length > 0, normals / np.maximum(length, 1e-12), [0.0, 0.0, 1.0])
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Lamps:
+    """The lamps that are lit: (k, 3) centres in the scene frame, (k, 3) where they shine to, (k,) colour."""
+
+    centres: Floats
+    directions: Floats
+    colours: NDArray[np.int32]
+
+
+class SignalFaces:
+    """Knows where every lamp and link path is, and which are lit in a state."""
+
+    def __init__(self, scene: Scene) -> None:
+        shift = scene.origin
+        self._heads = {signal.id: list(_heads(signal, shift)) for signal in scene.road_map.signals}
+        self._paths: dict[str, list[tuple[int, Floats]]] = {
+            signal.id: [] for signal in scene.road_map.signals
+        }
+        for connection in scene.road_map.connections:
+            if connection.signal in self._paths and connection.link_index is not None:
+                path = _ribbon(connection.shape - shift)
+                self._paths[connection.signal].append((connection.link_index, path))
+        self.lit = lru_cache(maxsize=256)(self._lit)
+        self.painted = lru_cache(maxsize=256)(self._painted)
+
+    def _lit(self, states: tuple[tuple[str, str], ...]) -> Lamps:
+        centres, directions, colours = [np.empty((0, 3))], [np.empty((0, 3))], [np.empty(0, dtype=np.int32)]
+        for signal, state in states:
+            for links, lamps, direction in self._heads.get(signal, ()):
+                shown = _shown({state[k] for k in links if k < len(state)}, len(lamps))
+                centres.append(lamps[[min(k, len(lamps) - 1) for k in shown]].reshape(-1, 3))
+                directions.append(np.tile(direction, (len(shown), 1)))
+                colours.append(np.array(shown, dtype=np.int32))
+        return Lamps(
+            centres=np.concatenate(centres),
+            directions=np.concatenate(directions),
+            colours=np.concatenate(colours),
+        )
+
+    def _painted(self, states: tuple[tuple[str, str], ...]) -> tuple[Floats, NDArray[np.int32]]:
+        """Triangles (n, 3, 3) of every link's path, and the colour (n,) that its link shows."""
+        triangles, colours = [np.empty((0, 3, 3))], [np.empty(0, dtype=np.int32)]
+        for signal, state in states:
+            for index, path in self._paths.get(signal, ()):
+                if index < len(state):
+                    colour = (_shown({state[index]}, 3) or (_RED,))[-1]
+                    triangles.append(path)
+                    colours.append(np.full(len(path), colour, dtype=np.int32))
+        return np.concatenate(triangles), np.concatenate(colours)
+
+
+def states_key(signals: Mapping[str, str]) -> tuple[tuple[str, str], ...]:
+    """Make a snapshot's signal states a key."""
+    return tuple(signals.items())
+
+
+def _heads(signal: Signal, shift: Floats) -> Iterator[tuple[tuple[int, ...], Floats, Floats]]:
+    walks = {link.index for link in signal.links if link.kind is LinkKind.PEDESTRIAN}
+    for head in signal.heads:
+        walking = head.link_indices[0] in walks
+        direction = np.array([np.cos(head.heading), np.sin(head.heading), 0.0])
+        yield head.link_indices, head.lamps(2 if walking else 3) - shift, direction
+
+
+def _shown(letters: set[str], lamps: int) -> tuple[int, ...]:
+    """Which lamps the links of a head light; the most permissive link decides. Letters are SUMO's."""
+    if letters & set("gG"):
+        return (_GREEN,)
+    if lamps == 2:
+        return (_RED,) if letters - set("oO") else ()
+    if letters & set("yo"):
+        return (_YELLOW,)
+    if "u" in letters:
+        return (_RED, _YELLOW)
+    return (_RED,) if letters - set("O") else ()
+
+
+def _ribbon(line: Floats) -> Floats:
+    """Make the triangles of a flat band along a line."""
+    steps = np.diff(line[:, :2], axis=0)
+    length = np.hypot(*steps.T)
+    line, steps, length = line[np.append(True, length > 1e-6)], steps[length > 1e-6], length[length > 1e-6]
+    if len(line) < 2:
+        return np.empty((0, 3, 3))
+    sides = np.column_stack([-steps[:, 1], steps[:, 0]]) / length[:, None]
+    corners = np.vstack([sides[:1], (sides[:-1] + sides[1:]) / 2, sides[-1:]]) * _PATH_HALF_WIDTH
+    offset = np.column_stack([corners, np.zeros(len(corners))])
+    left, right = line + offset + [0, 0, _PATH_LIFT], line - offset + [0, 0, _PATH_LIFT]
+    first = np.stack([right[:-1], right[1:], left[:-1]], axis=1)
+    second = np.stack([left[:-1], right[1:], left[1:]], axis=1)
+    return np.concatenate([first, second])

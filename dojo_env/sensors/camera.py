@@ -1,0 +1,132 @@
+"""Cameras: pinholes with a place, a direction and, if wanted, a lens that bends."""
+
+import json
+from collections.abc import Iterable
+from dataclasses import asdict, dataclass, fields
+from math import cos, isfinite, radians, sin, tan
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dojo_env.errors import ConfigError
+
+Floats = NDArray[np.float64]
+
+LARGEST_SIDE = 8192
+"""Pixels; larger pictures are refused."""
+_NUMBERS = ("heading_deg", "pitch_deg", "roll_deg", "field_of_view_deg", "near", "far")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Camera:
+    """Where a camera hangs and what it can see.
+
+    Attributes:
+        name: unique among the cameras of one signal or scene.
+        position: metres, map frame.
+        heading_deg: where it looks, counter-clockwise from east; the top of a picture taken straight down.
+        pitch_deg: above the horizon, so -90 looks straight down.
+        roll_deg: clockwise turn of the camera about its axis.
+        field_of_view_deg: horizontal, from edge to edge.
+        width: pixels.
+        height: pixels.
+        near: metres along the axis; nothing nearer is drawn.
+        far: metres along the axis; the depth of the sky.
+        distortion: (k1, k2, p1, p2, k3) of Brown and Conrady as OpenCV takes them; empty for a perfect lens.
+    """
+
+    name: str
+    position: tuple[float, float, float]
+    heading_deg: float = 0.0
+    pitch_deg: float = -35.0
+    roll_deg: float = 0.0
+    field_of_view_deg: float = 75.0
+    width: int = 356
+    height: int = 256
+    near: float = 0.2
+    far: float = 400.0
+    distortion: tuple[float, ...] = ()
+
+    def __post_init__(self) -> None:
+        """Refuse what no camera can be.
+
+        Raises:
+            ConfigError: a number is missing, not finite, or out of its range.
+        """
+        object.__setattr__(self, "position", tuple(float(x) for x in self.position))
+        object.__setattr__(self, "distortion", tuple(float(k) for k in self.distortion))
+        if len(self.position) != 3 or not all(map(isfinite, self.position)):
+            self._refuse("position", "three finite numbers, metres")
+        if not all(isfinite(getattr(self, name)) for name in _NUMBERS):
+            self._refuse("angles, near and far", "finite numbers")
+        if not (1 <= self.width <= LARGEST_SIDE and 1 <= self.height <= LARGEST_SIDE):
+            self._refuse("width and height", f"1 to {LARGEST_SIDE} pixels")
+        if not 1.0 <= self.field_of_view_deg <= 160.0:
+            self._refuse("field_of_view_deg", "1 to 160")
+        if not 0.01 <= self.near < self.far <= 1e5:
+            self._refuse("near and far", "0.01 <= near < far <= 100,000 metres")
+        if len(self.distortion) not in (0, 4, 5) or not all(map(isfinite, self.distortion)):
+            self._refuse("distortion", "none, four or five finite numbers: k1, k2, p1, p2, k3")
+
+    def _refuse(self, what: str, wanted: str) -> None:
+        got = {f.name: getattr(self, f.name) for f in fields(self) if f.name in what or f.name in _NUMBERS}
+        raise ConfigError(f"camera {self.name!r}: {what} must be {wanted}; got {got}")
+
+    @property
+    def focal_length(self) -> float:
+        """Pixels, the same across and down."""
+        return self.width / 2 / tan(radians(self.field_of_view_deg) / 2)
+
+    @property
+    def axes(self) -> Floats:
+        """(3, 3): rows are the camera's right, down and forward, map frame."""
+        heading, pitch, roll = (radians(a) for a in (self.heading_deg, self.pitch_deg, self.roll_deg))
+        forward = np.array([cos(pitch) * cos(heading), cos(pitch) * sin(heading), sin(pitch)])
+        right = np.array([sin(heading), -cos(heading), 0.0])
+        down = np.cross(forward, right)
+        return np.array([cos(roll) * right + sin(roll) * down, cos(roll) * down - sin(roll) * right, forward])
+
+    @property
+    def intrinsics(self) -> Floats:
+        """(3, 3) matrix K; pixel (0, 0) covers 0 to 1, so its centre is (0.5, 0.5)."""
+        f = self.focal_length
+        return np.array([[f, 0.0, self.width / 2], [0.0, f, self.height / 2], [0.0, 0.0, 1.0]])
+
+    def project(self, points: Floats) -> tuple[Floats, Floats]:
+        """Find where points of the map fall in the picture, the lens's bending aside.
+
+        Args:
+            points: (n, 3) metres, map frame.
+        Returns:
+            (n, 2) pixels, and (n,) metres along the axis; pixels of points not before the camera are nan.
+        """
+        seen = (np.asarray(points, dtype=np.float64) - self.position) @ self.axes.T
+        depth = seen[:, 2]
+        ahead = np.where(depth > 1e-9, depth, np.nan)
+        pixels = seen[:, :2] * (self.focal_length / ahead)[:, None] + [self.width / 2, self.height / 2]
+        return pixels, depth
+
+
+def write_cameras(cameras: Iterable[Camera], path: Path | str) -> None:
+    """Save cameras as JSON."""
+    value = {"format": "dojo-cameras", "version": 1, "cameras": [asdict(camera) for camera in cameras]}
+    Path(path).write_text(json.dumps(value, indent=1) + "\n", encoding="utf-8")
+
+
+def read_cameras(path: Path | str) -> tuple[Camera, ...]:
+    """Read cameras back.
+
+    Raises:
+        ConfigError: the file is missing, not JSON, or does not hold cameras.
+    """
+    try:
+        value = json.loads(Path(path).read_text(encoding="utf-8"))
+        if value["format"] != "dojo-cameras" or value["version"] != 1:
+            raise ConfigError(f"{path}: not a dojo-cameras file of version 1")
+        cameras = tuple(Camera(**each) for each in value["cameras"])
+    except (OSError, ValueError, RecursionError, TypeError, KeyError) as error:
+        raise ConfigError(f"{path}: holds no cameras ({error})") from error
+    if len({camera.name for camera in cameras}) != len(cameras):
+        raise ConfigError(f"{path}: two cameras share a name; each needs its own")
+    return cameras
