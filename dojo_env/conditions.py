@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
 from math import isfinite
+from typing import Any
 
 import numpy as np
 
@@ -75,12 +76,13 @@ def sample_conditions(ranges: Mapping[str, tuple[float, float]], seed: int) -> C
     Args:
         ranges: (low, high) by the name of a field of `Conditions`; the others keep their defaults.
         seed: the same seed and ranges give the same conditions.
+
     Raises:
         ConfigError: a name is unknown or a range is empty or out of its limits.
     """
     names = {field.name for field in fields(Conditions)} - {"seed"}
     generator = np.random.default_rng(seed)
-    drawn = {}
+    drawn: dict[str, Any] = {}
     for name in sorted(ranges):
         if name not in names:
             raise ConfigError(f"conditions: no {name!r}; choose from {', '.join(sorted(names))}")

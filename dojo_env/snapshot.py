@@ -108,9 +108,9 @@ class Snapshot:
             raise SnapshotError("snapshot: two road users share an id or a number; each needs its own")
 
     def _refuse(self, what: str, wrong: NDArray[np.bool_]) -> None:
-        rows = np.flatnonzero(wrong.reshape(len(self.ids), -1).any(axis=1)) if len(self.ids) else []
-        if len(rows):
-            k = int(rows[0])
+        rows = wrong if wrong.ndim == 1 else wrong.any(axis=1)
+        if rows.any():
+            k = int(np.argmax(rows))
             raise SnapshotError(
                 f"snapshot at {self.time} s: road user {self.ids[k]!r} has no valid {what} "
                 f"(position {self.positions[k]}, heading {self.headings[k]}, slope {self.slopes[k]}, "

@@ -1,15 +1,18 @@
 """Boxes of the road users that a camera sees, in the picture and in the world."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from dojo_env.rendering.background import View
+from dojo_env.rendering.drawing import Target
 from dojo_env.rendering.raster import kernel
-from dojo_env.rendering.traffic import Canvas, Users, count_pixels
+from dojo_env.rendering.traffic import Users
 from dojo_env.sensors.camera import Camera
 from dojo_env.snapshot import Snapshot
+
+Ints = NDArray[np.int32]
 
 _CORNERS = np.array([(x, y, z) for x in (0.0, -1.0) for y in (-0.5, 0.5) for z in (0.0, 1.0)])
 
@@ -41,11 +44,21 @@ class Boxes:
     projected: NDArray[np.float64]
 
 
-def measure_boxes(canvas: Canvas, view: View, users: Users, snapshot: Snapshot, camera: Camera) -> Boxes:
-    """Measure every visible road user in a picture that was just drawn."""
-    pixels, spans = _measure(canvas.tags, canvas.owners, len(snapshot.ids))
+def measure_boxes(
+    target: Target, count_alone: Callable[[Ints], Ints], users: Users, snapshot: Snapshot, camera: Camera
+) -> Boxes:
+    """Measure every visible road user in a picture that was just drawn.
+
+    Args:
+        target: the picture's buffers.
+        count_alone: tells how many pixels some road users would cover if each were alone.
+        users: the road users.
+        snapshot: where they come from.
+        camera: the camera.
+    """
+    pixels, spans = _measure(target.tags, target.owners, len(snapshot.ids))
     shown = np.flatnonzero(pixels).astype(np.int32)
-    alone = count_pixels(canvas, view, users, shown)
+    alone = count_alone(shown)
     shift = snapshot.positions[shown] - users.places[shown]
     corners = np.einsum("kij,cj->kci", users.frames[shown], _CORNERS) + (users.places[shown] + shift)[:, None]
     projected, _ = camera.project(corners.reshape(-1, 3))
@@ -55,7 +68,7 @@ def measure_boxes(canvas: Canvas, view: View, users: Users, snapshot: Snapshot, 
         kinds=snapshot.kinds[shown],
         picture=spans[shown],
         pixels=pixels[shown],
-        visible=pixels[shown] / np.maximum(alone, 1),
+        visible=np.minimum(1.0, pixels[shown] / np.maximum(alone, 1)),
         corners=corners,
         projected=projected.reshape(-1, 8, 2),
     )

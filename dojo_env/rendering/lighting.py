@@ -1,7 +1,7 @@
 """Sun, sky and lamps: the light that conditions make, in linear sRGB."""
 
 from dataclasses import dataclass
-from math import acos, asin, cos, exp, pi, radians, sin
+from math import acos, asin, cos, pi, radians, sin
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,9 +41,19 @@ class Light:
     wet: float
     fog: float
 
+    @property
+    def packed(self) -> Floats:
+        """(7, 3): the colours in the order above, and one row of head lamps, wetness and fog."""
+        return np.array(
+            [
+                self.sun, self.sun_colour, self.sky_colour, self.ground_colour, self.zenith, self.horizon,
+                [self.headlights, self.wet, self.fog],
+            ]
+        )  # fmt: skip
+
 
 def compute_light(conditions: Conditions) -> Light:
-    """Find the light of an hour and a weather. Source: the standard solar position formulas, no refraction."""
+    """Find the light of an hour and a weather. Source: the usual solar position, no refraction."""
     elevation, azimuth = _sun_position(conditions.hour)
     day = _ramp(elevation, radians(-8.0), radians(12.0))
     low = (1.0 - _ramp(elevation, radians(0.0), radians(28.0))) * _ramp(elevation, radians(-9.0), 0.0)
@@ -58,6 +68,8 @@ def compute_light(conditions: Conditions) -> Light:
     sky = (bright * (1 - low) + dusk * low) * day + night * (1 - day)
     glow = np.array([0.80, 0.42, 0.20]) * low * (1 - clouds)
     horizon = (np.array([0.68, 0.76, 0.84]) * (1 - clouds) + 0.9 * grey * clouds) * (1 - low) * day
+    lamps = 1.0 - _ramp(elevation, radians(-4.0), radians(4.0))
+    # Low sun would throw shadows without end; at night the moon takes its place.
     elevation = max(elevation, radians(4.0)) if elevation > radians(-1.0) else radians(50.0)
     return Light(
         sun=np.array([cos(elevation) * cos(azimuth), cos(elevation) * sin(azimuth), sin(elevation)]),
@@ -66,9 +78,7 @@ def compute_light(conditions: Conditions) -> Light:
         ground_colour=gain * sky * np.array([0.32, 0.30, 0.26]),
         zenith=gain * sky * (0.7 * (1 - clouds) + 1.1 * clouds),
         horizon=gain * (horizon + glow + sky * low + 1.2 * night),
-        headlights=(1.0 - _ramp(elevation if day > 0.9 else -0.1, radians(-2.0), radians(6.0))) * gain
-        if day < 0.75
-        else 0.0,
+        headlights=gain * lamps,
         wet=min(1.0, 2.0 * conditions.rain),
         fog=conditions.fog + 0.004 * conditions.rain,
     )
@@ -100,8 +110,3 @@ def to_linear(colours: NDArray[np.uint8] | Floats) -> Floats:
     """Turn sRGB bytes into linear light from 0 to 1. Source: IEC 61966-2-1."""
     encoded = np.asarray(colours, dtype=np.float64) / 255
     return np.where(encoded <= 0.04045, encoded / 12.92, ((encoded + 0.055) / 1.055) ** 2.4)
-
-
-def fog_share(distance: float, fog: float) -> float:
-    """How much of what is seen at a distance is fog."""
-    return 1.0 - exp(-fog * distance)

@@ -1,13 +1,14 @@
 """Low-poly road users, built from a few sections each, at three levels of detail.
 
 A model lives in a unit box: x from -1 (tail) to 0 (nose), y from -0.5 to 0.5 (left), z from 0 (ground) to 1,
-and is scaled to each road user's own length, width and height. Faces turn counter-clockwise seen from outside.
+and is scaled to each road user's own length, width and height. Faces turn counter-clockwise, from outside.
 """
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from enum import IntEnum
 from functools import cache
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -62,7 +63,7 @@ def _section(x: float, half: float, low: float, high: float, waist: float | None
 def _loft(sections: Sequence[Floats], part: Part) -> list[_Face]:
     """Join sections, from nose to tail, by quads, and close both ends."""
     faces: list[_Face] = [(sections[0], part), (sections[-1][::-1], part)]
-    for ahead, behind in zip(sections, sections[1:], strict=False):
+    for ahead, behind in pairwise(sections):
         for k in range(len(ahead)):
             m = (k + 1) % len(ahead)
             faces.append((np.array([ahead[m], ahead[k], behind[k], behind[m]]), part))
@@ -74,18 +75,21 @@ def _box(nose: float, tail: float, half: float, low: float, high: float, part: P
 
 
 def _moved(faces: Iterable[_Face], y: float) -> list[_Face]:
-    return [(corners + [0.0, y, 0.0], part) for corners, part in faces]
+    return [(corners + np.array([0.0, y, 0.0]), part) for corners, part in faces]
 
 
-def _wheels(places: Iterable[float], half: float, radius: float, part: Part = Part.TYRE) -> list[_Face]:
-    """Lay a disc against both sides of the body for each axle."""
+def _wheels(places: Iterable[float], half: float, radius: float, tyre: float = 0.2) -> list[_Face]:
+    """Set an eight-sided wheel against both sides of the body for each axle; its inner side stays open."""
     angles = np.arange(8) * np.pi / 4 + np.pi / 8
     faces: list[_Face] = []
     for x in places:
-        rim = np.column_stack(
-            [x + radius * np.cos(angles), np.full(8, half), radius + radius * np.sin(angles)]
-        )
-        faces += [(rim[::-1], part), (rim * [1.0, -1.0, 1.0], part)]
+        flat = np.column_stack([x + radius * np.cos(angles), np.zeros(8), radius + radius * np.sin(angles)])
+        across = np.array([0.0, 1.0, 0.0])
+        outer, inner = flat + half * across, flat + (half - tyre) * across
+        left = [outer[::-1]]
+        left += [np.array([outer[k - 1], outer[k], inner[k], inner[k - 1]]) for k in range(8)]
+        faces += [(face, Part.TYRE) for face in left]
+        faces += [((face * [1.0, -1.0, 1.0])[::-1], Part.TYRE) for face in left]
     return faces
 
 
@@ -324,7 +328,7 @@ def _two_wheeler(length: float, wheel: float, body: Part, *, motor: bool) -> Cal
         faces += _box(-0.22 * length, -0.28 * length, 0.33, 0.95, 1.05, Part.TRIM)
         for x in (-wheel, wheel - length):
             if detail < 2:
-                faces += _wheels((x,), thin / 2, wheel)
+                faces += _wheels((x,), thin / 2, wheel, tyre=thin / 2)
             else:
                 faces += _box(x + wheel, x - wheel, thin / 2, 0.05, 2 * wheel, Part.TYRE)
         if motor and detail < 2:

@@ -1,4 +1,4 @@
-"""The rasteriser: triangles into a visibility buffer, which keeps per pixel the nearest depth and whose it is.
+"""The rasteriser: triangles into a visibility buffer, which keeps each pixel's nearest depth and whose it is.
 
 Depth is kept as 1 / (distance along the optical axis), which is linear on the screen, so it is right in
 perspective. Edges are stepped from their upper end, the same for both triangles that share one, and pixels
@@ -186,14 +186,13 @@ def draw_from_above(vertices, faces, frame, heights, tags):
         tags: (h, w) int32, the index of the face there.
     """
     size_y, size_x = heights.shape
-    scale, middle_x, middle_y = frame[0], frame[1], frame[2]
+    scale = frame[0]
+    left, top = size_x / 2 - frame[1] * scale, size_y / 2 + frame[2] * scale
     for k in range(len(faces)):
-        a, b, c = faces[k, 0], faces[k, 1], faces[k, 2]
+        a, b, c = vertices[faces[k, 0]], vertices[faces[k, 1]], vertices[faces[k, 2]]
         fill_triangle(
-            size_x / 2 + (vertices[a, 0] - middle_x) * scale, size_y / 2 - (vertices[a, 1] - middle_y) * scale,
-            vertices[a, 2],
-            size_x / 2 + (vertices[b, 0] - middle_x) * scale, size_y / 2 - (vertices[b, 1] - middle_y) * scale,
-            vertices[b, 2],
-            size_x / 2 + (vertices[c, 0] - middle_x) * scale, size_y / 2 - (vertices[c, 1] - middle_y) * scale,
-            vertices[c, 2], k, NEARER, heights, tags,
+            left + a[0] * scale, top - a[1] * scale, a[2],
+            left + b[0] * scale, top - b[1] * scale, b[2],
+            left + c[0] * scale, top - c[1] * scale, c[2],
+            k, NEARER, heights, tags,
         )  # fmt: skip

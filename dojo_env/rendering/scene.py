@@ -1,8 +1,9 @@
 """The static world of a map, ready to draw: triangles and what they are, signal lamps, and link paths."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +20,10 @@ LAMP_COLOURS = to_linear(np.array([(255, 40, 24), (255, 190, 30), (40, 255, 130)
 _DARK_LAMP = 0.4
 _LAMPS = ("signal/red", "signal/yellow", "signal/green")
 _PATH_HALF_WIDTH = 0.22
-_PATH_LIFT = 0.1
+_PATH_LIFT = 0.08
+_PATH_STEP = 0.02
+"""Paths lie over each other by colour, green on top, metres."""
+_STATES_KEPT = 256
 _RED, _YELLOW, _GREEN = 0, 1, 2
 
 
@@ -91,60 +95,79 @@ def _normals(vertices: Floats, faces: NDArray[np.int64]) -> Floats:
     return np.where(length > 0, normals / np.maximum(length, 1e-12), [0.0, 0.0, 1.0])
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Lamps:
-    """The lamps that are lit: (k, 3) centres in the scene frame, (k, 3) where they shine to, (k,) colour."""
+class Lamps(NamedTuple):
+    """The lamps that are lit.
+
+    Attributes:
+        centres: (k, 3) metres, scene frame.
+        directions: (k, 3) where they shine to.
+        colours: (k,) index into `LAMP_COLOURS`.
+    """
 
     centres: Floats
     directions: Floats
     colours: NDArray[np.int32]
 
 
+class Paths(NamedTuple):
+    """The ways across the junctions, in the colour that each link shows.
+
+    Attributes:
+        triangles: (k, 3, 3) metres, scene frame.
+        colours: (k,) index into `LAMP_COLOURS`.
+    """
+
+    triangles: Floats
+    colours: NDArray[np.int32]
+
+
+NO_PATHS = Paths(triangles=np.empty((0, 3, 3)), colours=np.empty(0, dtype=np.int32))
+States = tuple[tuple[str, str], ...]
+"""(signal id, state) of each signal."""
+
+
 class SignalFaces:
-    """Knows where every lamp and link path is, and which are lit in a state."""
+    """Knows where every lamp and link path is, and which show what in a state."""
 
     def __init__(self, scene: Scene) -> None:
-        shift = scene.origin
-        self._heads = {signal.id: list(_heads(signal, shift)) for signal in scene.road_map.signals}
-        self._paths: dict[str, list[tuple[int, Floats]]] = {
-            signal.id: [] for signal in scene.road_map.signals
-        }
+        """Find the lamps and paths of a scene's signals."""
+        signals, shift = scene.road_map.signals, scene.origin
+        self._heads = {signal.id: list(_heads(signal, shift)) for signal in signals}
+        self._paths: dict[str, list[tuple[int, Floats]]] = {signal.id: [] for signal in signals}
         for connection in scene.road_map.connections:
             if connection.signal in self._paths and connection.link_index is not None:
                 path = _ribbon(connection.shape - shift)
                 self._paths[connection.signal].append((connection.link_index, path))
-        self.lit = lru_cache(maxsize=256)(self._lit)
-        self.painted = lru_cache(maxsize=256)(self._painted)
+        self.lit = lru_cache(maxsize=_STATES_KEPT)(self._lit)
+        self.paths = lru_cache(maxsize=_STATES_KEPT)(self._painted)
 
-    def _lit(self, states: tuple[tuple[str, str], ...]) -> Lamps:
-        centres, directions, colours = [np.empty((0, 3))], [np.empty((0, 3))], [np.empty(0, dtype=np.int32)]
-        for signal, state in states:
-            for links, lamps, direction in self._heads.get(signal, ()):
-                shown = _shown({state[k] for k in links if k < len(state)}, len(lamps))
-                centres.append(lamps[[min(k, len(lamps) - 1) for k in shown]].reshape(-1, 3))
-                directions.append(np.tile(direction, (len(shown), 1)))
-                colours.append(np.array(shown, dtype=np.int32))
+    def _lit(self, states: States) -> Lamps:
+        lit = [
+            (lamps[min(colour, len(lamps) - 1)], direction, colour)
+            for signal, state in states
+            for links, lamps, direction in self._heads.get(signal, ())
+            for colour in _shown({state[k] for k in links if k < len(state)}, len(lamps))
+        ]
         return Lamps(
-            centres=np.concatenate(centres),
-            directions=np.concatenate(directions),
-            colours=np.concatenate(colours),
+            centres=np.array([centre for centre, _, _ in lit]).reshape(-1, 3),
+            directions=np.array([direction for _, direction, _ in lit]).reshape(-1, 3),
+            colours=np.array([colour for _, _, colour in lit], dtype=np.int32),
         )
 
-    def _painted(self, states: tuple[tuple[str, str], ...]) -> tuple[Floats, NDArray[np.int32]]:
-        """Triangles (n, 3, 3) of every link's path, and the colour (n,) that its link shows."""
-        triangles, colours = [np.empty((0, 3, 3))], [np.empty(0, dtype=np.int32)]
-        for signal, state in states:
-            for index, path in self._paths.get(signal, ()):
-                if index < len(state):
-                    colour = (_shown({state[index]}, 3) or (_RED,))[-1]
-                    triangles.append(path)
-                    colours.append(np.full(len(path), colour, dtype=np.int32))
-        return np.concatenate(triangles), np.concatenate(colours)
-
-
-def states_key(signals: Mapping[str, str]) -> tuple[tuple[str, str], ...]:
-    """Make a snapshot's signal states a key."""
-    return tuple(signals.items())
+    def _painted(self, states: States) -> Paths:
+        painted = [
+            (path, (_shown({state[index]}, 3) or (_RED,))[-1])
+            for signal, state in states
+            for index, path in self._paths.get(signal, ())
+            if index < len(state)
+        ]
+        lifted = [path + np.array([0.0, 0.0, _PATH_STEP * colour]) for path, colour in painted]
+        return Paths(
+            triangles=np.concatenate([NO_PATHS.triangles, *lifted]),
+            colours=np.repeat([colour for _, colour in painted], [len(path) for path, _ in painted]).astype(
+                np.int32
+            ),
+        )
 
 
 def _heads(signal: Signal, shift: Floats) -> Iterator[tuple[tuple[int, ...], Floats, Floats]]:
@@ -178,7 +201,8 @@ def _ribbon(line: Floats) -> Floats:
     sides = np.column_stack([-steps[:, 1], steps[:, 0]]) / length[:, None]
     corners = np.vstack([sides[:1], (sides[:-1] + sides[1:]) / 2, sides[-1:]]) * _PATH_HALF_WIDTH
     offset = np.column_stack([corners, np.zeros(len(corners))])
-    left, right = line + offset + [0, 0, _PATH_LIFT], line - offset + [0, 0, _PATH_LIFT]
+    line = line + np.array([0.0, 0.0, _PATH_LIFT])
+    left, right = line + offset, line - offset
     first = np.stack([right[:-1], right[1:], left[:-1]], axis=1)
     second = np.stack([left[:-1], right[1:], left[1:]], axis=1)
     return np.concatenate([first, second])

@@ -39,14 +39,9 @@ def _layered_noise(x, y, pixel):
 
 @kernel
 def asphalt(x, y, pixel):
-    """Grain, patches and fine cracks."""
+    """Grain and patches."""
     tone = 1.0 + 0.28 * _layered_noise(0.13 * x, 0.13 * y, 0.13 * pixel)
-    tone += 0.30 * _layered_noise(4.0 * x, 4.0 * y, 4.0 * pixel)
-    if pixel < 0.12:
-        crack = abs(_layered_noise(0.55 * x + 40.0, 0.55 * y, 0.0))
-        if crack < 0.006:
-            tone *= 0.82
-    return tone
+    return tone + 0.34 * _layered_noise(5.0 * x, 5.0 * y, 5.0 * pixel)
 
 
 @kernel
@@ -63,7 +58,7 @@ def paving(x, y, pixel):
     i, j = floor(u), floor(v)
     shown = min(1.0, max(0.0, 1.4 - 3.0 * pixel))
     tone = 1.0 + 0.12 * shown * (_hashed(i, j) - 0.5) + 0.2 * _layered_noise(0.2 * x, 0.2 * y, 0.2 * pixel)
-    edge = min(min(u - i, 1.0 - (u - i)), min(v - j, 1.0 - (v - j)))
+    edge = min(u - i, 1.0 - (u - i), v - j, 1.0 - (v - j))
     if edge < 0.035:
         tone *= 1.0 - 0.28 * min(1.0, max(0.0, 1.2 - 12.0 * pixel))
     return tone
@@ -83,11 +78,13 @@ def ballast(x, y, pixel):
 
 
 @kernel
-def facade(along, z, pixel):
-    """Plaster with a window every 2.4 m on each floor of 3 m.
+def facade(along, z, level, pixel):
+    """Plaster with a window every 2.4 m on each floor of 3 m; plain where it is level, as on a roof.
 
     Returns the tone and, where there is a window, a number from 0 to 1 that is its own; else -1.
     """
+    if level:
+        return 0.75, -1.0
     i, j = floor(along / 2.4), floor(z / 3.0)
     u, v = along / 2.4 - i, z / 3.0 - j
     if 0.27 < u < 0.73 and 0.3 < v < 0.78 and pixel < 1.0:
@@ -99,3 +96,10 @@ def facade(along, z, pixel):
 def foliage(x, y, z, pixel):
     """Leaves."""
     return 1.0 + 1.2 * _layered_noise(1.9 * (x + 0.37 * z), 1.9 * (y + 0.61 * z), 1.9 * pixel)
+
+
+@kernel
+def puddles(x, y, pixel):
+    """Share of the sky that wet ground mirrors: little on open grain, all in puddles."""
+    level = _layered_noise(0.35 * x + 9.0, 0.35 * y + 3.0, 0.35 * pixel)
+    return 0.35 + 0.65 * min(1.0, max(0.0, 0.5 + 6.0 * level))

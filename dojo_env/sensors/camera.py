@@ -6,6 +6,7 @@ from dataclasses import asdict, dataclass, fields
 from math import cos, isfinite, radians, sin, tan
 from pathlib import Path
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -94,18 +95,21 @@ class Camera:
         return np.array([[f, 0.0, self.width / 2], [0.0, f, self.height / 2], [0.0, 0.0, 1.0]])
 
     def project(self, points: Floats) -> tuple[Floats, Floats]:
-        """Find where points of the map fall in the picture, the lens's bending aside.
+        """Find where points of the map fall in the picture.
 
         Args:
             points: (n, 3) metres, map frame.
+
         Returns:
             (n, 2) pixels, and (n,) metres along the axis; pixels of points not before the camera are nan.
         """
         seen = (np.asarray(points, dtype=np.float64) - self.position) @ self.axes.T
         depth = seen[:, 2]
         ahead = np.where(depth > 1e-9, depth, np.nan)
-        pixels = seen[:, :2] * (self.focal_length / ahead)[:, None] + [self.width / 2, self.height / 2]
-        return pixels, depth
+        level = np.column_stack([seen[:, :2] / ahead[:, None], np.ones(len(seen))])
+        lens = np.array(self.distortion or (0.0,) * 4)
+        pixels, _ = cv2.projectPoints(level, np.zeros(3), np.zeros(3), self.intrinsics, lens)
+        return pixels.reshape(-1, 2).astype(np.float64), depth
 
 
 def write_cameras(cameras: Iterable[Camera], path: Path | str) -> None:

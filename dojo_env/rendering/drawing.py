@@ -1,0 +1,339 @@
+"""Kernels that draw what moves: road users, their shadows and head lamps, signal lamps, link paths."""
+
+from math import cos, exp, pi, sin, sqrt
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dojo_env.rendering.lighting import to_linear
+from dojo_env.rendering.models import Part
+from dojo_env.rendering.raster import COVER, NEARER, SHADED, SHADOW, draw_face, kernel
+from dojo_env.snapshot import Lights
+
+LAMP, PATH = -1, -2
+"""Owners of faces that belong to no road user."""
+LIGHT_STEPS = 20
+"""Steps from dark to the full light of head lamps."""
+_FINE, _MIDDLE = 56.0, 14.0
+"""Pixels from which a road user is drawn at the finest and the middle level of detail."""
+_MOST_VERTICES = 1024
+_LAMP_RADIUS, _LEAST_LAMP = 0.125, 1.2
+"""Metres, a lamp and its glow; and pixels, so that cameras can see signals from afar."""
+_BEAM_LENGTH, _BEAM_WIDTH, _BEAM_CORNERS = 14.0, 2.6, 14
+_NARROW = 0.7
+"""Road users narrower than this have no head lamps, metres."""
+_LOW_SUN = 0.12
+_BODY, _GLASS, _HEADLAMP, _BRAKE, _LEFT, _RIGHT, _BLUE = (
+    int(part) for part in (Part.BODY, Part.GLASS, Part.HEADLAMP, Part.BRAKE, Part.LEFT, Part.RIGHT, Part.BLUE)
+)
+_LIT_BRAKE, _LIT_LEFT, _LIT_RIGHT, _LIT_BLUE = (
+    int(light) for light in (Lights.BRAKE, Lights.LEFT, Lights.RIGHT, Lights.BLUE)
+)
+_PALETTE = to_linear(
+    np.array(
+        [
+            (0, 0, 0), (38, 46, 54), (20, 20, 22), (44, 46, 50), (236, 238, 228), (120, 16, 14),
+            (190, 110, 30), (190, 110, 30), (40, 80, 230), (205, 160, 130), (46, 52, 76), (232, 232, 230),
+        ],
+        dtype=np.uint8,
+    )
+)  # fmt: skip
+"""Linear colour by `Part`; the body's own is each road user's."""
+_EMITTED = np.minimum(1.0, _PALETTE * 1.2)
+"""Linear light of a lit part."""
+_EMITTED[_HEADLAMP] = (1.0, 0.97, 0.86)
+_EMITTED[_BRAKE] = (1.0, 0.06, 0.04)
+_EMITTED[_LEFT] = _EMITTED[_RIGHT] = (1.0, 0.5, 0.04)
+_EMITTED[_BLUE] = (0.2, 0.4, 1.0)
+_STREET = (0.11, 0.08, 0.046)
+"""What street lamps add to road users at night."""
+_SUN_COLOUR, _SKY_COLOUR, _GROUND_COLOUR, _HORIZON, _WEATHER = 1, 2, 3, 5, 6
+"""Rows of a packed light."""
+
+
+class Target(NamedTuple):
+    """What is drawn into: the visibility buffer, and colour and owner of the faces in it.
+
+    Attributes:
+        depths: (h, w) float32 inverse depths.
+        tags: (h, w) int32 index of the face at a pixel, or `STATIC` and below.
+        shades: (m, 3) uint8 sRGB.
+        owners: (m,) int32 index of the road user, `LAMP` or `PATH`.
+    """
+
+    depths: NDArray[np.float32]
+    tags: NDArray[np.int32]
+    shades: NDArray[np.uint8]
+    owners: NDArray[np.int32]
+
+
+@kernel
+def users_in_view(users, view):
+    """Find the road users whose bounding spheres, shadows or beams reach into the view: (k,) indices."""
+    kept = np.empty(len(users.places), dtype=np.int32)
+    count = 0
+    lens = view.lens
+    side, rise = view.width / 2 / lens[0], view.height / 2 / lens[0]
+    side_length, rise_length = sqrt(1.0 + side * side), sqrt(1.0 + rise * rise)
+    middle, seen = np.empty(3), np.empty(3)
+    for k in range(len(users.places)):
+        frame = users.frames[k]
+        square = 0.0
+        for axis in range(3):
+            middle[axis] = users.places[k, axis] - 0.5 * frame[axis, 0] + 0.5 * frame[axis, 2]
+            square += frame[axis, 0] ** 2 + frame[axis, 1] ** 2 + frame[axis, 2] ** 2
+        _turn(middle, view, seen)
+        reach = sqrt(square) + 3.0
+        if seen[2] + reach < lens[3] or seen[2] - reach > lens[4]:
+            continue
+        beside = abs(seen[0]) - reach * side_length > side * seen[2]
+        if not beside and abs(seen[1]) - reach * rise_length <= rise * seen[2]:
+            kept[count] = k
+            count += 1
+    return kept[:count]
+
+
+@kernel
+def draw_users(near, users, models, light, sun, table, view, target, count):
+    """Draw road users; returns the number of faces in the target.
+
+    Args:
+        near: (k,) which ones.
+        users: all of them.
+        models: the library.
+        light: (7, 3) packed.
+        sun: (3,) towards the sun, camera frame.
+        table: (4096,) uint8, sRGB by linear light.
+        view: the camera.
+        target: what to draw into.
+        count: the number of faces in it so far.
+    """
+    seen, corners, normal = np.empty((_MOST_VERTICES, 3)), np.empty((3, 3)), np.empty(3)
+    up = view.axes[:, 2].copy()
+    for k in near:
+        span = models.spans[users.models[k], _detail(users.frames[k], users.places[k], view)]
+        _see(models.vertices, span, users.frames[k], users.places[k], view, seen)
+        for face in range(span[2], span[3]):
+            for c in range(3):
+                corners[c] = seen[models.faces[face, c]]
+            if not _faces_camera(corners, normal):
+                continue
+            if draw_face(corners, view.lens, count, NEARER, target.depths, target.tags) == 0:
+                continue
+            part = models.parts[face]
+            base = users.colours[k] if part == _BODY else _PALETTE[part]
+            glow = _emission(part, users.lights[k], light[_WEATHER, 0])
+            facing, level = _cosine(normal, sun), _cosine(normal, up)
+            distance = sqrt(corners[0, 0] ** 2 + corners[0, 1] ** 2 + corners[0, 2] ** 2)
+            _shade_face(part, base, glow, facing, level, distance, light, table, target.shades[count])
+            target.owners[count] = k
+            count += 1
+    return count
+
+
+@kernel
+def draw_shadows(near, users, models, sun, view, target):
+    """Cast each road user's simplest shape along the sun onto the plane it stands on."""
+    cast, corners, held, seen = np.empty((_MOST_VERTICES, 3)), np.empty((3, 3)), np.empty(3), np.empty(3)
+    for k in near:
+        span, frame = models.spans[users.models[k], 2], users.frames[k]
+        tall = sqrt(frame[0, 2] ** 2 + frame[1, 2] ** 2 + frame[2, 2] ** 2)
+        towards = (frame[0, 2] * sun[0] + frame[1, 2] * sun[1] + frame[2, 2] * sun[2]) / tall
+        for v in range(span[1] - span[0]):
+            x, y, z = models.vertices[span[0] + v]
+            drop = z * tall / max(_LOW_SUN, towards)
+            for axis in range(3):
+                held[axis] = users.places[k, axis] - drop * sun[axis]
+                held[axis] += frame[axis, 0] * x + frame[axis, 1] * y + frame[axis, 2] * z
+            _turn(held, view, seen)
+            cast[v] = seen
+        for face in range(span[2], span[3]):
+            for c in range(3):
+                corners[c] = cast[models.faces[face, c]]
+            draw_face(corners, view.lens, SHADED, SHADOW, target.depths, target.tags)
+
+
+@kernel
+def draw_beams(near, users, view, target):
+    """Lay the light of head lamps on the ground: nested ellipses, from wide and weak to narrow and strong."""
+    corners, rim, ground, seen = np.empty((3, 3)), np.empty((_BEAM_CORNERS, 3)), np.empty(3), np.empty(3)
+    for k in near:
+        frame = users.frames[k]
+        length = sqrt(frame[0, 0] ** 2 + frame[1, 0] ** 2 + frame[2, 0] ** 2)
+        width = sqrt(frame[0, 1] ** 2 + frame[1, 1] ** 2)
+        if width < _NARROW:
+            continue
+        for step in range(LIGHT_STEPS):
+            share = 1.0 - step / LIGHT_STEPS
+            for corner in range(_BEAM_CORNERS):
+                turn = 2.0 * pi * corner / _BEAM_CORNERS
+                ahead = _BEAM_LENGTH * (0.42 + 0.58 * share * cos(turn)) / length
+                aside = _BEAM_WIDTH * share * sin(turn) / width
+                for axis in range(3):
+                    ground[axis] = users.places[k, axis] + frame[axis, 0] * ahead + frame[axis, 1] * aside
+                _turn(ground, view, seen)
+                rim[corner] = seen
+            for second in range(1, _BEAM_CORNERS - 1):
+                corners[0], corners[1], corners[2] = rim[0], rim[second], rim[second + 1]
+                draw_face(corners, view.lens, SHADED - 1 - step, SHADOW, target.depths, target.tags)
+
+
+@kernel
+def draw_lamps(lamps, palette, table, view, target, count):
+    """Draw the lit lamps that shine this way as discs; returns the number of faces in the target."""
+    seen = np.empty(3)
+    for k in range(len(lamps.centres)):
+        facing = 0.0
+        for axis in range(3):
+            facing += (view.eye[axis] - lamps.centres[k, axis]) * lamps.directions[k, axis]
+        _turn(lamps.centres[k], view, seen)
+        if facing <= 0.0 or seen[2] < view.lens[3] or seen[2] > view.lens[4]:
+            continue
+        scale = view.lens[0] / seen[2]
+        column, row = view.lens[1] + seen[0] * scale, view.lens[2] + seen[1] * scale
+        radius = max(_LEAST_LAMP, _LAMP_RADIUS * scale)
+        if _draw_disc(column, row, radius, 1.0 / (seen[2] - 0.06), count, target):
+            _plain(palette[lamps.colours[k]], table, target.shades[count])
+            target.owners[count] = LAMP
+            count += 1
+    return count
+
+
+@kernel
+def draw_flat(paths, palette, table, view, target, count):
+    """Draw triangles in plain colours, from both sides; returns the number of faces in the target."""
+    corners, seen = np.empty((3, 3)), np.empty(3)
+    for k in range(len(paths.triangles)):
+        for c in range(3):
+            _turn(paths.triangles[k, c], view, seen)
+            corners[c] = seen
+        if draw_face(corners, view.lens, count, NEARER, target.depths, target.tags):
+            _plain(palette[paths.colours[k]], table, target.shades[count])
+            target.owners[count] = PATH
+            count += 1
+    return count
+
+
+@kernel
+def count_alone(whose, users, models, view, target):
+    """Count the pixels that each of some road users would cover if it were alone: (k,)."""
+    seen, corners, normal = np.empty((_MOST_VERTICES, 3)), np.empty((3, 3)), np.empty(3)
+    pixels = np.zeros(len(whose), dtype=np.int32)
+    for m in range(len(whose)):
+        k = whose[m]
+        span = models.spans[users.models[k], _detail(users.frames[k], users.places[k], view)]
+        _see(models.vertices, span, users.frames[k], users.places[k], view, seen)
+        for face in range(span[2], span[3]):
+            for c in range(3):
+                corners[c] = seen[models.faces[face, c]]
+            if _faces_camera(corners, normal):
+                pixels[m] += draw_face(corners, view.lens, m, COVER, target.depths, target.tags)
+    return pixels
+
+
+@kernel
+def _turn(place, view, seen):
+    """Bring a place of the scene into camera space."""
+    x, y, z = place[0] - view.eye[0], place[1] - view.eye[1], place[2] - view.eye[2]
+    for row in range(3):
+        seen[row] = view.axes[row, 0] * x + view.axes[row, 1] * y + view.axes[row, 2] * z
+
+
+@kernel
+def _see(vertices, span, frame, place, view, seen):
+    """Bring a model's vertices into camera space."""
+    turn, shift = np.zeros((3, 3)), np.empty(3)
+    _turn(place, view, shift)
+    for row in range(3):
+        for inner in range(3):
+            for column in range(3):
+                turn[row, column] += view.axes[row, inner] * frame[inner, column]
+    for k in range(span[1] - span[0]):
+        x, y, z = vertices[span[0] + k, 0], vertices[span[0] + k, 1], vertices[span[0] + k, 2]
+        for row in range(3):
+            seen[k, row] = turn[row, 0] * x + turn[row, 1] * y + turn[row, 2] * z + shift[row]
+
+
+@kernel
+def _detail(frame, place, view):
+    """Level of detail for the size that a road user has on the screen."""
+    z = square = 0.0
+    for axis in range(3):
+        z += view.axes[2, axis] * (place[axis] - 0.5 * frame[axis, 0] - view.eye[axis])
+        for column in range(3):
+            square = max(square, frame[axis, column] ** 2)
+    pixels = view.lens[0] * sqrt(square) / max(z, view.lens[3])
+    return 0 if pixels > _FINE else (1 if pixels > _MIDDLE else 2)
+
+
+@kernel
+def _faces_camera(corners, normal):
+    """Compute a face's normal, not of unit length; tells whether its front is seen."""
+    a, b, c = corners[0], corners[1], corners[2]
+    ux, uy, uz = b[0] - a[0], b[1] - a[1], b[2] - a[2]
+    vx, vy, vz = c[0] - a[0], c[1] - a[1], c[2] - a[2]
+    normal[0], normal[1], normal[2] = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
+    return normal[0] * a[0] + normal[1] * a[1] + normal[2] * a[2] < 0.0
+
+
+@kernel
+def _cosine(normal, direction):
+    """Cosine of the angle between a normal of any length and a unit vector."""
+    length = sqrt(normal[0] ** 2 + normal[1] ** 2 + normal[2] ** 2) + 1e-30
+    return (normal[0] * direction[0] + normal[1] * direction[1] + normal[2] * direction[2]) / length
+
+
+@kernel
+def _emission(part, lights, headlights):
+    """How brightly a part shines by itself; -1 where it does not."""
+    if part == _HEADLAMP:
+        return 1.0 if headlights > 0.0 else -1.0
+    if part == _BRAKE:
+        return 1.0 if lights & _LIT_BRAKE else (0.25 if headlights > 0.0 else -1.0)
+    if part == _LEFT:
+        return 1.0 if lights & _LIT_LEFT else -1.0
+    if part == _RIGHT:
+        return 1.0 if lights & _LIT_RIGHT else -1.0
+    if part == _BLUE:
+        return 1.0 if lights & _LIT_BLUE else -1.0
+    return -1.0
+
+
+@kernel
+def _shade_face(part, base, glow, facing, level, distance, light, table, shade):
+    """Light a face: what it emits, or sun and sky on its colour; then fog."""
+    share = 0.5 + 0.5 * level
+    veil = 1.0 - exp(-light[_WEATHER, 2] * distance)
+    gloss = 0.22 if part == _GLASS else (0.05 if part == _BODY else 0.0)
+    for c in range(3):
+        if glow >= 0.0:
+            value = glow * _EMITTED[part, c]
+        else:
+            soft = share * light[_SKY_COLOUR, c] + (1.0 - share) * light[_GROUND_COLOUR, c]
+            soft += light[_WEATHER, 0] * _STREET[c]
+            value = base[c] * (soft + max(0.0, facing) * light[_SUN_COLOUR, c])
+            value += gloss * max(0.0, level) * light[_SKY_COLOUR, c]
+        value = value * (1.0 - veil) + veil * light[_HORIZON, c]
+        shade[c] = table[int(min(1.0, value) * 4095.0 + 0.5)]
+
+
+@kernel
+def _plain(colour, table, shade):
+    for c in range(3):
+        shade[c] = table[int(colour[c] * 4095.0 + 0.5)]
+
+
+@kernel
+def _draw_disc(column, row, radius, w, tag, target):
+    """Draw a disc that faces the camera; returns how many pixels changed."""
+    height, width = target.tags.shape
+    changed = 0
+    for v in range(max(0, int(row - radius)), min(height, int(row + radius) + 1)):
+        for u in range(max(0, int(column - radius)), min(width, int(column + radius) + 1)):
+            square = (u + 0.5 - column) ** 2 + (v + 0.5 - row) ** 2
+            if square <= radius * radius and w > target.depths[v, u]:
+                target.depths[v, u] = w
+                target.tags[v, u] = tag
+                changed += 1
+    return changed
