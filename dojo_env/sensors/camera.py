@@ -106,6 +106,8 @@ class Camera:
         seen = (np.asarray(points, dtype=np.float64) - self.position) @ self.axes.T
         depth = seen[:, 2]
         ahead = np.where(depth > 1e-9, depth, np.nan)
+        if not len(seen):
+            return np.empty((0, 2)), depth
         level = np.column_stack([seen[:, :2] / ahead[:, None], np.ones(len(seen))])
         lens = np.array(self.distortion or (0.0,) * 4)
         pixels, _ = cv2.projectPoints(level, np.zeros(3), np.zeros(3), self.intrinsics, lens)

@@ -1,0 +1,48 @@
+"""The models of road users: in their box, facing outward, and alike at every level of detail."""
+
+import numpy as np
+import pytest
+from rays import nearest_hits
+
+from dojo_env.rendering.models import build_models
+from dojo_env.rendering.traffic import library
+from dojo_env.snapshot import Kind
+
+MODELS = [
+    pytest.param(model, id=f"{kind.name}-{variant}-{level}")
+    for kind, variants in zip(Kind, build_models(), strict=True)
+    for variant, levels in enumerate(variants)
+    for level, model in enumerate(levels)
+]
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_model_fills_its_unit_box(model):
+    np.testing.assert_allclose(model.vertices.min(axis=0), (-1.0, -0.5, 0.0), atol=1e-6)
+    np.testing.assert_allclose(model.vertices.max(axis=0), (0.0, 0.5, 1.0), atol=1e-6)
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_model_faces_outward(model):
+    """Seen from outside, whatever a ray meets first shows its front."""
+    a, b, c = (model.vertices[model.faces[:, k]] for k in range(3))
+    normals = np.cross(b - a, c - a)
+    generator = np.random.default_rng(1)
+    towards = generator.normal(size=(300, 3))
+    towards[:, 2] = np.abs(towards[:, 2])
+    towards /= np.linalg.norm(towards, axis=1, keepdims=True)
+    aims = generator.uniform((-0.95, -0.45, 0.05), (-0.05, 0.45, 0.95), (300, 3))
+    fronts = []
+    for aim, direction in zip(aims, towards, strict=True):
+        _, hits = nearest_hits(model.vertices, model.faces, aim + 5 * direction, -direction[None])
+        if hits[0] >= 0:
+            fronts.append(normals[hits[0]] @ direction > 0)
+    assert len(fronts) > 50
+    assert np.mean(fronts) > 0.97
+
+
+def test_coarser_levels_have_fewer_faces():
+    spans = library().spans
+    counts = spans[:, :, 3] - spans[:, :, 2]
+    assert (np.diff(counts, axis=1) <= 0).all()
+    assert counts.max() < 400

@@ -1,0 +1,335 @@
+"""The renderer on real maps: what is asked for, the same bytes everywhere, and nothing odd at the edges."""
+
+import hashlib
+import subprocess
+import sys
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import traffic
+from conftest import REPOSITORY, command_environment
+
+from dojo_env.conditions import Conditions
+from dojo_env.errors import ConfigError, SnapshotError
+from dojo_env.rendering.classes import SEMANTIC_OF_KIND, Semantic
+from dojo_env.rendering.renderer import Renderer
+from dojo_env.rendering.scene import build_scene
+from dojo_env.sensors.camera import Camera
+from dojo_env.sensors.placement import place_cameras
+from dojo_env.snapshot import Kind, Lights, Snapshot
+from dojo_maps.bundle import read_bundle
+
+ALL = ("rgb", "depth", "semantic", "instance", "boxes")
+
+
+@pytest.fixture(scope="module")
+def scene(converted):
+    return build_scene(read_bundle(converted("cologne1").folder))
+
+
+@pytest.fixture(scope="module")
+def signal(scene):
+    return scene.road_map.signals[0].id
+
+
+@pytest.fixture(scope="module")
+def cameras(scene, signal):
+    return place_cameras(scene, signal)
+
+
+@pytest.fixture(scope="module")
+def snapshot(scene, signal):
+    return traffic.rush_hour(scene.road_map, signal, kinds=tuple(set(Kind) - {Kind.TRAIN, Kind.SHIP}))
+
+
+def test_outputs_are_those_asked_for_and_agree(scene, cameras, snapshot):
+    renderer = Renderer(scene)
+    for camera, picture in zip(cameras, renderer.render(snapshot, cameras, ALL), strict=True):
+        size = (camera.height, camera.width)
+        assert picture.rgb.shape == (*size, 3)
+        assert picture.rgb.dtype == np.uint8
+        assert (picture.depth.shape, picture.depth.dtype) == (size, np.float32)
+        assert (picture.semantic.shape, picture.semantic.dtype) == (size, np.uint8)
+        assert (picture.instance.shape, picture.instance.dtype) == (size, np.int32)
+        assert picture.depth.min() >= camera.near
+        assert picture.depth.max() <= camera.far
+        shown = {int(number): picture.instance == number for number in np.unique(picture.instance) if number}
+        assert set(shown) == set(picture.boxes.numbers.tolist())
+        for k, number in enumerate(picture.boxes.numbers.tolist()):
+            mask = shown[number]
+            rows, columns = np.nonzero(mask)
+            box = (columns.min(), rows.min(), columns.max() + 1, rows.max() + 1)
+            assert tuple(picture.boxes.picture[k]) == box
+            assert picture.boxes.pixels[k] == mask.sum()
+            assert 0 < picture.boxes.visible[k] <= 1
+            row = snapshot.numbers.tolist().index(number)
+            assert (picture.semantic[mask] == SEMANTIC_OF_KIND[snapshot.kinds[row]]).all()
+    alone = renderer.render(snapshot, cameras[:1], ("depth",))[0]
+    assert alone.rgb is None
+    assert alone.instance is None
+
+
+def test_moving_part_changes_nothing_that_it_does_not_cover(scene, cameras, snapshot):
+    empty = Renderer(scene).render(replace(snapshot, **_nobody()), cameras, ("rgb", "depth", "semantic"))
+    full = Renderer(scene).render(snapshot, cameras, ALL)
+    for before, after in zip(empty, full, strict=True):
+        free = after.instance == 0
+        np.testing.assert_array_equal(before.depth[free], after.depth[free])
+        np.testing.assert_array_equal(before.semantic[free], after.semantic[free])
+        # Beside road users only their shadows may change colours, and shadows only darken.
+        lighter = (after.rgb.astype(int) > before.rgb.astype(int)).any(axis=2)
+        assert not (lighter & free).any()
+
+
+def _nobody():
+    blank = Snapshot(time=0.0)
+    return {name: getattr(blank, name) for name in blank.__slots__ if name not in ("time", "signals")}
+
+
+def test_depth_of_static_ground_is_the_distance_to_it(scene, cameras):
+    bev = cameras[-1]
+    picture = Renderer(scene).render(Snapshot(time=0), [bev], ("depth", "semantic"))[0]
+    road = picture.semantic == Semantic.ROAD
+    assert road.sum() > 1000
+    np.testing.assert_allclose(picture.depth[road], bev.position[2], atol=0.3)
+
+
+def test_box_corners_enclose_the_silhouette(scene, cameras, snapshot):
+    for picture in Renderer(scene).render(snapshot, cameras, ("boxes",)):
+        boxes = picture.boxes
+        for k in range(len(boxes.ids)):
+            if np.isnan(boxes.projected[k]).any():
+                continue
+            low, high = boxes.projected[k].min(axis=0), boxes.projected[k].max(axis=0)
+            left, top, right, bottom = boxes.picture[k]
+            assert left >= low[0] - 1.5
+            assert top >= low[1] - 1.5
+            assert right <= high[0] + 1.5
+            assert bottom <= high[1] + 1.5
+
+
+def test_hidden_share_is_measured(scene, signal):
+    """A bus in front of a car hides it; alone it is wholly visible."""
+    camera = Camera(name="low", position=(0.0, 0.0, 1.5), heading_deg=0.0, pitch_deg=0.0)
+    origin = scene.origin
+    camera = replace(camera, position=(float(origin[0]), float(origin[1]), 1.5))
+    car = (float(origin[0]) + 30.0, float(origin[1]), 0.0, 0.0)
+    bus = (float(origin[0]) + 14.0, float(origin[1]) + 6.0, 0.0, np.pi / 2)
+    base = traffic.empty(scene.road_map)
+    renderer = Renderer(scene)
+    alone = renderer.render(traffic.users([car], [Kind.CAR], base), [camera], ("boxes",))[0].boxes
+    assert alone.visible.tolist() == [1.0]
+    both = renderer.render(traffic.users([car, bus], [Kind.CAR, Kind.BUS], base), [camera], ("boxes",))[
+        0
+    ].boxes
+    visible = dict(zip(both.ids, both.visible, strict=True))
+    assert visible["user1"] == 1.0
+    assert visible.get("user0", 0.0) < 0.2
+
+
+SCRIPT = """
+import hashlib, sys
+sys.path.insert(0, "tests")
+import traffic
+from dojo_env.conditions import Conditions
+from dojo_env.rendering.renderer import Renderer
+from dojo_env.rendering.scene import build_scene
+from dojo_env.sensors.placement import place_cameras
+from dojo_env.snapshot import Kind
+from dojo_maps.bundle import read_bundle
+scene = build_scene(read_bundle(sys.argv[1]))
+signal = scene.road_map.signals[0].id
+snapshot = traffic.rush_hour(scene.road_map, signal, kinds=(Kind.CAR, Kind.BUS, Kind.BICYCLE))
+digest = hashlib.sha256()
+for hour in (11.0, 22.0):
+    for picture in Renderer(scene, conditions=Conditions(hour=hour)).render(
+        snapshot, place_cameras(scene, signal), ("rgb", "depth", "semantic", "instance")
+    ):
+        for array in (picture.rgb, picture.depth, picture.semantic, picture.instance):
+            digest.update(array.tobytes())
+print(digest.hexdigest())
+"""
+
+
+def test_same_snapshot_gives_same_bytes_in_every_process(converted):
+    bundle = converted("cologne1").folder
+    digests = set()
+    for threads, hash_seed in (("1", "0"), ("4", "1")):
+        environment = command_environment(
+            PYTHONHASHSEED=hash_seed, OMP_NUM_THREADS=threads, NUMBA_NUM_THREADS=threads
+        )
+        command = [sys.executable, "-c", SCRIPT, bundle]
+        done = subprocess.run(
+            command, cwd=REPOSITORY, env=environment, capture_output=True, text=True, check=True
+        )
+        digests.add(done.stdout)
+    assert len(digests) == 1
+
+
+def test_rendering_again_and_in_another_order_gives_the_same_bytes(scene, cameras, snapshot):
+    renderer = Renderer(scene)
+    first = [_digest(p) for p in renderer.render(snapshot, cameras, ALL[:4])]
+    renderer.render(traffic.empty(scene.road_map), cameras, ALL[:4])
+    again = [_digest(p) for p in renderer.render(snapshot, cameras[::-1], ALL[:4])][::-1]
+    assert first == again
+
+
+def _digest(picture):
+    arrays = (picture.rgb, picture.depth, picture.semantic, picture.instance)
+    return hashlib.sha256(b"".join(array.tobytes() for array in arrays)).hexdigest()
+
+
+@pytest.mark.parametrize(("letter", "channel"), [("r", 0), ("G", 1)])
+def test_signal_heads_show_the_live_state_to_who_drives_up(scene, signal, letter, channel):
+    head = next(s for s in scene.road_map.signals if s.id == signal).heads[0]
+    x, y, z = head.position
+    eye = (x + 12 * np.cos(head.heading), y + 12 * np.sin(head.heading), z)
+    camera = Camera(name="driver", position=eye, heading_deg=float(np.degrees(head.heading)) + 180.0,
+                    pitch_deg=0.0, field_of_view_deg=10.0, width=100, height=100)  # fmt: skip
+    rgb = (
+        Renderer(scene)
+        .render(traffic.empty(scene.road_map, letter), [camera])[0]
+        .rgb[25:75, 25:75]
+        .astype(int)
+    )
+    dark = (
+        Renderer(scene).render(traffic.empty(scene.road_map, "O"), [camera])[0].rgb[25:75, 25:75].astype(int)
+    )
+    assert _glows(rgb, channel).sum() > 20
+    assert not _glows(dark, channel).any()
+
+
+def _glows(rgb, channel):
+    """Pixels in which red or green is bright and clearly above the other."""
+    return (rgb[..., channel] > 200) & (rgb[..., channel] - rgb[..., 1 - channel] > 80)
+
+
+def test_brake_lights_and_indicators_show(scene):
+    x, y = (float(v) for v in scene.origin[:2])
+    camera = Camera(name="behind", position=(x - 15.0, y, 1.0), heading_deg=0.0, pitch_deg=0.0,
+                    field_of_view_deg=20.0)  # fmt: skip
+    renderer = Renderer(scene)
+    base = traffic.empty(scene.road_map)
+
+    def seen(lights):
+        lit = np.array([int(lights)], dtype=np.uint8)
+        snapshot = traffic.users([(x, y, 0.0, 0.0)], [Kind.CAR], base, lights=lit)
+        return renderer.render(snapshot, [camera])[0].rgb.astype(int)
+
+    off, brake, left = seen(Lights.NONE), seen(Lights.BRAKE), seen(Lights.LEFT)
+    redder = (brake[..., 0] - off[..., 0] > 80) & (brake[..., 1] < 90)
+    assert redder.sum() > 10
+    rows, columns = np.nonzero((left != off).any(axis=2))
+    assert len(rows)
+    assert columns.max() < camera.width / 2
+
+
+def test_link_paths_are_drawn_in_the_colour_of_their_link(scene, cameras):
+    bev = cameras[-1:]
+    plain = Renderer(scene).render(traffic.empty(scene.road_map, "G"), bev)[0].rgb.astype(int)
+    green = (
+        Renderer(scene, show_links=True).render(traffic.empty(scene.road_map, "G"), bev)[0].rgb.astype(int)
+    )
+    red = Renderer(scene, show_links=True).render(traffic.empty(scene.road_map, "r"), bev)[0].rgb.astype(int)
+    changed = (plain != green).any(axis=2)
+    assert changed.sum() > 200
+    assert (green[changed][:, 1] > 200).mean() > 0.95
+    assert (red[(plain != red).any(axis=2)][:, 0] > 200).mean() > 0.95
+
+
+def test_night_headlights_light_the_ground_ahead(scene):
+    x, y = (float(v) for v in scene.origin[:2])
+    camera = Camera(name="above", position=(x, y, 30.0), heading_deg=90.0, pitch_deg=-90.0)
+    car = traffic.users([(x, y, 0.0, 0.0)], [Kind.CAR], traffic.empty(scene.road_map))
+    for hour, lit in ((12.0, False), (0.0, True)):
+        renderer = Renderer(scene, conditions=Conditions(hour=hour))
+        before = renderer.render(traffic.empty(scene.road_map), [camera])[0].rgb.astype(int)
+        after = renderer.render(car, [camera])[0].rgb.astype(int)
+        ahead = (slice(100, 156), slice(190, 240))
+        assert bool((after - before)[ahead].max() > 10) == lit
+
+
+def test_smooth_pictures_are_the_average_of_finer_ones(scene, cameras, snapshot):
+    plain = Renderer(scene).render(snapshot, cameras[:1], ALL[:4])[0]
+    smooth = Renderer(scene, smooth=True).render(snapshot, cameras[:1], ALL[:4])[0]
+    np.testing.assert_array_equal(plain.instance, smooth.instance)
+    np.testing.assert_array_equal(plain.depth, smooth.depth)
+    difference = np.abs(plain.rgb.astype(int) - smooth.rgb.astype(int)).max(axis=2)
+    assert 0 < (difference > 8).mean() < 0.1
+
+
+def test_bent_lens_moves_every_output_alike(scene, cameras, snapshot):
+    bent = replace(cameras[0], distortion=(-0.2, 0.03, 0.0, 0.0))
+    picture = Renderer(scene).render(snapshot, [bent], ALL)[0]
+    assert picture.rgb.shape == (256, 356, 3)
+    for k, number in enumerate(picture.boxes.numbers.tolist()):
+        centre = picture.boxes.corners[k].mean(axis=0, keepdims=True)
+        pixels, _ = bent.project(centre)
+        left, top, right, bottom = picture.boxes.picture[k]
+        if picture.boxes.visible[k] > 0.9 and (right - left) < 100:
+            assert left - 3 <= pixels[0, 0] <= right + 3
+            assert top - 3 <= pixels[0, 1] <= bottom + 3
+        assert (picture.instance == number).sum() == picture.boxes.pixels[k]
+
+
+def test_camera_inside_a_vehicle_sees_a_picture(scene):
+    x, y = (float(v) for v in scene.origin[:2])
+    inside = Camera(name="inside", position=(x - 2.0, y, 0.8), heading_deg=0.0, pitch_deg=0.0)
+    snapshot = traffic.users([(x, y, 0.0, 0.0)], [Kind.CAR], traffic.empty(scene.road_map))
+    picture = Renderer(scene).render(snapshot, [inside], ALL)[0]
+    assert np.isfinite(picture.depth).all()
+    assert picture.rgb.std() > 1
+
+
+def test_thousands_of_road_users_are_drawn(scene, cameras):
+    generator = np.random.default_rng(2)
+    count = 4000
+    x, y = scene.origin[:2]
+    poses = [
+        (x + dx, y + dy, 0.0, h) for dx, dy, h in generator.uniform((-80, -80, -3), (80, 80, 3), (count, 3))
+    ]
+    kinds = [Kind(int(k)) for k in generator.integers(0, 16, count)]
+    snapshot = traffic.users(poses, kinds, traffic.empty(scene.road_map))
+    picture = Renderer(scene).render(snapshot, cameras[-1:], ALL)[0]
+    assert len(picture.boxes.ids) > 500
+
+
+def test_empty_scene_is_bare_ground_and_sky(scene):
+    bare = replace(scene, vertices=np.empty((0, 3)), faces=np.empty((0, 3), np.int32),
+                   normals=np.empty((0, 3)), semantics=np.empty(0, np.uint8), surfaces=np.empty(0, np.uint8),
+                   colours=np.empty((0, 3), np.float32))  # fmt: skip
+    level = Camera(name="c", position=(0.0, 0.0, 5.0), pitch_deg=0.0)
+    picture = Renderer(bare).render(Snapshot(time=0), [level], ALL)[0]
+    assert (picture.semantic == Semantic.SKY).all()
+    assert (picture.depth == level.far).all()
+    sky, ground = (
+        picture.rgb[:100].astype(int).mean(axis=(0, 1)),
+        picture.rgb[200:].astype(int).mean(axis=(0, 1)),
+    )
+    assert sky[2] > sky[1]
+    assert ground[1] > ground[2]
+
+
+def test_one_pixel_picture_is_a_picture(scene):
+    camera = Camera(name="tiny", position=(*map(float, scene.origin[:2]), 10.0), width=1, height=1)
+    assert Renderer(scene).render(Snapshot(time=0), [camera], ALL)[0].rgb.shape == (1, 1, 3)
+
+
+def test_unknown_output_is_refused(scene, cameras):
+    with pytest.raises(ConfigError, match="normals"):
+        Renderer(scene).render(Snapshot(time=0), cameras, ("rgb", "normals"))
+
+
+@pytest.mark.parametrize("column", ["positions", "headings", "slopes", "sizes"])
+def test_snapshot_without_a_pose_is_refused_by_name(scene, column):
+    snapshot = traffic.users([(0.0, 0.0, 0.0, 0.0)] * 2, [Kind.CAR] * 2, traffic.empty(scene.road_map))
+    broken = np.array(getattr(snapshot, column))
+    broken[1] = np.nan
+    with pytest.raises(SnapshotError, match="user1"):
+        replace(snapshot, **{column: broken})
+
+
+def test_unknown_signals_and_short_states_show_nothing(scene, cameras):
+    odd = replace(traffic.empty(scene.road_map), signals={"nobody": "GGG", scene.road_map.signals[0].id: "G"})
+    assert Renderer(scene, show_links=True).render(odd, cameras[:1])[0].rgb.std() > 1
