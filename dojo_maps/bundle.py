@@ -50,7 +50,7 @@ class Bundle:
         Raises:
             DescriptionError: the scene is missing or broken.
         """
-        from dojo_maps.meshes.gltf import read_scene  # noqa: PLC0415 - trimesh loads slowly; few need it
+        from dojo_maps.meshes.gltf_reader import read_scene  # noqa: PLC0415 - few need it
 
         return read_scene(self.scene)
 

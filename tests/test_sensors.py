@@ -51,7 +51,8 @@ def test_nadir_picture_has_its_heading_on_top():
 @pytest.mark.parametrize(
     "change",
     [{"width": 0}, {"height": -1}, {"height": 100_000}, {"position": (0.0, math.nan, 1.0)},
-     {"near": 5.0, "far": 1.0}, {"field_of_view_deg": 0.0}, {"heading_deg": math.inf}, {"distortion": (1.0,)}],
+     {"near": 5.0, "far": 1.0}, {"field_of_view_deg": 0.0}, {"heading_deg": math.inf},
+     {"distortion": (1.0,)}],
 )  # fmt: skip
 def test_impossible_cameras_are_refused_by_name(change):
     with pytest.raises(ConfigError, match="camera 'roof'"):

@@ -1,8 +1,9 @@
 """The static world as one camera sees it: drawn once, with textures, shadows and smooth edges."""
 
+import mmap
 from dataclasses import dataclass
+from typing import Any
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -19,7 +20,7 @@ Picture = NDArray[np.uint8]
 SAMPLES = 3
 """Samples along each side of a pixel."""
 _SHADOW_MAP = 2048
-_HEIGHT_MAP = 1024
+_HEIGHT_MAP = 768
 _SHADOW_REACH = 150.0
 """Farthest from the middle of the view that shadows are kept, metres."""
 _SURROUNDINGS = 1.2
@@ -58,11 +59,12 @@ def draw_background(scene: Scene, view: View, light: Light, samples: int = SAMPL
         samples: along each side of a pixel; odd, so that the middle one is the pixel's own.
     """
     fine = view.scaled(samples)
-    depths = np.zeros((fine.height, fine.width), dtype=np.float32)
-    tags = np.full((fine.height, fine.width), -1, dtype=np.int32)
+    depths = _scratch((fine.height, fine.width), np.float32)
+    tags = _scratch((fine.height, fine.width), np.int32)
+    tags.fill(-1)
     draw_mesh(scene.vertices, scene.faces, fine.axes, fine.eye, fine.lens, depths, tags)
     world = _surroundings(scene, light, *_extent(fine, depths))
-    pictures = np.zeros((3, view.height, view.width, 3), dtype=np.uint8)
+    pictures = _scratch((3, view.height, view.width, 3), np.uint8)
     shade(depths, tags, fine, world, srgb_table(), samples, pictures)
     lit, shaded, headlit = pictures if light.headlights > 0 else (*pictures[:2], pictures[0])
     own = (slice(samples // 2, None, samples),) * 2
@@ -75,6 +77,16 @@ def draw_background(scene: Scene, view: View, light: Light, samples: int = SAMPL
     )
 
 
+def _scratch(shape: tuple[int, ...], dtype: type[np.generic]) -> NDArray[Any]:
+    """Make an array of zeros whose memory goes back to the system with it.
+
+    What is kept of a background is small beside what drawing it takes; from the common heap, one would pin
+    the other.
+    """
+    size = int(np.prod(shape)) * np.dtype(dtype).itemsize
+    return np.frombuffer(mmap.mmap(-1, max(1, size)), dtype, int(np.prod(shape))).reshape(shape)
+
+
 def _surroundings(scene: Scene, light: Light, centre: Floats, reach: float) -> Surroundings:
     above = _look_down(scene, np.eye(3), centre, reach, _HEIGHT_MAP)
     level = np.where(np.isfinite(above.heights), above.heights, scene.ground).astype(np.float32)
@@ -85,10 +97,20 @@ def _surroundings(scene: Scene, light: Light, centre: Floats, reach: float) -> S
         colours=scene.colours,
         light=light.packed,
         sun=_look_down(scene, _towards(light.sun), centre, reach, _SHADOW_MAP),
-        around=above._replace(heights=np.asarray(cv2.blur(level, (side, side)), dtype=np.float32)),
+        around=above._replace(heights=_smoothed(level, side)),
         lamps=street_lamps(scene, centre, reach) if light.headlights > 0 else np.empty((0, 3)),
         ground=scene.ground,
     )
+
+
+def _smoothed(heights: NDArray[np.float32], side: int) -> NDArray[np.float32]:
+    """Average over squares of an odd side; the edge goes on outside."""
+    for axis in range(2):
+        pad = [(side // 2 + 1, side // 2) if k == axis else (0, 0) for k in range(2)]
+        total = np.cumsum(np.pad(heights, pad, mode="edge"), axis=axis, dtype=np.float64)
+        upper, lower = (total[side:], total[:-side]) if axis == 0 else (total[:, side:], total[:, :-side])
+        heights = np.subtract(upper, lower, dtype=np.float64).astype(np.float32) / np.float32(side)
+    return heights
 
 
 def street_lamps(scene: Scene, centre: Floats, reach: float) -> Floats:
@@ -134,8 +156,9 @@ def _towards(direction: Floats) -> Floats:
 
 def _look_down(scene: Scene, frame: Floats, centre: Floats, reach: float, size: int) -> HeightMap:
     """Draw the scene along the last axis of a frame."""
-    heights = np.full((size, size), -np.inf, dtype=np.float32)
-    tags = np.full((size, size), -1, dtype=np.int32)
+    heights = _scratch((size, size), np.float32)
+    heights.fill(-np.inf)
+    tags = _scratch((size, size), np.int8)
     middle = frame @ centre
     place = np.array([size / 2 / (reach * 1.05), middle[0], middle[1]])
     draw_from_above(scene.vertices @ frame.T, scene.faces, place, heights, tags)

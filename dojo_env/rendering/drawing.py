@@ -18,8 +18,10 @@ LIGHT_STEPS = 20
 _FINE, _MIDDLE = 56.0, 14.0
 """Pixels from which a road user is drawn at the finest and the middle level of detail."""
 _MOST_VERTICES = 1024
-_LAMP_RADIUS, _LEAST_LAMP = 0.125, 1.2
-"""Metres, a lamp and its glow; and pixels, so that cameras can see signals from afar."""
+_LAMP_RADIUS, _LAMP_CORNERS, _LAMP_OUT = 0.115, 12, 0.015
+"""A lit lamp lies this far before the unlit one, metres."""
+_LEAST_LAMP, _SMALL_LAMP = 1.2, 2.5
+"""Pixels: no lit lamp shows smaller than the first, so that cameras see it; up to the second as a spot."""
 _BEAM_LENGTH, _BEAM_WIDTH, _BEAM_CORNERS = 14.0, 2.6, 14
 _NARROW = 0.7
 """Road users narrower than this have no head lamps, metres."""
@@ -182,7 +184,7 @@ def draw_beams(near, users, view, target):
 @kernel
 def draw_lamps(lamps, palette, table, view, target, count):
     """Draw the lit lamps that shine this way as discs; returns the number of faces in the target."""
-    seen = np.empty(3)
+    seen, corners = np.empty(3), np.empty((3, 3))
     for k in range(len(lamps.centres)):
         facing = 0.0
         for axis in range(3):
@@ -190,10 +192,11 @@ def draw_lamps(lamps, palette, table, view, target, count):
         _turn(lamps.centres[k], view, seen)
         if facing <= 0.0 or seen[2] < view.lens[3] or seen[2] > view.lens[4]:
             continue
-        scale = view.lens[0] / seen[2]
-        column, row = view.lens[1] + seen[0] * scale, view.lens[2] + seen[1] * scale
-        radius = max(_LEAST_LAMP, _LAMP_RADIUS * scale)
-        if _draw_disc(column, row, radius, 1.0 / (seen[2] - 0.06), count, target):
+        if _LAMP_RADIUS * view.lens[0] < _SMALL_LAMP * seen[2]:
+            changed = _draw_spot(seen, view, count, target)
+        else:
+            changed = _draw_disc(lamps.centres[k], lamps.directions[k], corners, view, count, target)
+        if changed:
             _plain(palette[lamps.colours[k]], table, target.shades[count])
             target.owners[count] = LAMP
             count += 1
@@ -325,9 +328,32 @@ def _plain(colour, table, shade):
 
 
 @kernel
-def _draw_disc(column, row, radius, w, tag, target):
-    """Draw a disc that faces the camera; returns how many pixels changed."""
+def _draw_disc(centre, direction, corners, view, tag, target):
+    """Draw a disc that faces a level direction; returns how many pixels changed."""
+    place, seen = np.empty(3), np.empty(3)
+    changed = 0
+    for k in range(_LAMP_CORNERS):
+        turn = 2.0 * pi * k / _LAMP_CORNERS
+        aside, up = _LAMP_RADIUS * cos(turn), _LAMP_RADIUS * sin(turn)
+        place[0] = centre[0] + _LAMP_OUT * direction[0] - aside * direction[1]
+        place[1] = centre[1] + _LAMP_OUT * direction[1] + aside * direction[0]
+        place[2] = centre[2] + up
+        _turn(place, view, seen)
+        corners[min(k, 2)] = seen
+        if k >= 2:
+            changed += draw_face(corners, view.lens, tag, NEARER, target.depths, target.tags)
+            corners[1] = corners[2]
+    return changed
+
+
+@kernel
+def _draw_spot(seen, view, tag, target):
+    """Draw a spot that faces the camera, large enough to be seen; returns how many pixels changed."""
     height, width = target.tags.shape
+    scale = view.lens[0] / seen[2]
+    column, row = view.lens[1] + seen[0] * scale, view.lens[2] + seen[1] * scale
+    radius = max(_LEAST_LAMP, _LAMP_RADIUS * scale)
+    w = 1.0 / (seen[2] - 0.06)
     changed = 0
     for v in range(max(0, int(row - radius)), min(height, int(row + radius) + 1)):
         for u in range(max(0, int(column - radius)), min(width, int(column + radius) + 1)):

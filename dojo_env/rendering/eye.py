@@ -1,8 +1,7 @@
 """What a camera keeps from frame to frame: its view of the static world, and how its lens bends it."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -14,9 +13,6 @@ from dojo_env.rendering.view import View, view_of
 from dojo_env.sensors.camera import Camera
 
 Places = NDArray[np.float32]
-
-_WIDEST = 3.0
-"""A bent picture shows at most this many times the straight one's width and height."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -53,7 +49,9 @@ def open_eye(scene: Scene, camera: Camera, light: Light, factor: int) -> Eye:
     if not camera.distortion:
         background = draw_background(scene, view, light, samples)
         return Eye(view=view, depths=background.depths, background=background)
-    x, y = _straightened(camera, view)
+    from dojo_env.rendering.lens import bend_background, straightened  # noqa: PLC0415 - OpenCV is large; few need it
+
+    x, y = straightened(camera, view)
     left, top = int(max(0.0, np.ceil(-x.min()))), int(max(0.0, np.ceil(-y.min())))
     right, bottom = (int(max(0.0, np.ceil(v.max() - n))) for v, n in ((x, view.width), (y, view.height)))
     wide = view._replace(
@@ -66,45 +64,7 @@ def open_eye(scene: Scene, camera: Camera, light: Light, factor: int) -> Eye:
     return Eye(
         view=wide,
         depths=straight.depths,
-        background=_bent(straight, x, y),
+        background=bend_background(straight, x, y),
         rows=np.clip(np.floor(y).astype(np.intp), 0, wide.height - 1),
         columns=np.clip(np.floor(x).astype(np.intp), 0, wide.width - 1),
-    )
-
-
-def _straightened(camera: Camera, view: View) -> tuple[Places, Places]:
-    """For each pixel of the bent picture, where in the straight one its ray falls. Source: OpenCV calib3d."""
-    focal, middle_x, middle_y = view.lens[:3]
-    matrix = np.array([[focal, 0.0, middle_x], [0.0, focal, middle_y], [0.0, 0.0, 1.0]])
-    y, x = np.mgrid[0 : view.height, 0 : view.width].astype(np.float64) + 0.5
-    pixels = np.column_stack([x.ravel(), y.ravel()]).reshape(-1, 1, 2)
-    straight = cv2.undistortPoints(
-        pixels, matrix, np.array(camera.distortion), R=np.eye(3), P=matrix,
-        criteria=(cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 40, 1e-4),
-    )  # fmt: skip
-    middle = np.array([middle_x, middle_y])
-    reach = (_WIDEST - 1) / 2 * np.array([view.width, view.height]) + middle
-    places = np.clip(
-        np.nan_to_num(straight.reshape(view.height, view.width, 2)), middle - reach, middle + reach
-    )
-    return places[..., 0].astype(np.float32), places[..., 1].astype(np.float32)
-
-
-def _bent(straight: Background, x: Places, y: Places) -> Background:
-    half = np.float32(0.5)
-    lit, shaded, headlit = (
-        np.asarray(
-            cv2.remap(p, x - half, y - half, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE), np.uint8
-        )
-        for p in (straight.lit, straight.shaded, straight.headlit)
-    )
-    rows = np.clip(np.floor(y).astype(np.intp), 0, straight.depths.shape[0] - 1)
-    columns = np.clip(np.floor(x).astype(np.intp), 0, straight.depths.shape[1] - 1)
-    return replace(
-        straight,
-        lit=lit,
-        shaded=shaded,
-        headlit=headlit,
-        depths=straight.depths[rows, columns],
-        semantics=straight.semantics[rows, columns],
     )

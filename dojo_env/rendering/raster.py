@@ -183,7 +183,7 @@ def draw_from_above(vertices, faces, frame, heights, tags):
         faces: (m, 3) vertex indices.
         frame: pixels per metre, x and y of the middle, all in that frame.
         heights: (h, w) float32, the highest z so far, -inf at first.
-        tags: (h, w) int32, the index of the face there.
+        tags: (h, w) int8, of no use but to the filling of triangles.
     """
     size_y, size_x = heights.shape
     scale = frame[0]
@@ -194,5 +194,5 @@ def draw_from_above(vertices, faces, frame, heights, tags):
             left + a[0] * scale, top - a[1] * scale, a[2],
             left + b[0] * scale, top - b[1] * scale, b[2],
             left + c[0] * scale, top - c[1] * scale, c[2],
-            k, NEARER, heights, tags,
+            0, NEARER, heights, tags,
         )  # fmt: skip

@@ -5,7 +5,6 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -105,8 +104,8 @@ class Renderer:
         made: dict[str, Any] = {}
         if "rgb" in wanted and self.smooth:
             eye, target = self._draw(snapshot, users, camera, SAMPLES)
-            size = (camera.width, camera.height)
-            made["rgb"] = cv2.resize(_paint(target, eye.background), size, interpolation=cv2.INTER_AREA)
+            fine = _paint(target, eye.background)
+            made["rgb"] = _averaged(fine, camera.height, camera.width)
         if wanted - made.keys():
             eye, target = self._draw(snapshot, users, camera, 1)
             if "rgb" in wanted and not self.smooth:
@@ -156,6 +155,11 @@ def _paint(target: Target, background: Background) -> NDArray[np.uint8]:
     picture = background.lit.copy()
     _resolve(target.tags, target.shades, background.shaded, background.headlit, picture)
     return picture
+
+
+def _averaged(fine: NDArray[np.uint8], height: int, width: int) -> NDArray[np.uint8]:
+    blocks = fine.reshape(height, SAMPLES, width, SAMPLES, 3).sum(axis=(1, 3), dtype=np.uint32)
+    return ((blocks + SAMPLES**2 // 2) // SAMPLES**2).astype(np.uint8)
 
 
 @kernel

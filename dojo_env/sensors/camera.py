@@ -6,7 +6,6 @@ from dataclasses import asdict, dataclass, fields
 from math import cos, isfinite, radians, sin, tan
 from pathlib import Path
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -106,12 +105,24 @@ class Camera:
         seen = (np.asarray(points, dtype=np.float64) - self.position) @ self.axes.T
         depth = seen[:, 2]
         ahead = np.where(depth > 1e-9, depth, np.nan)
-        if not len(seen):
-            return np.empty((0, 2)), depth
-        level = np.column_stack([seen[:, :2] / ahead[:, None], np.ones(len(seen))])
-        lens = np.array(self.distortion or (0.0,) * 4)
-        pixels, _ = cv2.projectPoints(level, np.zeros(3), np.zeros(3), self.intrinsics, lens)
-        return pixels.reshape(-1, 2).astype(np.float64), depth
+        level = _distort(seen[:, :2] / ahead[:, None], self.distortion)
+        return level * self.focal_length + [self.width / 2, self.height / 2], depth
+
+
+def _distort(level: Floats, distortion: tuple[float, ...]) -> Floats:
+    """Bend points of the plane one metre ahead as a lens does. Source: OpenCV calib3d, the pinhole model."""
+    if not distortion:
+        return level
+    k1, k2, p1, p2, k3 = (*distortion, 0.0)[:5]
+    x, y = level.T
+    square = x * x + y * y
+    radial = 1 + square * (k1 + square * (k2 + square * k3))
+    return np.column_stack(
+        [
+            x * radial + 2 * p1 * x * y + p2 * (square + 2 * x * x),
+            y * radial + p1 * (square + 2 * y * y) + 2 * p2 * x * y,
+        ]
+    )
 
 
 def write_cameras(cameras: Iterable[Camera], path: Path | str) -> None:

@@ -7,7 +7,6 @@ import numpy as np
 import trimesh
 from trimesh.visual.material import PBRMaterial
 
-from dojo_maps.errors import DescriptionError
 from dojo_maps.meshes.mesh import Mesh
 
 COLOURS = {
@@ -56,35 +55,6 @@ def write_scene(meshes: Sequence[Mesh], path: Path) -> None:
         )
         scene.add_geometry(shape, node_name=mesh.name, geom_name=mesh.name)
     path.write_bytes(trimesh.exchange.gltf.export_glb(scene, include_normals=False))
-
-
-def read_scene(path: Path) -> tuple[Mesh, ...]:
-    """Read scene.glb back: metres, x east, y north, z up, around the map's origin, in single precision.
-
-    Raises:
-        DescriptionError: the file is missing, no glTF, or not a scene that `write_scene` wrote.
-    """
-    try:
-        with path.open("rb") as file:
-            scene = trimesh.load_scene(file, file_type="glb", process=False)
-        return tuple(_read_mesh(name, shape) for name, shape in scene.geometry.items())
-    except (OSError, ValueError, KeyError, IndexError, TypeError, AttributeError) as error:
-        raise DescriptionError(path, f"no scene that can be read ({error}); convert the map again") from error
-
-
-def _read_mesh(name: str, shape: trimesh.Trimesh) -> Mesh:
-    x, up, back = np.asarray(shape.vertices, dtype=np.float64).T
-    runs = shape.metadata["sources"]
-    sources = np.repeat(np.arange(len(runs)), [count for _, _, count in runs])
-    if len(sources) != len(shape.faces) or not np.isfinite(shape.vertices).all():
-        raise ValueError(f"mesh {name!r} is incomplete")
-    return Mesh(
-        name=name,
-        vertices=np.column_stack([x, -back, up]),
-        faces=np.asarray(shape.faces, dtype=np.int64),
-        sources=sources,
-        ids=tuple(str(run[0]) for run in runs),
-    )
 
 
 def _linear(colour: tuple[int, int, int]) -> list[float]:
