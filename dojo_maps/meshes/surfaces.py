@@ -84,7 +84,7 @@ def triangulate(polygons: Shapes, *, jobs: int = 1) -> tuple[Floats, Ints]:
 
 def surface_meshes(ground: Ground, pieces: Pieces) -> Iterator[Mesh]:
     """Build the mesh of each layer that has ground; raised layers are watertight solids."""
-    rise = _kerb_heights(ground)
+    rise = np.concatenate([_kerb_heights(ground), np.zeros(len(ground.vertices))])
     ids = [*pieces.ids, "terrain"]
     for index, layer in enumerate(Layer):
         chosen = ground.layers == index
@@ -96,27 +96,13 @@ def surface_meshes(ground: Ground, pieces: Pieces) -> Iterator[Mesh]:
             owners = np.full(len(faces), TERRAIN)
         sources = np.where(owners == TERRAIN, len(pieces.ids), owners)
         if layer in RAISED:
-            flush = np.array(pieces.flush)[owners]
-            solids = [
-                (sources[kept], extrude(ground.vertices, faces[kept], height, _FOOTING))
-                for kept, height in ((~flush, rise), (flush, np.zeros_like(rise)))
-                if kept.any()
-            ]
-            yield _one_mesh(layer, solids, ids)
+            # What is flush gets vertices of its own, which stay on the ground.
+            corners = faces + len(ground.vertices) * np.array(pieces.flush)[owners][:, None]
+            vertices = np.concatenate([ground.vertices, ground.vertices])
+            vertices, faces, origin = extrude(vertices, corners, rise, _FOOTING)
+            yield compact(layer, vertices, faces, sources[origin], ids)
         else:
             yield compact(layer, ground.vertices, faces, sources, ids)
-
-
-def _one_mesh(layer: Layer, solids: list[tuple[Ints, tuple[Floats, Ints, Ints]]], ids: list[str]) -> Mesh:
-    """Put solids side by side; each comes with the sources of the faces that it was made of."""
-    starts = np.cumsum([0, *(len(vertices) for _, (vertices, _, _) in solids)])
-    return compact(
-        layer,
-        np.concatenate([vertices for _, (vertices, _, _) in solids]),
-        np.concatenate([faces + start for (_, (_, faces, _)), start in zip(solids, starts, strict=False)]),
-        np.concatenate([sources[origin] for sources, (_, _, origin) in solids]),
-        ids,
-    )
 
 
 def _abutments(ground: Ground) -> Ints:
