@@ -25,6 +25,7 @@ from dojo_maps.description import (
 )  # fmt: skip
 from dojo_maps.errors import SourceError
 from dojo_maps.issue import Element, Issue, Severity
+from dojo_maps.sources.limits import check_limits
 from dojo_maps.sources.permissions import allowed_classes, lane_kind
 from dojo_maps.sources.sumo_pavement import (
     read_crossing,
@@ -40,6 +41,8 @@ _LANE_WIDTH = 3.2
 """SUMO's default, metres, where a lane names none."""
 _WIDEST = 1e6
 """Metres; a larger network has a misplaced shape."""
+_HIGHEST = 1e5
+"""Metres above or below zero; ten times the highest mountain."""
 _ROAD_FUNCTIONS = ("normal", "connector")
 _SERVICES = {"emergency", "authority", "army", "vip"}
 
@@ -68,6 +71,8 @@ def read_network(data: bytes, *, path: Path, name: str, sha256: str) -> tuple[Ro
     bounds = reader.bounds()
     centre = tuple(round((low + high) / 2) for low, high in zip(*bounds, strict=True))
     lanes = tuple(reader.lanes.values())
+    areas: list[Junction | WalkingArea] = [*reader.junctions.values(), *reader.walking_areas.values()]
+    check_limits([*lanes, *reader.crossings.values()], areas, path)
     road_map = RoadMap(
         name=name,
         source=Source(
@@ -126,7 +131,13 @@ class _Reader:
         shapes = [lane.shape for lane in self.lanes.values()]
         shapes += [junction.polygon for junction in self.junctions.values()]
         shapes += [area.polygon for area in self.walking_areas.values()]
-        every = np.concatenate(shapes)[:, :2]
+        every = np.concatenate(shapes)
+        height = float(np.abs(every[:, 2]).max())
+        if height > _HIGHEST:
+            raise SourceError(
+                self.path, f"a shape lies at a height of {height:g} m; at most {_HIGHEST:g} m are converted"
+            )
+        every = every[:, :2]
         low, high = every.min(axis=0), every.max(axis=0)
         if (high - low).max() > _WIDEST:
             size = f"{high[0] - low[0]:.0f} by {high[1] - low[1]:.0f} m"
