@@ -4,6 +4,7 @@ from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
+import manifold3d
 import numpy as np
 import shapely
 
@@ -20,6 +21,8 @@ _FOOTING = 0.3
 """How far pavement reaches below the ground, metres, so that no gap shows under a kerb."""
 _SAME_HEIGHT = 1.0
 """Corners on one place within this height, metres, are one corner; farther apart is another level."""
+
+_MANY_CORNERS = 1_000
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -66,20 +69,42 @@ def build_ground(pieces: Pieces, parts: Parts, *, jobs: int = 1) -> Ground:
 
 
 def triangulate(polygons: Shapes, *, jobs: int = 1) -> tuple[Floats, Ints]:
-    """Cut polygons into triangles without adding corners (constrained Delaunay).
+    """Cut polygons into triangles without adding corners.
+
+    Constrained Delaunay triangles are the best shaped, but take time by the square of a polygon's corners;
+    polygons with very many are cut by sweeping instead.
 
     Returns:
         (m, 3, 2) corners, counter-clockwise, metres, and (m,) the index of each triangle's polygon.
     """
-    chunks = np.array_split(polygons, max(1, min(jobs, len(polygons) // 256)))
+    large = shapely.get_num_coordinates(polygons) > _MANY_CORNERS
+    small = np.flatnonzero(~large)
+    chunks = np.array_split(polygons[small], max(1, min(jobs, len(small) // 256)))
     with ThreadPoolExecutor(max_workers=jobs) as pool:
         cut = np.concatenate(list(pool.map(shapely.constrained_delaunay_triangles, chunks)))
-    triangles, polygon = shapely.get_parts(cut, return_index=True)
-    corners = shapely.get_coordinates(triangles).reshape(-1, 4, 2)[:, :3]
+    triangles, index = shapely.get_parts(cut, return_index=True)
+    corners = [shapely.get_coordinates(triangles).reshape(-1, 4, 2)[:, :3]]
+    polygon = [small[index]]
+    for k in np.flatnonzero(large):
+        corners.append(_sweep(polygons[k]))
+        polygon.append(np.full(len(corners[-1]), k))
+    return _turned(np.concatenate(corners)), np.concatenate(polygon)
+
+
+def _sweep(polygon: shapely.Polygon) -> Floats:
+    """Cut one polygon into triangles (m, 3, 2) in about the time it takes to sort its corners."""
+    turned = shapely.orient_polygons(polygon)
+    rings = [shapely.get_coordinates(ring)[:-1] for ring in (turned.exterior, *turned.interiors)]
+    corners: Floats = np.concatenate(rings)[manifold3d.triangulate(rings)]
+    return corners
+
+
+def _turned(corners: Floats) -> Floats:
+    """Turn triangles counter-clockwise."""
     edge, other = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
-    turned = edge[:, 0] * other[:, 1] < edge[:, 1] * other[:, 0]
-    corners[turned] = corners[turned][:, ::-1]
-    return corners, polygon
+    clockwise = edge[:, 0] * other[:, 1] < edge[:, 1] * other[:, 0]
+    corners[clockwise] = corners[clockwise][:, ::-1]
+    return corners
 
 
 def surface_meshes(ground: Ground, pieces: Pieces) -> Iterator[Mesh]:
