@@ -1,7 +1,9 @@
 """From a network to a bundle, in named steps: read, furnish, build, check, write."""
 
+import contextlib
+import gc
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -73,6 +75,25 @@ def convert(
     path, name = find_network(source)
     folder = Path(folder) if folder is not None else Path(f"{name}.dojo")
     bundle.check_replaceable(folder)
+    with _without_cycle_search():
+        return _convert(path, name, folder, options, on_stage)
+
+
+@contextlib.contextmanager
+def _without_cycle_search() -> Iterator[None]:
+    """Pause the search for reference cycles: it goes through millions of shapes, none of which is in one."""
+    paused = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if paused:
+            gc.enable()
+
+
+def _convert(
+    path: Path, name: str, folder: Path, options: ConvertOptions, on_stage: Callable[[str], None]
+) -> tuple[bundle.Bundle, dict[str, Any]]:
     on_stage("Reading")
     data, sha256 = read_bytes(path), sha256_of(path)
     changes = None

@@ -46,6 +46,9 @@ class _FieldError(Exception):
     """A field that does not hold what its type says."""
 
 
+_PLAIN = (str, float, int, bool, types.NoneType)
+
+
 @cache
 def _fields(cls: type) -> tuple[tuple[Field[Any], str, Any], ...]:
     hints = get_type_hints(cls)
@@ -53,13 +56,15 @@ def _fields(cls: type) -> tuple[tuple[Field[Any], str, Any], ...]:
 
 
 def _encode(value: Any) -> Any:
-    if value is None or isinstance(value, str | float | int):
-        return value.value if isinstance(value, StrEnum) else value
-    if is_dataclass(value):
-        cls: type = type(value)
-        return {key: _encode(getattr(value, f.name)) for f, key, _ in _fields(cls)}
-    if isinstance(value, np.ndarray):
+    kind: type = type(value)
+    if kind in _PLAIN:
+        return value
+    if kind is np.ndarray:
         return value.tolist()
+    if is_dataclass(value):
+        return {key: _encode(getattr(value, f.name)) for f, key, _ in _fields(kind)}
+    if isinstance(value, str | float | int):
+        return value.value if isinstance(value, StrEnum) else value
     if isinstance(value, tuple):
         return [_encode(item) for item in value]
     raise TypeError(f"{type(value).__name__} has no place in a description")

@@ -17,6 +17,7 @@ SLOW = ("DRT-osm", "A10KW-osm", "bs3d-bs", "ingolstadt21", "OW")
 ALWAYS = ("cologne1", "ingolstadt1", "fkk_in-ingolstadt", "RiLSA1-rilsa1", "rail-net")
 SAMPLE_SIZE = 3
 SAMPLE_SEED = 20260
+GENERATED_SAMPLE = 6
 
 
 def _package_folder(name: str) -> Path:
@@ -228,6 +229,26 @@ def build_random(folder: Path) -> Path:
     target = folder / "random.net.xml"
     shape = ("--rand", "--rand.iterations=22", "--rand.min-distance=60", "--rand.max-distance=140")
     run_sumo_tool("netgenerate", *shape, *_WALK, "--seed=11", "--default.lanenumber=2", "-o", target)
+    return target
+
+
+def generate_network(folder: Path, seed: int) -> Path:
+    """Let netgenerate make up a network: a tangle, a web or a grid, with pavement or not, either hand."""
+    chance = random.Random(seed)  # noqa: S311 - no secret
+    shape = chance.choice(
+        [
+            ["--rand", "--rand.iterations=40", f"--rand.min-angle={chance.choice([15, 45])}"],
+            ["--spider", f"--spider.arm-number={chance.randint(3, 13)}", "--spider.space-radius=40"],
+            ["--grid", f"--grid.number={chance.randint(2, 4)}", "--grid.length=60"],
+        ]
+    )
+    pavement = chance.choice([(), ("--default.sidewalk-width=2",), _WALK])
+    side = ("--lefthand",) if chance.random() < 0.5 else ()
+    lanes = f"--default.lanenumber={chance.randint(1, 3)}"
+    target = folder / f"generated{seed}.net.xml"
+    run_sumo_tool(
+        "netgenerate", *shape, *pavement, *side, lanes, f"--seed={seed}", "-j=traffic_light", "-o", target
+    )
     return target
 
 

@@ -136,6 +136,19 @@ def face_up(triangles: Triangles) -> NDArray[np.bool_]:
     return (normal[:, 2] > 1e-3 * size) & (normal[:, 2] > 1e-7)
 
 
+def is_closed_when_stored(vertices: NDArray[Any], faces: NDArray[np.int64]) -> bool:
+    """Tell whether exactly two faces, one each way, run along every edge once equal vertices are joined.
+
+    Vertices are equal here when they are in the single precision that a scene stores.
+    """
+    place = np.unique(vertices.astype(np.float32), axis=0, return_inverse=True)[1].ravel()
+    forward = np.concatenate([place[faces[:, [k, (k + 1) % 3]]] for k in range(3)])
+    edges, counts = np.unique(forward, axis=0, return_counts=True)
+    backward = np.unique(forward[:, ::-1], axis=0)
+    loops = edges[:, 0] == edges[:, 1]
+    return bool((counts == 1).all()) and not loops.any() and np.array_equal(edges, backward)
+
+
 def read_gltf_json(path: Path) -> dict[str, Any]:
     """Read the JSON part of a binary glTF."""
     data = path.read_bytes()

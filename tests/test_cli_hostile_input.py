@@ -747,3 +747,77 @@ def test_convert_ends_fairly_on_a_network_damaged_at_random(
     chance.choice([_damage_bytes, _damage_attributes, _damage_attributes, _damage_lines])(data, chance)
     done = bench.convert(bench.write("damaged.net.xml", bytes(data)), "-o", bench.output)
     check_fair_end(bench, done)
+
+
+def _written(positions: list[tuple[float, float]]) -> str:
+    return " ".join(f"{x:.2f},{y:.2f}" for x, y in positions)
+
+
+def _zigzag(count: int, step: float) -> str:
+    return _written([(step * k, 50.0 * (k % 2)) for k in range(count)])
+
+
+def _network_of(*shapes: str, floor: str = "0,0 1,0 1,1") -> bytes:
+    """A network of one-lane roads, all between the same two junctions."""
+    edges = "".join(
+        f'<edge id="e{k}" from="a" to="b" priority="1">'
+        f'<lane id="e{k}_0" index="0" speed="13" length="9" shape="{shape}"/></edge>'
+        for k, shape in enumerate(shapes)
+    )
+    junctions = "".join(
+        f'<junction id="{name}" type="priority" x="0" y="0" incLanes="" intLanes="" shape="{ring}"/>'
+        for name, ring in (("a", floor), ("b", "100,0 101,0 101,1"))
+    )
+    return f'<net version="1.20">{edges}{junctions}</net>'.encode()
+
+
+def _scribble(count: int, size: float) -> str:
+    chance = random.Random(1)  # noqa: S311 - any scribble will do
+    return _written([(chance.uniform(0, size), chance.uniform(0, size)) for _ in range(count)])
+
+
+ENDLESS: dict[str, Callable[[], bytes]] = {
+    "zigzag": lambda: _network_of(_zigzag(2000, 0.05)),
+    "scribble": lambda: _network_of(_scribble(5000, 100.0)),
+    "tiny_scribble": lambda: _network_of(_scribble(5000, 0.1)),
+    "scribbled_floor": lambda: _network_of("0,0 100,0", floor=_scribble(400, 500.0)),
+    "comb_as_floor": lambda: _network_of("0,0 100,0", floor=f"{_zigzag(4000, 0.05)} 200,-1 0,-1"),
+    "thousands_on_one_place": lambda: _network_of(*["0,0 100,0"] * 5000),
+    "thousands_almost_on_one_place": lambda: _network_of(*[f"0,0 100,{k / 100}" for k in range(5000)]),
+    "lane_of_many_positions": lambda: _network_of(_zigzag(100_000, 10.0)),
+    "floor_of_many_positions": lambda: _network_of("0,0 100,0", floor=_scribble(100_000, 500.0)),
+    "lanes_around_the_world": lambda: _network_of(*[f"0,{4 * k} 900000,{4 * k}" for k in range(30)]),
+}
+
+
+@pytest.mark.parametrize("name", ENDLESS)
+def test_convert_refuses_shapes_that_would_take_hours(name: str, bench: Bench) -> None:
+    check_refused_input(bench, bench.write("endless.net.xml", ENDLESS[name]()))
+
+
+@pytest.mark.parametrize("width", ["1e4", "1e9", "1e12"])
+def test_convert_refuses_lanes_as_wide_as_towns(width: str, good: bytes, bench: Bench) -> None:
+    check_refused_input(
+        bench, bench.write("wide.net.xml", swapped(good, r'(<lane id="e_0")', rf'\1 width="{width}"'))
+    )
+
+
+def test_convert_refuses_heights_that_single_precision_cannot_hold(bench: Bench) -> None:
+    check_refused_input(bench, bench.write("high.net.xml", _network_of("0,0,0 100,0,90000000")))
+
+
+LARGE: dict[str, Callable[[], bytes]] = {
+    "wide_zigzag": lambda: _network_of(_zigzag(5000, 1.5)),
+    "winding_road": lambda: _network_of(_written([(k, 5 * math.sin(k / 10)) for k in range(5000)])),
+    "round_floor": lambda: _network_of(
+        "0,0 100,0",
+        floor=_written([(500 * math.cos(k / 800), 500 * math.sin(k / 800)) for k in range(5000)]),
+    ),
+    "stack": lambda: _network_of(*["0,0 100,0"] * 80),
+}
+
+
+@pytest.mark.parametrize("name", LARGE)
+def test_convert_takes_shapes_almost_as_large_as_it_can(name: str, bench: Bench) -> None:
+    check_fair_end(bench, bench.convert(bench.write("large.net.xml", LARGE[name]()), "-o", bench.output))
+    check_whole(bench.output)

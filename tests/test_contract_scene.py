@@ -1,8 +1,10 @@
 """The meshes of `dojo-maps convert`: loaded with trimesh, held against the network's own lanes and floors."""
 
 from collections.abc import Callable, Iterator
+from pathlib import Path
 from typing import Any
 
+import networks
 import numpy as np
 import pytest
 import shapely
@@ -10,7 +12,17 @@ import trimesh
 from conftest import Conversion
 from numpy.typing import NDArray
 from oracle import ExpectedLane, ExpectedMap, floor
-from scene_reader import GROUND, LAYERS, PAINT, SAME_LEVEL, Part, Scene, Surface, sources_of
+from scene_reader import (
+    GROUND,
+    LAYERS,
+    PAINT,
+    SAME_LEVEL,
+    Part,
+    Scene,
+    Surface,
+    is_closed_when_stored,
+    sources_of,
+)
 from shapely import LineString
 
 KERB_LIMIT = 0.25
@@ -28,17 +40,6 @@ def merged_bodies(mesh: trimesh.Trimesh) -> list[trimesh.Trimesh]:
     whole = mesh.copy()
     whole.merge_vertices(merge_tex=True, merge_norm=True)
     return list(whole.split(only_watertight=False))
-
-
-def is_closed(faces: NDArray[np.int64]) -> bool:
-    """Tell whether each edge is walked as often one way as the other: a closed surface with an inside.
-
-    Unlike trimesh's own test this lets two bodies touch along an edge.
-    """
-    edges = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
-    forward, counts = np.unique(edges, axis=0, return_counts=True)
-    backward, back_counts = np.unique(edges[:, ::-1], axis=0, return_counts=True)
-    return np.array_equal(forward, backward) and np.array_equal(counts, back_counts)
 
 
 def spread_points(surface: Surface) -> NDArray[np.float64]:
@@ -229,11 +230,23 @@ def test_walking_areas_are_pavement(plain_conversion: Conversion) -> None:
         assert other.area <= 0.02 * area.area + 0.1, f"{area_id}: {other.area} of {area.area} m2 are not"
 
 
-def test_sidewalks_and_walking_areas_are_watertight(conversion: Conversion) -> None:
-    for part in solids(conversion.scene):
-        welded = part.mesh.copy()
-        welded.merge_vertices(merge_tex=True, merge_norm=True)
-        assert is_closed(welded.faces), part.name
+def check_closed_when_stored(scene: Scene) -> None:
+    for part in scene.parts:
+        if part.layer in {"sidewalk", "walking_area", "island"}:
+            assert is_closed_when_stored(part.mesh.vertices, part.mesh.faces), part.name
+
+
+def test_pavement_and_islands_are_closed_once_equal_corners_are_joined(conversion: Conversion) -> None:
+    check_closed_when_stored(conversion.scene)
+
+
+@pytest.mark.parametrize("flags", [(), ("--enrich-net",)], ids=["as_it_is", "enriched"])
+@pytest.mark.parametrize("seed", range(networks.GENERATED_SAMPLE))
+def test_pavement_and_islands_of_a_generated_network_are_closed(
+    seed: int, flags: tuple[str, ...], tmp_path: Path, converted: Callable[..., Conversion]
+) -> None:
+    # As each network is used only here, none needs to be kept for other tests.
+    check_closed_when_stored(converted(networks.generate_network(tmp_path, seed), *flags).scene)
 
 
 def test_sidewalks_and_walking_areas_are_watertight_for_trimesh(conversion: Conversion) -> None:

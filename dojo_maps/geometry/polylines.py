@@ -22,8 +22,8 @@ def along(line: Floats) -> Floats:
 
 def drop_repeats(line: Points, *, closer_than: float = 1e-3) -> Points:
     """Drop points that lie on the one before them; a line without length comes back as one point."""
-    repeats = (np.abs(line[1:, :2] - line[:-1, :2]) <= closer_than).all(axis=1)
-    return line[np.append(True, ~repeats)] if repeats.any() else line
+    apart = np.abs(line[1:, :2] - line[:-1, :2]).max(axis=1) > closer_than
+    return line if apart.all() else line[np.append(True, apart)]
 
 
 def place_on(line: Points, distance: float) -> tuple[Floats, float]:
@@ -36,15 +36,24 @@ def place_on(line: Points, distance: float) -> tuple[Floats, float]:
     Returns:
         The position (3,), metres, and the heading, radians counter-clockwise from east.
     """
+    positions, headings = places_on(line, np.array([distance]))
+    return positions[0], float(headings[0])
+
+
+def places_on(line: Points, distances: Floats) -> tuple[Floats, Floats]:
+    """Find several places on a line, as `place_on` does.
+
+    Returns:
+        Positions (n, 3), metres, and headings (n,), radians counter-clockwise from east.
+    """
     lengths = along(line)
-    wanted = distance if distance >= 0 else lengths[-1] + distance
-    wanted = float(np.clip(wanted, 0.0, lengths[-1]))
-    position = np.array([np.interp(wanted, lengths, line[:, axis]) for axis in range(3)])
-    piece = int(np.clip(np.searchsorted(lengths, wanted, side="right") - 1, 0, len(line) - 2))
-    if wanted >= lengths[-1]:
-        piece = int(np.flatnonzero(np.diff(lengths) > 0)[-1]) if lengths[-1] > 0 else len(line) - 2
+    wanted = np.clip(np.where(distances >= 0, distances, lengths[-1] + distances), 0.0, lengths[-1])
+    # The last piece that has length also holds the line's end.
+    last = max(int(np.searchsorted(lengths, lengths[-1])) - 1, 0)
+    piece = np.minimum(np.searchsorted(lengths, wanted, side="right") - 1, last)
+    positions = np.column_stack([np.interp(wanted, lengths, values) for values in line.T])
     step = line[piece + 1] - line[piece]
-    return position, float(np.arctan2(step[1], step[0]))
+    return positions, np.arctan2(step[:, 1], step[:, 0])
 
 
 def offset_lines(lines: Shapes, distances: Floats) -> Shapes:

@@ -9,7 +9,7 @@ from shapely import affinity
 
 from dojo_maps.description import Crossing, Lane, LaneKind, Points, RoadMap
 from dojo_maps.geometry.paint import Canvas, Paint, PaintLayer
-from dojo_maps.geometry.polylines import Floats, along, drop_repeats, place_on
+from dojo_maps.geometry.polylines import Floats, Shapes, along, drop_repeats, place_on, places_on
 
 _STOP_LINE_WIDTH = 0.5
 _STRIPE = 0.5
@@ -40,7 +40,7 @@ def crossing_paint(road_map: RoadMap, canvas: Canvas) -> Paint:
     stripes, owner = [], []
     for k, crossing in enumerate(road_map.crossings):
         found = _stripes(crossing, shift)
-        stripes += found
+        stripes += [*found]
         owner += [k] * len(found)
     cut, index = canvas.cut(np.array(stripes, dtype=object))
     owners = np.array(owner, dtype=int)[index]
@@ -84,22 +84,20 @@ def _until(line: Points, place: Floats) -> Points:
     return np.vstack([line[lengths < length - 1e-3], place_on(line, length)[0]])
 
 
-def _stripes(crossing: Crossing, shift: Floats) -> list[shapely.Polygon]:
+def _stripes(crossing: Crossing, shift: Floats) -> Shapes:
     """Bars along the traffic, across the crossing's whole width, half a metre apart."""
     shape = drop_repeats(crossing.shape) - [*shift, 0.0]
     if len(shape) < 2:
-        return []
+        return np.empty(0, dtype=object)
     length = along(shape)[-1]
     count = max(1, int((length + _STRIPE) // (2 * _STRIPE)))
     margin = (length - (2 * count - 1) * _STRIPE) / 2
     area = shapely.make_valid(shapely.Polygon(crossing.polygon[:, :2] - shift))
-    bars = []
-    for k in range(count):
-        position, heading = place_on(shape, margin + (2 * k + 0.5) * _STRIPE)
-        bar = shapely.box(-_STRIPE / 2, -crossing.width / 2, _STRIPE / 2, crossing.width / 2)
-        bar = affinity.rotate(bar, heading, origin=(0, 0), use_radians=True)
-        bars.append(affinity.translate(bar, *position[:2]).intersection(area))
-    return bars
+    middles, headings = places_on(shape, margin + (2 * np.arange(count) + 0.5) * _STRIPE)
+    ahead = np.column_stack([np.cos(headings), np.sin(headings)]) * (_STRIPE / 2)
+    left = np.column_stack([-np.sin(headings), np.cos(headings)]) * (crossing.width / 2)
+    corners = [middles[:, :2] + a * ahead + b * left for a, b in ((1, -1), (1, 1), (-1, 1), (-1, -1))]
+    return shapely.intersection(shapely.polygons(np.stack(corners, axis=1)), area)
 
 
 def _arrow_lanes(road_map: RoadMap) -> list[tuple[Lane, str]]:

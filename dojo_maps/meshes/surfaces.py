@@ -4,6 +4,7 @@ from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
+import manifold3d
 import numpy as np
 import shapely
 
@@ -20,6 +21,8 @@ _FOOTING = 0.3
 """How far pavement reaches below the ground, metres, so that no gap shows under a kerb."""
 _SAME_HEIGHT = 1.0
 """Corners on one place within this height, metres, are one corner; farther apart is another level."""
+
+_MANY_CORNERS = 1_000
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -66,25 +69,47 @@ def build_ground(pieces: Pieces, parts: Parts, *, jobs: int = 1) -> Ground:
 
 
 def triangulate(polygons: Shapes, *, jobs: int = 1) -> tuple[Floats, Ints]:
-    """Cut polygons into triangles without adding corners (constrained Delaunay).
+    """Cut polygons into triangles without adding corners.
+
+    Constrained Delaunay triangles are the best shaped, but take time by the square of a polygon's corners;
+    polygons with very many are cut by sweeping instead.
 
     Returns:
         (m, 3, 2) corners, counter-clockwise, metres, and (m,) the index of each triangle's polygon.
     """
-    chunks = np.array_split(polygons, max(1, min(jobs, len(polygons) // 256)))
+    large = shapely.get_num_coordinates(polygons) > _MANY_CORNERS
+    small = np.flatnonzero(~large)
+    chunks = np.array_split(polygons[small], max(1, min(jobs, len(small) // 256)))
     with ThreadPoolExecutor(max_workers=jobs) as pool:
         cut = np.concatenate(list(pool.map(shapely.constrained_delaunay_triangles, chunks)))
-    triangles, polygon = shapely.get_parts(cut, return_index=True)
-    corners = shapely.get_coordinates(triangles).reshape(-1, 4, 2)[:, :3]
+    triangles, index = shapely.get_parts(cut, return_index=True)
+    corners = [shapely.get_coordinates(triangles).reshape(-1, 4, 2)[:, :3]]
+    polygon = [small[index]]
+    for k in np.flatnonzero(large):
+        corners.append(_sweep(polygons[k]))
+        polygon.append(np.full(len(corners[-1]), k))
+    return _turned(np.concatenate(corners)), np.concatenate(polygon)
+
+
+def _sweep(polygon: shapely.Polygon) -> Floats:
+    """Cut one polygon into triangles (m, 3, 2) in about the time it takes to sort its corners."""
+    turned = shapely.orient_polygons(polygon)
+    rings = [shapely.get_coordinates(ring)[:-1] for ring in (turned.exterior, *turned.interiors)]
+    corners: Floats = np.concatenate(rings)[manifold3d.triangulate(rings)]
+    return corners
+
+
+def _turned(corners: Floats) -> Floats:
+    """Turn triangles counter-clockwise."""
     edge, other = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
-    turned = edge[:, 0] * other[:, 1] < edge[:, 1] * other[:, 0]
-    corners[turned] = corners[turned][:, ::-1]
-    return corners, polygon
+    clockwise = edge[:, 0] * other[:, 1] < edge[:, 1] * other[:, 0]
+    corners[clockwise] = corners[clockwise][:, ::-1]
+    return corners
 
 
 def surface_meshes(ground: Ground, pieces: Pieces) -> Iterator[Mesh]:
     """Build the mesh of each layer that has ground; raised layers are watertight solids."""
-    rise = _kerb_heights(ground)
+    rise = np.concatenate([_kerb_heights(ground), np.zeros(len(ground.vertices))])
     ids = [*pieces.ids, "terrain"]
     for index, layer in enumerate(Layer):
         chosen = ground.layers == index
@@ -96,27 +121,13 @@ def surface_meshes(ground: Ground, pieces: Pieces) -> Iterator[Mesh]:
             owners = np.full(len(faces), TERRAIN)
         sources = np.where(owners == TERRAIN, len(pieces.ids), owners)
         if layer in RAISED:
-            flush = np.array(pieces.flush)[owners]
-            solids = [
-                (sources[kept], extrude(ground.vertices, faces[kept], height, _FOOTING))
-                for kept, height in ((~flush, rise), (flush, np.zeros_like(rise)))
-                if kept.any()
-            ]
-            yield _one_mesh(layer, solids, ids)
+            # What is flush gets vertices of its own, which stay on the ground.
+            corners = faces + len(ground.vertices) * np.array(pieces.flush)[owners][:, None]
+            vertices = np.concatenate([ground.vertices, ground.vertices])
+            vertices, faces, origin = extrude(vertices, corners, rise, _FOOTING)
+            yield compact(layer, vertices, faces, sources[origin], ids)
         else:
             yield compact(layer, ground.vertices, faces, sources, ids)
-
-
-def _one_mesh(layer: Layer, solids: list[tuple[Ints, tuple[Floats, Ints, Ints]]], ids: list[str]) -> Mesh:
-    """Put solids side by side; each comes with the sources of the faces that it was made of."""
-    starts = np.cumsum([0, *(len(vertices) for _, (vertices, _, _) in solids)])
-    return compact(
-        layer,
-        np.concatenate([vertices for _, (vertices, _, _) in solids]),
-        np.concatenate([faces + start for (_, (_, faces, _)), start in zip(solids, starts, strict=False)]),
-        np.concatenate([sources[origin] for sources, (_, _, origin) in solids]),
-        ids,
-    )
 
 
 def _abutments(ground: Ground) -> Ints:

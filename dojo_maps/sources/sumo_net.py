@@ -25,6 +25,7 @@ from dojo_maps.description import (
 )  # fmt: skip
 from dojo_maps.errors import SourceError
 from dojo_maps.issue import Element, Issue, Severity
+from dojo_maps.sources.limits import check_limits, measure_bounds
 from dojo_maps.sources.permissions import allowed_classes, lane_kind
 from dojo_maps.sources.sumo_pavement import (
     read_crossing,
@@ -38,8 +39,6 @@ from dojo_maps.sources.values import MIN_WIDTH, read_float, read_int, read_link,
 
 _LANE_WIDTH = 3.2
 """SUMO's default, metres, where a lane names none."""
-_WIDEST = 1e6
-"""Metres; a larger network has a misplaced shape."""
 _ROAD_FUNCTIONS = ("normal", "connector")
 _SERVICES = {"emergency", "authority", "army", "vip"}
 
@@ -68,6 +67,8 @@ def read_network(data: bytes, *, path: Path, name: str, sha256: str) -> tuple[Ro
     bounds = reader.bounds()
     centre = tuple(round((low + high) / 2) for low, high in zip(*bounds, strict=True))
     lanes = tuple(reader.lanes.values())
+    areas: list[Junction | WalkingArea] = [*reader.junctions.values(), *reader.walking_areas.values()]
+    check_limits([*lanes, *reader.crossings.values()], areas, path)
     road_map = RoadMap(
         name=name,
         source=Source(
@@ -126,12 +127,7 @@ class _Reader:
         shapes = [lane.shape for lane in self.lanes.values()]
         shapes += [junction.polygon for junction in self.junctions.values()]
         shapes += [area.polygon for area in self.walking_areas.values()]
-        every = np.concatenate(shapes)[:, :2]
-        low, high = every.min(axis=0), every.max(axis=0)
-        if (high - low).max() > _WIDEST:
-            size = f"{high[0] - low[0]:.0f} by {high[1] - low[1]:.0f} m"
-            raise SourceError(self.path, f"the network spans {size}; at most {_WIDEST:.0f} m are converted")
-        return (float(low[0]), float(low[1])), (float(high[0]), float(high[1]))
+        return measure_bounds(shapes, self.path)
 
     def _read_edge(self, record: EdgeRecord, walks: Mapping[str, Attributes]) -> None:
         attributes = record.attributes

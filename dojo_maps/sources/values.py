@@ -9,6 +9,8 @@ from dojo_maps.sources.sumo_xml import Attributes
 
 _MAX_COORDINATE = 1e8
 """Metres; farther out, double precision no longer keeps the millimetre that meshes are made with."""
+_MAX_POSITIONS = 5_000
+"""In one shape: fifty times the longest in the networks that come with SUMO; an OSM way has at most 2,000."""
 MIN_WIDTH = 0.01
 """The least width of a lane or crossing that is read, metres."""
 
@@ -66,8 +68,16 @@ def read_link(attributes: Attributes, path: Path, what: str) -> tuple[str, int] 
 
 def read_shape(text: str, path: Path, what: str) -> Points:
     """Read a SUMO position list, `x,y` or `x,y,z` by spaces, into (n, 3) metres; n is at least 1."""
+    positions = text.split()
+    if len(positions) > _MAX_POSITIONS:
+        raise SourceError(
+            path,
+            f"its shape has {len(positions)} positions, at most {_MAX_POSITIONS} are converted; thin it out "
+            "with netconvert --geometry.min-dist",
+            element=what,
+        )
     try:
-        rows = [[float(value) for value in position.split(",")] for position in text.split()]
+        rows = [[float(value) for value in position.split(",")] for position in positions]
         valid = bool(rows) and all(len(row) in (2, 3) for row in rows)
         valid = valid and all(abs(value) <= _MAX_COORDINATE for row in rows for value in row)
     except ValueError:
