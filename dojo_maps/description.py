@@ -136,6 +136,21 @@ class Connection:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class RightOfWay:
+    """What the network says of one way across a junction: a connection's id or a crossing's.
+
+    `foes` are the ways that cross or join it, `response` those of them that it must let go first, both as
+    places in the junction's `right_of_way`; `cont` tells whether it may wait inside the junction. Ways that
+    no record of the network names have an empty `link`.
+    """
+
+    link: str
+    foes: tuple[int, ...]
+    response: tuple[int, ...]
+    cont: bool
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Junction:
     """Where roads meet; `kind` is SUMO's junction type; `polygon` may have no area where only shapes bend."""
 
@@ -145,6 +160,7 @@ class Junction:
     polygon: Points
     incoming: tuple[str, ...]
     outgoing: tuple[str, ...]
+    right_of_way: tuple[RightOfWay, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -6,7 +6,7 @@ The same rules for other tools stand in map.schema.json.
 
 import types
 from collections.abc import Mapping
-from dataclasses import Field, fields, is_dataclass
+from dataclasses import MISSING, Field, fields, is_dataclass
 from enum import StrEnum
 from functools import cache
 from typing import Any, Union, get_args, get_origin, get_type_hints
@@ -101,11 +101,13 @@ def _decode_plain(kind: Any, value: Any, where: str) -> Any:
 def _decode_object(kind: Any, value: Any, where: str) -> Any:
     if not isinstance(value, Mapping):
         raise _FieldError(f"{where} is not an object")
-    missing = [key for _, key, _ in _fields(kind) if key not in value]
+    # A field with a default is an addition to the format: maps made before it do without.
+    missing = [key for f, key, _ in _fields(kind) if key not in value and f.default is MISSING]
     if missing:
         raise _FieldError(f"{where} has no {missing[0]}")
     name = f"{where} {value['id']}" if "id" in value else where
-    return kind(**{f.name: _decode(hint, value[key], f"{name}: {key}") for f, key, hint in _fields(kind)})
+    found = ((f.name, key, hint) for f, key, hint in _fields(kind) if key in value)
+    return kind(**{name_: _decode(hint, value[key], f"{name}: {key}") for name_, key, hint in found})
 
 
 def _decode_tuple(arms: tuple[Any, ...], value: Any, where: str) -> tuple[Any, ...]:

@@ -19,7 +19,8 @@ from dojo_maps.exports import file_stem
 
 Geometry = dict[str, Any]
 
-_SHAPES = {"shape", "polygon", "holes", "position"}
+_LEFT_OUT = {"shape", "polygon", "holes", "position", "right_of_way"}
+"""Shapes, which the geometries hold, and matrices, which attribute tables cannot."""
 _LISTS = ("roads", "lanes", "junctions", "sidewalks", "crossings", "walking_areas", "stop_lines", "props")
 _DECIMALS = 8
 """Of degrees: about a millimetre."""
@@ -148,10 +149,10 @@ def _geometry(element: Any, kind: str, places: _Places) -> Geometry | None:
 
 
 def _properties(element: Any, kind: str) -> dict[str, Any]:
-    """Take every field that is no shape, under its name in map.json."""
+    """Take every field that a table can hold, under its name in map.json."""
     found: dict[str, Any] = {}
     for field in fields(element):
-        if field.name in _SHAPES:
+        if field.name in _LEFT_OUT:
             continue
         key = f"{kind}_kind" if field.name == "kind" else field.metadata.get("json", field.name)
         value = getattr(element, field.name)

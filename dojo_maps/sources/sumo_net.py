@@ -27,6 +27,7 @@ from dojo_maps.errors import SourceError
 from dojo_maps.issue import Element, Issue, Severity
 from dojo_maps.sources.limits import check_limits, measure_bounds
 from dojo_maps.sources.permissions import allowed_classes, lane_kind
+from dojo_maps.sources.right_of_way import read_right_of_way
 from dojo_maps.sources.sumo_pavement import (
     read_crossing,
     read_walking_area,
@@ -84,7 +85,7 @@ def read_network(data: bytes, *, path: Path, name: str, sha256: str) -> tuple[Ro
         roads=tuple(reader.roads.values()),
         lanes=lanes,
         connections=tuple(reader.connections),
-        junctions=tuple(reader.junctions.values()),
+        junctions=tuple(read_right_of_way(reader.junctions.values(), reader.connections, records)),
         sidewalks=tuple(sidewalks_of(lanes)),
         crossings=tuple(reader.crossings.values()),
         walking_areas=tuple(reader.walking_areas.values()),

@@ -3,6 +3,7 @@
 The records keep SUMO's words and text values; `sumo_net` gives them meaning.
 """
 
+from collections import defaultdict
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -38,6 +39,7 @@ class NetRecords:
     location: Attributes = field(default_factory=dict)
     edges: list[EdgeRecord] = field(default_factory=list)
     junctions: list[Attributes] = field(default_factory=list)
+    requests: dict[str, list[Attributes]] = field(default_factory=lambda: defaultdict(list))
     connections: list[Attributes] = field(default_factory=list)
     logics: list[LogicRecord] = field(default_factory=list)
 
@@ -62,6 +64,7 @@ def read_records(data: bytes, path: Path | str) -> NetRecords:
             {records.edges[-1].lanes[-1].get("id", ""): a.get("lane", "")}
         ),
         "junction": records.junctions.append,
+        "request": lambda a: records.requests[records.junctions[-1].get("id", "")].append(a),
         "connection": records.connections.append,
         "tlLogic": lambda a: records.logics.append(LogicRecord(a)),
         "phase": lambda a: records.logics[-1].phases.append(a),  # noqa: PLW0108
