@@ -15,7 +15,7 @@ LAMP, PATH = -1, -2
 """Owners of faces that belong to no road user."""
 LIGHT_STEPS = 20
 """Steps from dark to the full light of head lamps."""
-_FINE, _MIDDLE = 56.0, 14.0
+_FINE, _MIDDLE = 27.0, 12.0
 """Pixels from which a road user is drawn at the finest and the middle level of detail."""
 _MOST_VERTICES = 1024
 _LAMP_RADIUS, _LAMP_CORNERS, _LAMP_OUT = 0.115, 12, 0.015

@@ -131,9 +131,10 @@ def _car(
     else:
         body = _loft(
             [
-                _section(0.0, 0.9 * half, 0.14 * height, 0.46 * height),
-                _section(-foot, half, 0.08 * height, belt),
-                _section(tail, 0.94 * half, 0.14 * height, 0.6 * height),
+                _section(0.0, 0.86 * half, 0.12 * height, 0.46 * height),
+                _section(-foot, half, 0.04 * height, belt),
+                _section(-heel, half, 0.04 * height, 0.64 * height),
+                _section(tail, 0.92 * half, 0.16 * height, 0.6 * height),
             ],
             Part.BODY,
         )
@@ -395,21 +396,22 @@ def build_models() -> tuple[tuple[tuple[Model, ...], ...], ...]:
 
 
 def _levels(build: Callable[[int], list[_Face]]) -> tuple[Model, ...]:
-    return tuple(_triangulated(build(detail)) for detail in range(DETAILS))
-
-
-def _triangulated(polygons: list[_Face]) -> Model:
-    """Cut polygons into fans and scale the whole into the unit box."""
-    corners = np.concatenate([polygon for polygon, _ in polygons])
+    """Build a model at every level of detail, all in the box of the finest."""
+    corners = np.concatenate([polygon for polygon, _ in build(0)])
     low, high = corners.min(axis=0), corners.max(axis=0)
-    size = high - low
-    shift = np.array([high[0], (low[1] + high[1]) / 2, low[2]])
+    foot = np.array([high[0], (low[1] + high[1]) / 2, low[2]])
+    return tuple(_triangulated(build(detail), foot, high - low) for detail in range(DETAILS))
+
+
+def _triangulated(polygons: list[_Face], foot: Floats, size: Floats) -> Model:
+    """Cut polygons into fans, and bring them from a box of this foot and size into the unit box."""
     faces, parts, start = [], [], 0
     for polygon, part in polygons:
         faces += [(start, start + k, start + k + 1) for k in range(1, len(polygon) - 1)]
         parts += [part] * (len(polygon) - 2)
         start += len(polygon)
-    unit, inverse = np.unique(np.round((corners - shift) / size, 6), axis=0, return_inverse=True)
+    corners = (np.concatenate([polygon for polygon, _ in polygons]) - foot) / size
+    unit, inverse = np.unique(np.round(corners, 6), axis=0, return_inverse=True)
     numbered = inverse.reshape(-1)[np.array(faces)].astype(np.int32)
     whole = (np.diff(np.sort(numbered, axis=1)) > 0).all(axis=1)
     return Model(vertices=unit, faces=numbered[whole], parts=np.array(parts, dtype=np.uint8)[whole])
