@@ -139,7 +139,7 @@ class Simulation:
         phases = [
             lights.Phase(p.duration, p.state, min_green, max_green)
             if set("Gg") & set(p.state) and not set("yY") & set(p.state)
-            else lights.Phase(p.duration, p.state)
+            else lights.Phase(p.duration, p.state, p.duration, p.duration)
             for p in lights.getAllProgramLogics(signal)[-1].phases
         ]
         lights.setProgramLogic(signal, lights.Logic("dojo", _LOGICS[kind], 0, phases))
