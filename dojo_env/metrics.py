@@ -33,12 +33,12 @@ class Metrics:
         """Take in a decision: `arrived` vehicles so far have been on their way for `travelled` seconds."""
         self._time = instant.time
         self._decisions += 1
+        sums = self._sums
         for view in instant.signals.values():
-            lanes = view.lanes
-            self._sums["delay"] += len(view.plan.limits) - float((lanes.mean_speed / view.plan.limits).sum())
-            self._sums["accumulated_waiting"] += float(lanes.accumulated_waiting.sum())
-            self._sums["queue"] += float(lanes.halting.sum())
-            self._sums["co2"] += float(lanes.co2.sum()) / 1000.0
+            sums["delay"] += view.delay
+            sums["accumulated_waiting"] += view.lanes.total_waiting
+            sums["queue"] += view.lanes.total_halting
+            sums["co2"] += view.lanes.total_co2
         if arrived:
             self._mean_trips.append(travelled / arrived)
         self._pedestrians[0] += instant.traffic.pedestrians

@@ -15,30 +15,29 @@ def diff_waiting_time(signal: str, before: Instant, now: Instant) -> float:
 
 
 def average_speed(signal: str, _before: Instant, now: Instant) -> float:
-    """Speed over allowed speed, averaged over the vehicles on the signal's lanes; 1 where there are none."""
-    return now.signals[signal].lanes.relative_speed
+    """Speed over speed limit, averaged over the vehicles on the signal's lanes; 1 where there are none."""
+    return now.signals[signal].average_speed
 
 
 def queue(signal: str, _before: Instant, now: Instant) -> float:
     """Halting vehicles, negative."""
-    return -float(now.signals[signal].lanes.halting.sum())
+    return -now.signals[signal].lanes.total_halting
 
 
 def pressure(signal: str, _before: Instant, now: Instant) -> float:
     """Vehicles on the lanes that lead away, less those on the lanes that lead here."""
     view = now.signals[signal]
-    return float(now.count_vehicles(view.plan.out_lanes).sum() - view.lanes.vehicles.sum())
+    return float(now.count_vehicles(view.plan.out_lanes).sum() - view.lanes.total_vehicles)
 
 
 def co2(signal: str, _before: Instant, now: Instant) -> float:
     """CO2 emitted on the signal's lanes, g/s, negative."""
-    return -float(now.signals[signal].lanes.co2.sum()) / 1000.0
+    return -now.signals[signal].lanes.total_co2
 
 
 def delay(signal: str, _before: Instant, now: Instant) -> float:
     """Sum over lanes of 1 - mean speed / speed limit, negative."""
-    view = now.signals[signal]
-    return -float((1.0 - view.lanes.mean_speed / view.plan.limits).sum())
+    return -now.signals[signal].delay
 
 
 def throughput(_signal: str, before: Instant, now: Instant) -> float:
@@ -91,4 +90,4 @@ class _Weighted:
 
 
 def _waiting(signal: str, instant: Instant) -> float:
-    return float(instant.signals[signal].lanes.accumulated_waiting.sum())
+    return instant.signals[signal].lanes.total_waiting

@@ -48,33 +48,34 @@ _SPARE = 1000
 class RoadUsers:
     """Reads snapshots from a running SUMO and keeps what does not change."""
 
-    def __init__(self, sumo: Any) -> None:
-        """Start with nobody known."""
-        self._sumo = sumo
-        self._signals: tuple[str, ...] = tuple(sumo.trafficlight.getIDList())
+    def __init__(self, get: Any) -> None:
+        """Start with nobody known; `get` holds SUMO's getters, such as `vehicle_getSpeed`."""
+        self._get = get
+        self._signals: tuple[str, ...] = tuple(get.trafficlight_getIDList())
         self._looks: dict[str, tuple[float, ...]] = {}
         self._next = 1
 
     def read_snapshot(self, time: float) -> Snapshot:
         """Picture everyone who is somewhere: not those who ride in a vehicle or are being teleported."""
-        vehicle, person, light = self._sumo.vehicle, self._sumo.person, self._sumo.trafficlight
-        ids = vehicle.getIDList()
-        people = tuple(name for name in person.getIDList() if not person.getVehicle(name))
+        get = self._get
+        ids = get.vehicle_getIDList()
+        people = [name for name in get.person_getIDList() if not get.person_getVehicle(name)]
         count, total = len(ids), len(ids) + len(people)
 
         def column(name: str, width: int = 1) -> NDArray[np.float64]:
-            values = [*map(getattr(vehicle, name), ids), *map(getattr(person, name), people)]
+            of_vehicles, of_people = getattr(get, f"vehicle_{name}"), getattr(get, f"person_{name}")
+            values = [*map(of_vehicles, ids), *map(of_people, people)]
             return np.array(values, dtype=np.float64).reshape(total, width)
 
         positions = column("getPosition3D", 3)
         taken = set(ids)
         names = (*ids, *(f"person {name}" if name in taken else name for name in people))
         looks = np.array(
-            [*map(self._look(vehicle), ids), *map(self._look(person), people)], dtype=np.float64
+            [*map(self._look("vehicle"), ids), *map(self._look("person"), people)], dtype=np.float64
         ).reshape(total, 8)
         bits = np.zeros(total, dtype=np.int64)
-        bits[:count] = list(map(vehicle.getSignals, ids))
-        lanes = (*map(vehicle.getLaneID, ids), *map(person.getLaneID, people))
+        bits[:count] = list(map(get.vehicle_getSignals, ids))
+        lanes = (*map(get.vehicle_getLaneID, ids), *map(get.person_getLaneID, people))
         there = np.flatnonzero((positions > _INVALID).all(axis=1))
         rows = there.tolist()
         self._forget(names)
@@ -91,20 +92,19 @@ class RoadUsers:
             lights=_read_lights(bits[there]),
             speeds=column("getSpeed")[there, 0],
             lanes=tuple(lanes[row] for row in rows),
-            signals={name: light.getRedYellowGreenState(name) for name in self._signals},
+            signals={name: get.trafficlight_getRedYellowGreenState(name) for name in self._signals},
         )
 
-    def _look(self, domain: Any) -> Callable[[str], tuple[float, ...]]:
+    def _look(self, domain: str) -> Callable[[str], tuple[float, ...]]:
         """Find number, kind, length, width, height and colour of one road user."""
-        on_foot = domain is self._sumo.person
         known = self._looks
 
         def look(name: str) -> tuple[float, ...]:
             # A person and a vehicle may share an id, so people are kept under one that no id can have.
-            key = f"\0{name}" if on_foot else name
+            key = name if domain == "vehicle" else f"\0{name}"
             found = known.get(key)
             if found is None:
-                found = known[key] = (self._next, *_read_look(domain, name, on_foot=on_foot))
+                found = known[key] = (self._next, *_read_look(self._get, domain, name))
                 self._next += 1
             return found
 
@@ -117,19 +117,20 @@ class RoadUsers:
             self._looks = {name: look for name, look in self._looks.items() if name in present}
 
 
-def _read_look(domain: Any, name: str, *, on_foot: bool) -> tuple[float, ...]:
-    sizes = (domain.getLength(name), domain.getWidth(name), domain.getHeight(name))
-    colour = tuple(domain.getColor(name)[:3])
+def _read_look(get: Any, domain: str, name: str) -> tuple[float, ...]:
+    def ask(what: str) -> Any:
+        return getattr(get, f"{domain}_get{what}")(name)
+
+    on_foot = domain == "person"
+    colour = tuple(ask("Color")[:3])
     if colour == _DEFAULT_COLOUR:
         choices = _CLOTHES if on_foot else _PAINTS
         colour = choices[zlib.crc32(name.encode()) % len(choices)]
-    kind = Kind.PEDESTRIAN if on_foot else _read_kind(domain, name)
-    return (kind, *(min(max(size, 0.1), LARGEST_SIZE - 1) for size in sizes), *colour)
-
-
-def _read_kind(domain: Any, name: str) -> Kind:
-    shape = _SHAPES.get(domain.getShapeClass(name))
-    return shape if shape is not None else _KINDS.get(domain.getVehicleClass(name), Kind.CAR)
+    kind = Kind.PEDESTRIAN
+    if not on_foot:
+        kind = _SHAPES.get(ask("ShapeClass"), _KINDS.get(ask("VehicleClass"), Kind.CAR))
+    sizes = (min(max(ask(side), 0.1), LARGEST_SIZE - 1) for side in ("Length", "Width", "Height"))
+    return (kind, *sizes, *colour)
 
 
 def _read_lights(bits: NDArray[np.int64]) -> NDArray[np.uint8]:

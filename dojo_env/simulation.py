@@ -8,7 +8,6 @@ import os
 import shlex
 import weakref
 from collections.abc import Iterable, Mapping, Sequence
-from operator import itemgetter
 from pathlib import Path
 from typing import Any
 
@@ -37,6 +36,7 @@ class Simulation:
         """Note what is to be run; nothing starts yet."""
         self._network, self._scenario, self._config, self._begin = network, scenario, config, begin
         self._sumo: Any = None
+        self._get: Any = None
         self._failures: tuple[type[Exception], ...] = ()
         self._trips: dict[str, Trip] = {}
         self._known_types = 0
@@ -73,7 +73,7 @@ class Simulation:
         command = [*self._options(seed), *more]
         try:
             self._connect(command)
-            self._users = RoadUsers(self._sumo)
+            self._users = RoadUsers(self._get)
             self._force_emission_class()
         except BaseException:
             self.close()
@@ -85,16 +85,16 @@ class Simulation:
         Raises:
             SimulationError: SUMO stopped; the message holds its own words.
         """
-        sumo = self._running()
+        sumo, get = self._running(), self._get
         try:
             sumo.simulationStep()
         except self._failures as error:
             self.close()
             raise SimulationError(f"SUMO stopped after {self.time:g} s: {_words(error)}") from error
-        self.time = sumo.simulation.getTime()
-        for vehicle in sumo.simulation.getDepartedIDList():
+        self.time += 1.0
+        for vehicle in get.simulation_getDepartedIDList():
             self._note_departure(vehicle)
-        for vehicle in sumo.simulation.getArrivedIDList():
+        for vehicle in get.simulation_getArrivedIDList():
             self._note_arrival(vehicle)
 
     def show(self, signal: str, state: str) -> None:
@@ -103,35 +103,31 @@ class Simulation:
 
     def read_state(self, signal: str) -> str:
         """Read the letters that a signal shows."""
-        state: str = self._running().trafficlight.getRedYellowGreenState(signal)
+        state: str = self._get.trafficlight_getRedYellowGreenState(signal)
         return state
 
     def count_vehicles(self, lanes: Iterable[str]) -> Figures:
         """Count the vehicles on each lane."""
-        return np.array(list(map(self._running().lane.getLastStepVehicleNumber, lanes)), dtype=np.float64)
+        return _floats(map(self._get.lane_getLastStepVehicleNumber, lanes))
 
     def list_vehicles(self, lane: str) -> tuple[str, ...]:
         """List the vehicles on a lane by their ids."""
-        return tuple(self._running().lane.getLastStepVehicleIDs(lane))
+        return tuple(self._get.lane_getLastStepVehicleIDs(lane))
 
     def read_lanes(self, lanes: Sequence[str]) -> LaneReading:
         """Measure lanes."""
-        lane, vehicle = self._running().lane, self._sumo.vehicle
-        self._force_emission_class()
-        on_lane = list(map(lane.getLastStepVehicleIDs, lanes))
-        speeds = [s / a for ids in on_lane for s, a in zip(
-            map(vehicle.getSpeed, ids), map(vehicle.getAllowedSpeed, ids), strict=True)]
-        return LaneReading(
-            vehicles=np.array(list(map(lane.getLastStepVehicleNumber, lanes)), dtype=np.float64),
-            halting=np.array(list(map(lane.getLastStepHaltingNumber, lanes)), dtype=np.float64),
-            mean_speed=np.array(list(map(lane.getLastStepMeanSpeed, lanes))),
-            mean_length=np.array(list(map(lane.getLastStepLength, lanes))),
-            accumulated_waiting=np.array(
-                [sum(map(vehicle.getAccumulatedWaitingTime, ids)) for ids in on_lane], dtype=np.float64
-            ),
-            co2=np.array(list(map(lane.getCO2Emission, lanes))),
-            relative_speed=sum(speeds) / len(speeds) if speeds else 1.0,
-        )
+        get = self._get
+        on_lane = list(map(get.lane_getLastStepVehicleIDs, lanes))
+        waiting = get.vehicle_getAccumulatedWaitingTime
+        values = [
+            *map(len, on_lane),
+            *map(get.lane_getLastStepHaltingNumber, lanes),
+            *map(get.lane_getLastStepMeanSpeed, lanes),
+            *map(get.lane_getLastStepLength, lanes),
+            *[sum(map(waiting, ids)) for ids in on_lane],
+            *map(get.lane_getCO2Emission, lanes),
+        ]
+        return LaneReading(table=np.array(values, dtype=np.float64).reshape(-1, len(lanes)))
 
     def run_program(self, signal: str, kind: str, *, min_green: float, max_green: float) -> None:
         """Let SUMO's own logic run the phases of a signal's program, its greens within bounds."""
@@ -146,28 +142,31 @@ class Simulation:
 
     def read_traffic(self) -> TrafficReading:
         """Measure all traffic."""
-        sumo = self._running()
-        ids = sumo.vehicle.getIDList()
-        speeds = np.array(list(map(sumo.vehicle.getSpeed, ids)), dtype=np.float64)
-        people = sumo.person.getIDList()
+        self._running()
+        get = self._get
+        self._force_emission_class()
+        ids = get.vehicle_getIDList()
+        speeds = list(map(get.vehicle_getSpeed, ids))
+        # Who moves has a waiting time of zero.
+        stopped = [vehicle for vehicle, speed in zip(ids, speeds, strict=True) if speed < _HALTING]
+        people = get.person_getIDList()
         return TrafficReading(
             running=len(ids),
-            backlogged=int(float(self._statistic("stats.vehicles.waiting"))),
-            stopped=int(np.count_nonzero(speeds < _HALTING)),
-            waiting_time=float(sum(map(sumo.vehicle.getWaitingTime, ids))),
-            mean_speed=float(speeds.mean()) if len(speeds) else 0.0,
+            backlogged=int(float(get.simulation_getParameter("", "stats.vehicles.waiting"))),
+            stopped=len(stopped),
+            waiting_time=float(sum(map(get.vehicle_getWaitingTime, stopped))),
+            mean_speed=sum(speeds) / len(speeds) if speeds else 0.0,
             arrived=self.arrived,
             departed=len(self._trips),
-            teleported=int(float(self._statistic("stats.teleports.total"))),
+            teleported=int(float(get.simulation_getParameter("", "stats.teleports.total"))),
             pedestrians=len(people),
-            pedestrian_waiting=float(sum(map(sumo.person.getWaitingTime, people))),
+            pedestrian_waiting=float(sum(map(get.person_getWaitingTime, people))),
         )
 
     def read_pending_delays(self) -> Figures:
         """Measure how long each vehicle waits that has not found a place yet, seconds."""
-        sumo = self._running()
-        pending = sumo.simulation.getPendingVehicles()
-        return np.array(list(map(sumo.vehicle.getDepartDelay, pending)), dtype=np.float64)
+        self._running()
+        return _floats(map(self._get.vehicle_getDepartDelay, self._get.simulation_getPendingVehicles()))
 
     def read_snapshot(self) -> Snapshot:
         """Picture every road user and every signal."""
@@ -193,17 +192,13 @@ class Simulation:
             raise SimulationError("no simulation is running; call reset first")
         return self._sumo
 
-    def _statistic(self, key: str) -> str:
-        value: str = self._sumo.simulation.getParameter("", key)
-        return value
-
     def _note_departure(self, vehicle: str) -> None:
-        read = self._sumo.vehicle
+        get = self._get
         self._trips[vehicle] = Trip(
-            mode=read.getVehicleClass(vehicle),
-            route=tuple(read.getRoute(vehicle)),
+            mode=get.vehicle_getVehicleClass(vehicle),
+            route=tuple(get.vehicle_getRoute(vehicle)),
             depart=self.time,
-            depart_delay=read.getDepartDelay(vehicle),
+            depart_delay=get.vehicle_getDepartDelay(vehicle),
         )
 
     def _note_arrival(self, vehicle: str) -> None:
@@ -265,7 +260,8 @@ class Simulation:
                 "close it first, or give own_process=True to run this one in a process of its own"
             )
         self._failures = (libsumo.TraCIException, libsumo.FatalTraCIError)
-        _owner, self._sumo = weakref.ref(self), libsumo
+        # Its getters without their Python wrappers, which cost as much again.
+        _owner, self._sumo, self._get = weakref.ref(self), libsumo, libsumo._libsumo
         libsumo.start(["sumo", *command])
 
     def _connect_traci(self, command: list[str]) -> None:
@@ -278,6 +274,24 @@ class Simulation:
         label = f"dojo-{os.getpid()}-{next(_labels)}"
         traci.start([_find_program(program), *command], label=label, numRetries=20)
         self._sumo = traci.getConnection(label)
+        self._get = _TraciGetters(self._sumo)
+
+
+class _TraciGetters:
+    """Gives a TraCI connection's getters the names that libsumo's have: `vehicle_getSpeed`."""
+
+    def __init__(self, connection: Any) -> None:
+        self._connection = connection
+
+    def __getattr__(self, name: str) -> Any:
+        domain, _, getter = name.partition("_")
+        found = getattr(getattr(self._connection, domain), getter)
+        setattr(self, name, found)
+        return found
+
+
+def _floats(values: Iterable[float]) -> Figures:
+    return np.array(list(values), dtype=np.float64)
 
 
 def _find_program(name: str) -> str:

@@ -162,19 +162,21 @@ class World:
     def _advance(self, turn: Turn) -> None:
         for manager in self.managers:
             manager.before_step(turn)
+        steps = [manager.step for manager in self.managers]
         for _ in range(int(self.config.episode.delta_time)):
-            for manager in self.managers:
-                manager.step(turn)
+            for step in steps:
+                step(turn)
         for manager in self.managers:
             manager.after_step(turn)
 
     def _look(self) -> Instant:
         simulation, control = self.simulation, self.control
+        traffic = simulation.read_traffic()
         views = {
             signal: control.view(signal, simulation.read_lanes(plan.lanes))
             for signal, plan in self.map.plans.items()
         }
-        return Instant(simulation, simulation.read_traffic(), views)
+        return Instant(simulation, traffic, views)
 
     def _observe(self, instant: Instant) -> dict[str, Any]:
         return {signal: self.observer.observe(signal, instant) for signal in self.signals}
@@ -184,11 +186,10 @@ class World:
         info: dict[str, Any] = {"step": instant.time, **_system_figures(instant.traffic)}
         stopped = waiting = 0.0
         for signal, view in instant.signals.items():
-            halting = int(view.lanes.halting.sum())
-            waited = float(view.lanes.accumulated_waiting.sum())
+            halting, waited = int(view.lanes.total_halting), view.lanes.total_waiting
             info[f"{signal}_stopped"] = halting
             info[f"{signal}_accumulated_waiting_time"] = waited
-            info[f"{signal}_average_speed"] = view.lanes.relative_speed
+            info[f"{signal}_average_speed"] = view.average_speed
             info[f"{signal}_phase"] = view.phase
             stopped, waiting = stopped + halting, waiting + waited
         info["agents_total_stopped"] = int(stopped)

@@ -23,7 +23,6 @@ class SignalManager(Manager):
         self._simulation, self._plans, self._config, self._interval = simulation, plans, config, interval
         self._switches: dict[str, SignalSwitch] = {}
         self._watches: dict[str, SignalWatch] = {}
-        self._shown: dict[str, str] = {}
         self.safety = SafetyLog()
         self._action = {
             "choose_phase": self._choose_phase,
@@ -73,18 +72,19 @@ class SignalManager(Manager):
             count = self.count_actions(signal)
             if int(action) != action or not 0 <= action < count:
                 raise ConfigError(f"signal {signal}: action {action!r}, expected a whole number from 0 to {count - 1}")
-            before = self._switches[signal].state
-            self._action(self._switches[signal], int(action))
-            self._show(signal, before)
+            switch = self._switches[signal]
+            before = switch.state
+            self._action(switch, int(action))
+            if switch.state != before:
+                self._simulation.show(signal, switch.state)
         self._look()
 
     def step(self, turn: Turn) -> None:
         """Let a second pass at every signal."""
         if not self._config.fixed_ts:
             for signal, switch in self._switches.items():
-                before = switch.state
-                switch.advance()
-                self._show(signal, before)
+                if switch.advance():
+                    self._simulation.show(signal, switch.state)
         self._look()
 
     def after_step(self, turn: Turn) -> None:
@@ -108,11 +108,6 @@ class SignalManager(Manager):
         phase = plan.phases.index(state) if state in plan.phases else switch.phase
         switch.phase = phase
         return SignalView(plan=plan, phase=phase, state=state, green_time=0.0, may_change=True, lanes=lanes)
-
-    def _show(self, signal: str, before: str) -> None:
-        state = self._switches[signal].state
-        if state != before:
-            self._simulation.show(signal, state)
 
     def _look(self) -> None:
         time, read = self._simulation.time, self._simulation.read_state

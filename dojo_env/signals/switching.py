@@ -3,6 +3,8 @@
 No SUMO here: a clock, the plan and the rules.
 """
 
+import math
+
 from dojo_env.config import SignalConfig
 from dojo_env.signals.conflicts import GREEN
 from dojo_env.signals.plan import SignalPlan
@@ -16,23 +18,21 @@ class SignalSwitch:
     Attributes:
         phase: the phase that is green, or that the signal is on its way to.
         state: the letters to be shown now.
-        green_time: seconds that `phase` has been green; 0 on the way to it.
     """
 
     def __init__(self, plan: SignalPlan, config: SignalConfig) -> None:
         """Begin with the first phase green, walkers of before long gone."""
         self._plan, self._config = plan, config
-        self.phase, self.state, self.green_time = 0, plan.phases[0], 0.0
+        self.phase, self.state = 0, plan.phases[0]
         self._clock = 0.0
         self._stages: list[_Stage] = []
-        self._left = 0.0
-        self._duration: float | None = None
         self._walk_ended: dict[int, float] = {}
+        self._begin_green()
 
     @property
-    def is_changing(self) -> bool:
-        """Tell whether the signal is between two greens."""
-        return bool(self._stages)
+    def green_time(self) -> float:
+        """Seconds that `phase` has been green; 0 on the way to it."""
+        return 0.0 if self._stages else self._clock - self._green_since
 
     @property
     def may_change(self) -> bool:
@@ -53,45 +53,47 @@ class SignalSwitch:
 
     def request_duration(self, seconds: float) -> None:
         """Say how long the present green lasts; only the first word in each green counts."""
-        if not self._stages and self._duration is None:
-            self._duration = seconds
+        if self._stages or self._duration_is_set:
+            return
+        self._duration_is_set = True
+        self._due = min(self._due, self._green_since + max(seconds, self._config.min_green))
 
-    def advance(self) -> str:
-        """Let a second pass; returns the letters to be shown from now on."""
+    def advance(self) -> bool:
+        """Let a second pass; tell whether other letters are to be shown."""
         self._clock += 1
+        if self._clock < self._due:
+            return False
+        before = self.state
         if self._stages:
-            self._left -= 1
-            if self._left <= 0:
-                self._next_stage()
-        else:
-            self.green_time += 1
-            if self._is_over() and self.may_change and len(self._plan.phases) > 1:
-                self._begin_change(self.next_phase)
-        return self.state
+            self._stages.pop(0)
+            self._begin_stage()
+        elif len(self._plan.phases) > 1:
+            self._begin_change(self.next_phase)
+        return self.state != before
 
-    def _is_over(self) -> bool:
-        limits = (self._config.max_green, self._duration)
-        return any(limit is not None and self.green_time >= limit for limit in limits)
+    def _begin_green(self) -> None:
+        self.state, self._green_since, self._duration_is_set = self._plan.phases[self.phase], self._clock, False
+        limit = self._config.max_green
+        self._due = math.inf if limit is None else self._clock + limit
 
     def _begin_change(self, phase: int) -> None:
         old, new = self.state, self._plan.phases[phase]
-        self.phase, self.green_time, self._duration = phase, 0.0, None
+        self.phase = phase
         lost = [k for k, (a, b) in enumerate(zip(old, new, strict=True)) if a in GREEN and b not in GREEN]
         gained = [k for k, (a, b) in enumerate(zip(old, new, strict=True)) if a not in GREEN and b in GREEN]
-        crossing, yellow = self._plan.is_crossing, self._plan.yellow
-        for link in (link for link in lost if crossing[link]):
-            self._walk_ended[link] = self._clock
-        cars = [link for link in lost if not crossing[link]]
-        amber = max((float(yellow[link]) for link in cars), default=0.0)
+        walks = [link for link in lost if self._plan.is_crossing[link]]
+        cars = [link for link in lost if not self._plan.is_crossing[link]]
+        self._walk_ended.update(dict.fromkeys(walks, self._clock))
+        yellow = max((float(self._plan.yellow[link]) for link in cars), default=0.0)
         all_red = self._config.all_red if cars else 0.0
         walking = self._walking_time(gained)
-        stopped = _replace(old, [link for link in lost if crossing[link]], "r")
+        stopped = _replace(old, walks, "r")
         self._stages = [
-            (max(0.0, walking - amber - all_red), stopped),
-            (amber, _replace(stopped, cars, "y")),
+            (max(0.0, walking - yellow - all_red), stopped),
+            (yellow, _replace(stopped, cars, "y")),
             (all_red, _replace(stopped, cars, "r")),
         ]
-        self._next_stage(first=True)
+        self._begin_stage()
 
     def _walking_time(self, gained: list[int]) -> float:
         """Compute how long walkers must still be kept from the links that are about to turn green."""
@@ -101,16 +103,15 @@ class SignalSwitch:
                 needed = max(needed, float(self._plan.clearance[link]) - (self._clock - ended))
         return needed
 
-    def _next_stage(self, *, first: bool = False) -> None:
+    def _begin_stage(self) -> None:
         """Go on to the next stage that lasts; after the last one comes the green."""
-        if not first:
-            self._stages.pop(0)
         while self._stages and self._stages[0][0] <= 0:
             self._stages.pop(0)
-        if self._stages:
-            self._left, self.state = self._stages[0]
-        else:
-            self.state = self._plan.phases[self.phase]
+        if not self._stages:
+            self._begin_green()
+            return
+        seconds, self.state = self._stages[0]
+        self._due = self._clock + seconds
 
 
 def _replace(state: str, links: list[int], letter: str) -> str:
