@@ -24,12 +24,14 @@ class EpisodeConfig:
         num_seconds: how long it lasts.
         delta_time: seconds from decision to decision.
         out_csv_name: the beginning of the names of a CSV and a JSON file per episode.
+        record_name: the beginning of the name of a recording per episode.
     """
 
     begin_time: float | None = None
     num_seconds: float = 3600
     delta_time: float = 5
     out_csv_name: str | None = None
+    record_name: str | None = None
 
     def __post_init__(self) -> None:
         """Refuse times that cannot be."""
@@ -60,7 +62,7 @@ class SignalConfig:
         phases: `program` takes the green phases of the network's own program, `computed` builds sets of
             movements without conflicts.
         fixed_ts: no agent controls anything; `program` runs.
-        program: with `fixed_ts`: `network`'s own, or SUMO's `actuated` or `delay_based` logic over its phases.
+        program: with `fixed_ts`: the `network`'s own, or SUMO's `actuated` or `delay_based` logic over it.
     """
 
     ts_ids: tuple[str, ...] | None = None

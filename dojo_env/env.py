@@ -8,8 +8,8 @@ import numpy as np
 from dojo_env.config import EnvConfig, build_config
 from dojo_env.errors import ConfigError
 from dojo_env.instant import Instant
-from dojo_env.world import World
 from dojo_env.worker import open_world
+from dojo_env.world import World
 
 _LARGEST_SEED = 2**31 - 2
 
@@ -17,7 +17,7 @@ _LARGEST_SEED = 2**31 - 2
 class TrafficSignalEnv(gymnasium.Env[Any, Any]):
     """One signal of a scenario, as contract and README describe it; see `config` for the keywords."""
 
-    metadata = {"render_modes": [], "render_fps": 4}  # noqa: RUF012 - Gymnasium's own way
+    metadata: dict[str, Any] = {"render_modes": [], "render_fps": 4}  # noqa: RUF012 - Gymnasium's own way
 
     def __init__(
         self,
@@ -41,7 +41,7 @@ class TrafficSignalEnv(gymnasium.Env[Any, Any]):
         if render_mode is not None and render_mode not in self.metadata["render_modes"]:
             raise ConfigError(f"render_mode={render_mode!r}: expected one of {self.metadata['render_modes']}")
         self.render_mode = render_mode
-        self.config = _one_config(config, keywords)
+        self.config = one_config(config, keywords)
         self.world: World = open_world(self.config, own_process=own_process)
         if len(self.world.signals) != 1:
             names = ", ".join(self.world.signals)
@@ -62,7 +62,7 @@ class TrafficSignalEnv(gymnasium.Env[Any, Any]):
         return observations[self.signal], info
 
     def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:
-        """Act, and simulate until the next decision; the episode is only ever truncated, at its time limit."""
+        """Act, and simulate until the next decision; an episode is only ever truncated, at its end."""
         observations, rewards, ended, info = self.world.step({self.signal: read_action(action)})
         return observations[self.signal], rewards[self.signal], False, ended, info
 
@@ -111,7 +111,12 @@ def read_action(action: Any) -> Any:
     return array.reshape(-1)[0].item()
 
 
-def _one_config(config: EnvConfig | None, keywords: dict[str, Any]) -> EnvConfig:
+def one_config(config: EnvConfig | None, keywords: dict[str, Any]) -> EnvConfig:
+    """Take the settings given whole, or build them from keywords.
+
+    Raises:
+        ConfigError: both are given, or a setting cannot work.
+    """
     if config is None:
         return build_config(**keywords)
     if keywords:

@@ -8,7 +8,7 @@ from gymnasium import spaces
 from pettingzoo import ParallelEnv
 
 from dojo_env.config import EnvConfig
-from dojo_env.env import _one_config, choose_seed, read_action
+from dojo_env.env import choose_seed, one_config, read_action
 from dojo_env.errors import ConfigError, EpisodeOverError
 from dojo_env.instant import Instant
 from dojo_env.worker import open_world
@@ -18,7 +18,11 @@ from dojo_env.world import World
 class TrafficSignalsEnv(ParallelEnv):  # type: ignore[misc]
     """Every signal of a scenario, or those named in `ts_ids`; see `config` for the keywords."""
 
-    metadata = {"name": "dojo_traffic_signals_v0", "render_modes": [], "is_parallelizable": True}  # noqa: RUF012
+    metadata: dict[str, Any] = {  # noqa: RUF012 - PettingZoo's own way
+        "name": "dojo_traffic_signals_v0",
+        "render_modes": [],
+        "is_parallelizable": True,
+    }
 
     def __init__(
         self,
@@ -36,7 +40,7 @@ class TrafficSignalsEnv(ParallelEnv):  # type: ignore[misc]
         if render_mode is not None and render_mode not in self.metadata["render_modes"]:
             raise ConfigError(f"render_mode={render_mode!r}: expected one of {self.metadata['render_modes']}")
         self.render_mode = render_mode
-        self.config = _one_config(config, keywords)
+        self.config = one_config(config, keywords)
         self.world: World = open_world(self.config, own_process=own_process)
         self.possible_agents = list(self.world.signals)
         self.agents: list[str] = []
@@ -63,9 +67,7 @@ class TrafficSignalsEnv(ParallelEnv):  # type: ignore[misc]
 
     def step(
         self, actions: Mapping[str, Any]
-    ) -> tuple[
-        dict[str, Any], dict[str, float], dict[str, bool], dict[str, bool], dict[str, dict[str, Any]]
-    ]:
+    ) -> tuple[dict[str, Any], dict[str, float], dict[str, bool], dict[str, bool], dict[str, dict[str, Any]]]:
         """Act, and simulate until the next decision; a signal without an action keeps its phase.
 
         Raises:
@@ -128,6 +130,3 @@ class TrafficSignalsEnv(ParallelEnv):  # type: ignore[misc]
 def parallel_env(**keywords: Any) -> TrafficSignalsEnv:
     """Make an environment with an agent per signal."""
     return TrafficSignalsEnv(**keywords)
-
-
-__all__ = ["ConfigError", "TrafficSignalsEnv", "parallel_env"]

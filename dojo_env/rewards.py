@@ -75,8 +75,10 @@ def _build_reward(wanted: Any) -> Reward:
     if isinstance(wanted, Mapping) and wanted and set(wanted) <= set(REWARDS):
         return _Weighted({name: float(weight) for name, weight in wanted.items()})
     if callable(wanted):
-        return wanted  # type: ignore[no-any-return]
-    raise ConfigError(f"reward_fn={wanted!r}: expected one of {known}, a callable, or a dict of these and weights")
+        return wanted
+    raise ConfigError(
+        f"reward_fn={wanted!r}: expected one of {known}, a callable, or a dict of these and weights"
+    )
 
 
 class _Weighted:

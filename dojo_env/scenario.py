@@ -59,7 +59,9 @@ class Scenario:
             if not path.exists():
                 raise ConfigError(f"scenario {self.name}: {path} does not exist; correct the path")
         if self.end is not None and self.end <= self.begin:
-            raise ConfigError(f"scenario {self.name}: it ends at {self.end} s, before it begins at {self.begin} s")
+            raise ConfigError(
+                f"scenario {self.name}: it ends at {self.end} s, before it begins at {self.begin} s"
+            )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -250,14 +250,14 @@ class Simulation:
             raise SimulationError(f"SUMO does not start: {_words(error)}") from error
 
     def _connect_libsumo(self, command: list[str]) -> None:
-        global _owner  # noqa: PLW0603
+        global _owner
         import libsumo  # noqa: PLC0415 - only who runs it loads it
 
         other = _owner() if _owner is not None else None
         if other is not None and other.is_running:
             raise SimulationError(
-                "another environment of this process is running, and libsumo holds one simulation per process; "
-                "close it first, or give own_process=True to run this one in a process of its own"
+                "another environment of this process is running, and libsumo holds one simulation per "
+                "process; close it first, or give own_process=True to run this one in a process of its own"
             )
         self._failures = (libsumo.TraCIException, libsumo.FatalTraCIError)
         # Its getters without their Python wrappers, which cost as much again.

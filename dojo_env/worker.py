@@ -1,8 +1,10 @@
 """A world in a process of its own: libsumo holds one simulation per process, so this makes room for more."""
 
+import contextlib
 import multiprocessing
 from collections.abc import Mapping
 from multiprocessing.connection import Connection
+from multiprocessing.context import SpawnProcess
 from typing import Any
 
 from dojo_env.config import EnvConfig
@@ -25,7 +27,9 @@ class WorldProcess:
         """Start the process; it opens the map."""
         context = multiprocessing.get_context("spawn")
         self._pipe, theirs = context.Pipe()
-        self._process = context.Process(target=_serve, args=(theirs, config), daemon=True)
+        self._process: SpawnProcess | None = context.Process(
+            target=_serve, args=(theirs, config), daemon=True
+        )
         self._process.start()
         theirs.close()
         try:
@@ -68,10 +72,8 @@ class WorldProcess:
         if self._process is None:
             return
         process, self._process = self._process, None
-        try:
+        with contextlib.suppress(OSError):
             self._pipe.send(("close", ()))
-        except OSError:
-            pass  # It is gone already.
         self._pipe.close()
         process.join(_PATIENCE)
         if process.is_alive():
@@ -97,6 +99,13 @@ class WorldProcess:
         return value
 
 
+def _answer(world: World, name: str, arguments: tuple[Any, ...]) -> tuple[Exception | None, Any]:
+    try:
+        return None, getattr(world, name)(*arguments)
+    except Exception as error:  # noqa: BLE001 - it is raised at the other end
+        return error, None
+
+
 def _serve(pipe: Connection, config: EnvConfig) -> None:
     """Answer calls until told to close, or until the other end is gone."""
     try:
@@ -110,11 +119,7 @@ def _serve(pipe: Connection, config: EnvConfig) -> None:
             name, arguments = pipe.recv()
             if name == "close":
                 return
-            try:
-                answer = (None, getattr(world, name)(*arguments))
-            except Exception as error:  # noqa: BLE001 - it is raised at the other end
-                answer = (error, None)
-            pipe.send(answer)
+            pipe.send(_answer(world, name, arguments))
     except (EOFError, OSError, KeyboardInterrupt):
         return
     finally:

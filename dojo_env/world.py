@@ -15,6 +15,7 @@ from dojo_env.errors import ConfigError, EpisodeOverError, SimulationError
 from dojo_env.instant import Instant
 from dojo_env.managers.base import Manager, Turn
 from dojo_env.managers.map import MapManager
+from dojo_env.managers.recorder import RecorderManager
 from dojo_env.managers.signals import SignalManager
 from dojo_env.managers.traffic import TrafficManager
 from dojo_env.metrics import Metrics
@@ -41,7 +42,7 @@ class World:
         self.control = SignalManager(
             self.simulation, self.map.plans, config.signals, interval=config.episode.delta_time
         )
-        self.managers: tuple[Manager, ...] = (self.map, traffic, self.control)
+        self.managers: tuple[Manager, ...] = (self.map, traffic, self.control, *self._recorders())
         self.observer = build_observer(config.observation, bundle, self.map.plans)
         self._rewards = build_rewards(config.reward_fn, self.signals)
         self._files = EpisodeFiles(config.episode.out_csv_name)
@@ -158,6 +159,13 @@ class World:
                 stack.callback(manager.close)
             self._finish_files()
         self._instant = None
+
+    def _recorders(self) -> tuple[Manager, ...]:
+        episode = self.config.episode
+        if episode.record_name is None:
+            return ()
+        end = self.config.begin + episode.num_seconds
+        return (RecorderManager(self.simulation, episode.record_name, end=end),)
 
     def _advance(self, turn: Turn) -> None:
         for manager in self.managers:

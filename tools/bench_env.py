@@ -76,15 +76,16 @@ def run_sumo_rl(scenario: str) -> dict[str, Any]:
 
     env = SumoEnvironment(
         net_file=str(found.map), route_file=str(found.routes[0]), begin_time=int(found.begin),
-        num_seconds=SECONDS, delta_time=INTERVAL, yellow_time=2, min_green=8, sumo_seed=1, sumo_warnings=False,
-        additional_sumo_cmd="--no-step-log --xml-validation never",
+        num_seconds=SECONDS, delta_time=INTERVAL, yellow_time=2, min_green=8, sumo_seed=1,
+        sumo_warnings=False, additional_sumo_cmd="--no-step-log --xml-validation never",
     )  # fmt: skip
     start = time.perf_counter()
     env.reset()
     decision, ended = 0, False
     while not ended:
         actions = {
-            name: wanted_phase(decision, signal.num_green_phases) for name, signal in env.traffic_signals.items()
+            name: wanted_phase(decision, signal.num_green_phases)
+            for name, signal in env.traffic_signals.items()
         }
         _, _, dones, _ = env.step(actions)
         decision, ended = decision + 1, dones["__all__"]
@@ -166,7 +167,10 @@ def main() -> int:
     if options.variant:
         print(json.dumps(run_variant(options.variant, options.scenarios[0])))
         return 0
-    print(f"{'scenario':14}{'variant':12}{'seconds':>8}{'sim s/s':>9}{'steps/s':>9}{'of bare':>9}{'arrived':>9}{'MB':>6}")
+    print(
+        f"{'scenario':14}{'variant':12}{'seconds':>8}{'sim s/s':>9}{'steps/s':>9}{'of bare':>9}"
+        f"{'arrived':>9}{'MB':>6}"
+    )
     rows = []
     for scenario in options.scenarios:
         open_map(find_scenario(scenario))

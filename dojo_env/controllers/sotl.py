@@ -8,7 +8,7 @@ from dojo_env.instant import Instant
 
 
 class Sotl(Controller):
-    """With g vehicles on the lanes that have priority now and r on the others: next if g is few and r many."""
+    """With g vehicles on the lanes with priority and r on the others: next if g is few and r many."""
 
     def __init__(self, few: int = 3, many: int = 6) -> None:
         """Choose the thresholds: g at most `few` and r above `many`, or g none and r any."""

@@ -17,7 +17,12 @@ class SignalManager(Manager):
     """Switches every signal by its plan and the rules; with `fixed_ts` it only looks on."""
 
     def __init__(
-        self, simulation: Simulation, plans: Mapping[str, SignalPlan], config: SignalConfig, *, interval: float
+        self,
+        simulation: Simulation,
+        plans: Mapping[str, SignalPlan],
+        config: SignalConfig,
+        *,
+        interval: float,
     ) -> None:
         """Take the signals to control; `interval` is the time between decisions."""
         self._simulation, self._plans, self._config, self._interval = simulation, plans, config, interval
@@ -48,7 +53,8 @@ class SignalManager(Manager):
         time = self._simulation.time
         self._switches = {name: SignalSwitch(plan, self._config) for name, plan in self._plans.items()}
         self._watches = {
-            name: SignalWatch(plan, self._config, self.safety, time=time) for name, plan in self._plans.items()
+            name: SignalWatch(plan, self._config, self.safety, time=time)
+            for name, plan in self._plans.items()
         }
         for signal, switch in self._switches.items():
             if self._config.program != "network":
@@ -71,7 +77,9 @@ class SignalManager(Manager):
                 raise ConfigError(f"no agent {signal!r}; the agents are {', '.join(self._switches)}")
             count = self.count_actions(signal)
             if int(action) != action or not 0 <= action < count:
-                raise ConfigError(f"signal {signal}: action {action!r}, expected a whole number from 0 to {count - 1}")
+                raise ConfigError(
+                    f"signal {signal}: action {action!r}, expected a whole number from 0 to {count - 1}"
+                )
             switch = self._switches[signal]
             before = switch.state
             self._action(switch, int(action))

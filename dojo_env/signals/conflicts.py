@@ -28,9 +28,7 @@ class Conflicts:
         """Tell whether two links may show these letters: no conflict, or one that waits for the other."""
         if not self.foes[a, b] or state[a] not in GREEN or state[b] not in GREEN:
             return True
-        return bool(
-            (state[a] == "g" and self.yields[a, b]) or (state[b] == "g" and self.yields[b, a])
-        )
+        return bool((state[a] == "g" and self.yields[a, b]) or (state[b] == "g" and self.yields[b, a]))
 
     def find_unsafe(self, state: str) -> list[tuple[int, int]]:
         """List the pairs of links that are green together and must not be."""

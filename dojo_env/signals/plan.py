@@ -104,7 +104,7 @@ def _program_phases(signal: Signal, crossings: NDArray[np.bool_]) -> list[str]:
         return "".join(letter for letter, walk in zip(state, crossings, strict=False) if not walk)
 
     def walkers(state: str) -> set[int]:
-        return {index for index in np.flatnonzero(crossings) if state[index] in GREEN}
+        return {index for index in np.flatnonzero(crossings).tolist() if state[index] in GREEN}
 
     return [
         state

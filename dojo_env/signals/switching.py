@@ -25,6 +25,9 @@ class SignalSwitch:
         self._plan, self._config = plan, config
         self.phase, self.state = 0, plan.phases[0]
         self._clock = 0.0
+        self._due = math.inf
+        self._green_since = 0.0
+        self._duration_is_set = False
         self._stages: list[_Stage] = []
         self._walk_ended: dict[int, float] = {}
         self._begin_green()
@@ -72,7 +75,11 @@ class SignalSwitch:
         return self.state != before
 
     def _begin_green(self) -> None:
-        self.state, self._green_since, self._duration_is_set = self._plan.phases[self.phase], self._clock, False
+        self.state, self._green_since, self._duration_is_set = (
+            self._plan.phases[self.phase],
+            self._clock,
+            False,
+        )
         limit = self._config.max_green
         self._due = math.inf if limit is None else self._clock + limit
 

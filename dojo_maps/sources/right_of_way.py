@@ -48,9 +48,7 @@ def _name_links(
     if not lanes:
         return [name for lane in junction.get("incLanes", "").split() for name in by_origin.get(lane, ())]
     crossing = f":{junction.get('id')}_c"
-    return [
-        lane.rpartition("_")[0] if lane.startswith(crossing) else by_lane.get(lane, "") for lane in lanes
-    ]
+    return [lane.rpartition("_")[0] if lane.startswith(crossing) else by_lane.get(lane, "") for lane in lanes]
 
 
 def _index(request: Attributes) -> int:
