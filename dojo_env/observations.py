@@ -1,0 +1,87 @@
+"""What an agent sees. An observer turns an instant into one value per signal; new kinds register here."""
+
+from collections.abc import Callable, Mapping
+from typing import Any, Protocol, runtime_checkable
+
+import numpy as np
+from gymnasium import spaces
+from numpy.typing import NDArray
+
+from dojo_env.errors import ConfigError
+from dojo_env.instant import Instant
+from dojo_env.signals.plan import SignalPlan
+from dojo_maps.bundle import Bundle
+
+_MIN_GAP = 2.5
+"""Metres between standing vehicles: SUMO's default, and what SUMO-RL divides by."""
+
+
+@runtime_checkable
+class Observer(Protocol):
+    """Sees for every signal. `reset` tells the seed of an episode, for those that draw noise."""
+
+    def space(self, signal: str) -> spaces.Space[Any]:
+        """Give the space of a signal's observations."""
+        ...
+
+    def reset(self, seed: int) -> None:
+        """Begin an episode."""
+        ...
+
+    def observe(self, signal: str, instant: Instant) -> Any:
+        """Observe for a signal."""
+        ...
+
+
+ObserverFactory = Callable[[Bundle, Mapping[str, SignalPlan]], Observer]
+
+
+class Features:
+    """Phase one-hot, minimum-green flag, lane densities, lane queues, in SUMO-RL's order; all 0 to 1."""
+
+    def __init__(self, _bundle: Bundle, plans: Mapping[str, SignalPlan]) -> None:
+        """Measure the signals."""
+        self._plans = plans
+
+    def space(self, signal: str) -> spaces.Box:
+        """A value per phase, the flag, two per lane."""
+        plan = self._plans[signal]
+        size = len(plan.phases) + 1 + 2 * len(plan.lanes)
+        return spaces.Box(0.0, 1.0, shape=(size,), dtype=np.float32)
+
+    def reset(self, seed: int) -> None:
+        """Nothing is kept between decisions."""
+
+    def observe(self, signal: str, instant: Instant) -> NDArray[np.float32]:
+        """Measure the lanes as they are."""
+        view = instant.signals[signal]
+        lanes, count = view.lanes, len(view.plan.phases)
+        places = len(view.plan.lanes)
+        seen = np.zeros(count + 1 + 2 * places, dtype=np.float32)
+        seen[view.phase] = 1
+        seen[count] = view.may_change
+        room = (_MIN_GAP + lanes.mean_length) / view.plan.lengths
+        np.minimum(lanes.vehicles * room, 1, out=seen[count + 1 : count + 1 + places], casting="unsafe")
+        np.minimum(lanes.halting * room, 1, out=seen[count + 1 + places :], casting="unsafe")
+        return seen
+
+
+OBSERVERS: dict[str, ObserverFactory] = {"features": Features}
+"""Observers by name."""
+
+
+def build_observer(wanted: Any, bundle: Bundle, plans: Mapping[str, SignalPlan]) -> Observer:
+    """Find an observer by name, or call a factory, or take an observer as it is.
+
+    Raises:
+        ConfigError: there is none of that name.
+    """
+    if isinstance(wanted, str) and wanted in OBSERVERS:
+        return OBSERVERS[wanted](bundle, plans)
+    if isinstance(wanted, Observer) and not isinstance(wanted, type):
+        return wanted
+    if callable(wanted):
+        built: Observer = wanted(bundle, plans)
+        return built
+    known = ", ".join(OBSERVERS)
+    raise ConfigError(f"observation={wanted!r}: expected one of {known}, or an object that observes")
