@@ -284,14 +284,14 @@ def _import_pybullet() -> ModuleType:
 
 @contextlib.contextmanager
 def _quiet_output() -> Iterator[None]:
-    """Keep what C code prints off standard output."""
-    kept = os.dup(1)
+    """Keep what C code says off standard error: pybullet greets whoever imports it."""
+    kept = os.dup(2)
     silent = os.open(os.devnull, os.O_WRONLY)
     try:
-        os.dup2(silent, 1)
+        os.dup2(silent, 2)
         yield
     finally:
         ctypes.CDLL(None).fflush(None)
-        os.dup2(kept, 1)
+        os.dup2(kept, 2)
         os.close(kept)
         os.close(silent)
