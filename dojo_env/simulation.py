@@ -42,6 +42,8 @@ class Simulation:
         self._known_types = 0
         self._users: RoadUsers | None = None
         self.time = begin
+        self.is_over = False
+        """The episode is over: another simulation of this process may take its place."""
         self.arrived = 0
         """Vehicles arrived since the start."""
         self.travelled = 0.0
@@ -69,7 +71,7 @@ class Simulation:
         """
         self.close()
         self._trips, self._known_types, self.time = {}, 0, self._begin
-        self.arrived, self.travelled = 0, 0.0
+        self.arrived, self.travelled, self.is_over = 0, 0.0, False
         command = [*self._options(seed), *more]
         try:
             self._connect(command)
@@ -254,11 +256,13 @@ class Simulation:
         import libsumo  # noqa: PLC0415 - only who runs it loads it
 
         other = _owner() if _owner is not None else None
-        if other is not None and other.is_running:
+        if other is not None and other.is_running and not other.is_over:
             raise SimulationError(
                 "another environment of this process is running, and libsumo holds one simulation per "
                 "process; close it first, or give own_process=True to run this one in a process of its own"
             )
+        if other is not None:
+            other.close()
         self._failures = (libsumo.TraCIException, libsumo.FatalTraCIError)
         # Its getters without their Python wrappers, which cost as much again.
         _owner, self._sumo, self._get = weakref.ref(self), libsumo, libsumo._libsumo
