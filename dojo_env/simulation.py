@@ -87,9 +87,10 @@ class Simulation:
         Raises:
             SimulationError: SUMO stopped; the message holds its own words.
         """
-        sumo, get = self._running(), self._get
+        self._running()
+        get = self._get
         try:
-            sumo.simulationStep()
+            get.simulation_step()
         except self._failures as error:
             self.close()
             raise SimulationError(f"SUMO stopped after {self.time:g} s: {_words(error)}") from error
@@ -286,6 +287,7 @@ class _TraciGetters:
 
     def __init__(self, connection: Any) -> None:
         self._connection = connection
+        self.simulation_step = connection.simulationStep
 
     def __getattr__(self, name: str) -> Any:
         domain, _, getter = name.partition("_")

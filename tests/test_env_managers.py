@@ -26,6 +26,8 @@ class Witness(Manager):
 
         return note
 
+    def step(self, turn: Turn) -> None: ...
+
 
 def test_hooks_run_in_order_and_as_often_as_promised() -> None:
     calls: list[tuple[str, str]] = []
