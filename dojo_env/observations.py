@@ -61,8 +61,8 @@ class Features:
         seen[view.phase] = 1
         seen[count] = view.may_change
         room = (_MIN_GAP + lanes.mean_length) / view.plan.lengths
-        np.minimum(lanes.vehicles * room, 1, out=seen[count + 1 : count + 1 + places], casting="unsafe")
-        np.minimum(lanes.halting * room, 1, out=seen[count + 1 + places :], casting="unsafe")
+        shares = np.minimum(lanes.table[:2] * room, 1)
+        seen[count + 1 :] = shares.reshape(2 * places)
         return seen
 
 

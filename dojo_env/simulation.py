@@ -42,6 +42,8 @@ class Simulation:
         self._known_types = 0
         self._users: RoadUsers | None = None
         self.time = begin
+        self.is_over = False
+        """The episode is over: another simulation of this process may take its place."""
         self.arrived = 0
         """Vehicles arrived since the start."""
         self.travelled = 0.0
@@ -69,7 +71,7 @@ class Simulation:
         """
         self.close()
         self._trips, self._known_types, self.time = {}, 0, self._begin
-        self.arrived, self.travelled = 0, 0.0
+        self.arrived, self.travelled, self.is_over = 0, 0.0, False
         command = [*self._options(seed), *more]
         try:
             self._connect(command)
@@ -85,9 +87,10 @@ class Simulation:
         Raises:
             SimulationError: SUMO stopped; the message holds its own words.
         """
-        sumo, get = self._running(), self._get
+        self._running()
+        get = self._get
         try:
-            sumo.simulationStep()
+            get.simulation_step()
         except self._failures as error:
             self.close()
             raise SimulationError(f"SUMO stopped after {self.time:g} s: {_words(error)}") from error
@@ -254,11 +257,13 @@ class Simulation:
         import libsumo  # noqa: PLC0415 - only who runs it loads it
 
         other = _owner() if _owner is not None else None
-        if other is not None and other.is_running:
+        if other is not None and other.is_running and not other.is_over:
             raise SimulationError(
                 "another environment of this process is running, and libsumo holds one simulation per "
                 "process; close it first, or give own_process=True to run this one in a process of its own"
             )
+        if other is not None:
+            other.close()
         self._failures = (libsumo.TraCIException, libsumo.FatalTraCIError)
         # Its getters without their Python wrappers, which cost as much again.
         _owner, self._sumo, self._get = weakref.ref(self), libsumo, libsumo._libsumo
@@ -282,6 +287,7 @@ class _TraciGetters:
 
     def __init__(self, connection: Any) -> None:
         self._connection = connection
+        self.simulation_step = connection.simulationStep
 
     def __getattr__(self, name: str) -> Any:
         domain, _, getter = name.partition("_")

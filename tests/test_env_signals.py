@@ -1,10 +1,10 @@
 """The signal layer: no action can make a signal unsafe, and the watch sees it when one is."""
 
-import random
 from collections.abc import Callable
-from functools import lru_cache
+from functools import lru_cache, partial
 
 import networks
+import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -73,10 +73,16 @@ CONFIGS = st.builds(
 @settings(max_examples=8, deadline=None, derandomize=True)
 @given(config=CONFIGS, seed=st.integers(0, 1000))
 def test_random_requests_never_break_a_rule(name: str, config: SignalConfig, seed: int) -> None:
-    draw = random.Random(seed)
+    draw = np.random.default_rng(seed)
     for plan in plans(name, config)[:4]:
-        log, _ = drive(plan, config, lambda _: draw.randrange(len(plan.phases)))
+        wishes = iter(draw.integers(len(plan.phases), size=400).tolist())
+        log, _ = drive(plan, config, lambda _, wishes=wishes: next(wishes))
         assert not log.counts, log.first
+
+
+def _wish(count: int, step: int | None, switch: SignalSwitch) -> int | None:
+    """Always want another phase, or never say anything."""
+    return None if step is None else (switch.phase + step) % count
 
 
 @pytest.mark.parametrize("name", ["cologne1", "cologne1+", "ingolstadt1+", "ingolstadt7"])
@@ -85,12 +91,8 @@ def test_greedy_requests_never_break_a_rule(name: str, phases: str) -> None:
     config = SignalConfig(yellow_time="speed", all_red=2, min_green=1, max_green=30, phases=phases)
     for plan in plans(name, config):
         count = len(plan.phases)
-        attacks = (
-            lambda switch, count=count: switch.next_phase,
-            lambda switch, count=count: (switch.phase - 1) % count,
-            lambda switch, count=count: 0 if switch.phase else count - 1,
-            lambda switch: None,
-        )
+        wishes = (1, -1, None)
+        attacks = [partial(_wish, count, step) for step in wishes]
         for attack in attacks:
             log, states = drive(plan, config, attack)
             assert not log.counts, log.first
@@ -181,3 +183,18 @@ def test_watch_counts_what_breaks_a_rule(states: tuple[tuple[str, int], ...], ru
 def test_contradictions_are_refused(keywords: dict[str, object]) -> None:
     with pytest.raises(ConfigError):
         SignalConfig(**keywords)  # type: ignore[arg-type]
+
+
+def test_watch_counts_walkers_that_are_cut_off_and_greens_without_all_red() -> None:
+    lax = SignalConfig(walking_speed=50.0)
+    strict = SignalConfig(walking_speed=0.5, all_red=3)
+    counted: set[str] = set()
+    for careless, careful in zip(plans("cologne1+", lax), plans("cologne1+", strict), strict=True):
+        log, switch = SafetyLog(), SignalSwitch(careless, lax)
+        watch = SignalWatch(careful, strict, log, time=0.0)
+        for second in range(400):
+            watch.look(float(second), switch.state)
+            switch.advance()
+            switch.request_phase(switch.next_phase)
+        counted |= set(log.counts)
+    assert {"walker_cut_off", "short_red"} <= counted

@@ -101,7 +101,8 @@ def run_ours(scenario: str, observation: str) -> dict[str, Any]:
     """Run our environment with one kind of observation."""
     world = World(build_config(scenario=scenario, observation=observation, num_seconds=SECONDS, **SETTINGS))
     counts = {signal: len(plan.phases) for signal, plan in world.map.plans.items()}
-    world.reset(1)  # Loading libsumo is not part of an episode.
+    world.reset(1)  # Loading libsumo is not part of an episode, nor is the end of the one before.
+    world.close()
     start = time.perf_counter()
     world.reset(1)
     decision, ended = 0, False
