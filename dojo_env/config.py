@@ -2,13 +2,15 @@
 
 import difflib
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any
 
+from dojo_env.conditions import Conditions, sample_conditions
 from dojo_env.errors import ConfigError
 from dojo_env.scenario import Scenario, find_scenario, with_files
+from dojo_env.sensors.camera import Camera
 
 ACTION_MODES = ("choose_phase", "next_or_keep", "set_duration")
 PROGRAMS = ("network", "actuated", "delay_based")
@@ -147,6 +149,41 @@ class TrafficConfig:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class SensingConfig:
+    """How cameras and lidars see.
+
+    Attributes:
+        conditions: light, weather and lenses; or ranges of them by name, from which each episode draws.
+        cameras: by signal, instead of those that are placed from the map.
+        width: pixels, of the cameras that are placed.
+        height: pixels.
+        renderer: `raster`, or `bullet` for pybullet's.
+        smooth: anti-alias what moves, too.
+        show_links: draw each link's path in the colour it shows.
+    """
+
+    conditions: Conditions | Mapping[str, tuple[float, float]] = field(default_factory=Conditions)
+    cameras: Mapping[str, Sequence[Camera]] = field(default_factory=dict)
+    width: int = 356
+    height: int = 256
+    renderer: str = "raster"
+    smooth: bool = False
+    show_links: bool = False
+
+    def __post_init__(self) -> None:
+        """Refuse what cannot be."""
+        _refuse_other("renderer", self.renderer, ("raster", "bullet"))
+        if isinstance(self.conditions, Mapping):
+            sample_conditions(self.conditions, seed=0)
+        elif not isinstance(self.conditions, Conditions):
+            raise ConfigError(f"conditions={self.conditions!r}: expected Conditions, or ranges by name")
+        for signal, cameras in self.cameras.items():
+            names = [camera.name for camera in cameras]
+            if not names or len(set(names)) < len(names):
+                raise ConfigError(f"cameras of signal {signal!r}: give at least one, each a name of its own")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class EnvConfig:
     """Everything an environment is made from.
 
@@ -159,6 +196,7 @@ class EnvConfig:
     episode: EpisodeConfig = field(default_factory=EpisodeConfig)
     signals: SignalConfig = field(default_factory=SignalConfig)
     traffic: TrafficConfig = field(default_factory=TrafficConfig)
+    sensing: SensingConfig = field(default_factory=SensingConfig)
     observation: Any = "features"
     reward_fn: str | Callable[..., float] | Mapping[str, Any] = "diff-waiting-time"
 
@@ -169,7 +207,12 @@ class EnvConfig:
         return self.scenario.begin if named is None else named
 
 
-_GROUPS = {"episode": EpisodeConfig, "signals": SignalConfig, "traffic": TrafficConfig}
+_GROUPS = {
+    "episode": EpisodeConfig,
+    "signals": SignalConfig,
+    "traffic": TrafficConfig,
+    "sensing": SensingConfig,
+}
 _PLACES = {f.name: group for group, cls in _GROUPS.items() for f in fields(cls)}
 _OTHERS = ("scenario", "net_file", "route_file", "observation", "observation_class", "reward_fn")
 

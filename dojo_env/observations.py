@@ -8,9 +8,9 @@ from gymnasium import spaces
 from numpy.typing import NDArray
 
 from dojo_env.errors import ConfigError
+from dojo_env.eyes import Eyes
 from dojo_env.instant import Instant
 from dojo_env.signals.plan import SignalPlan
-from dojo_maps.bundle import Bundle
 
 _MIN_GAP = 2.5
 """Metres between standing vehicles: SUMO's default, and what SUMO-RL divides by."""
@@ -33,13 +33,13 @@ class Observer(Protocol):
         ...
 
 
-ObserverFactory = Callable[[Bundle, Mapping[str, SignalPlan]], Observer]
+ObserverFactory = Callable[[Eyes, Mapping[str, SignalPlan]], Observer]
 
 
 class Features:
     """Phase one-hot, minimum-green flag, lane densities, lane queues, in SUMO-RL's order; all 0 to 1."""
 
-    def __init__(self, _bundle: Bundle, plans: Mapping[str, SignalPlan]) -> None:
+    def __init__(self, _eyes: Eyes, plans: Mapping[str, SignalPlan]) -> None:
         """Measure the signals."""
         self._plans = plans
 
@@ -67,21 +67,27 @@ class Features:
 
 
 OBSERVERS: dict[str, ObserverFactory] = {"features": Features}
-"""Observers by name."""
+"""Observers by name, beside those of `sensor_observations`."""
+_SEEING = ("bev", "multi_view", "detector")
 
 
-def build_observer(wanted: Any, bundle: Bundle, plans: Mapping[str, SignalPlan]) -> Observer:
-    """Find an observer by name, or call a factory, or take an observer as it is.
+def build_observer(wanted: Any, eyes: Eyes, plans: Mapping[str, SignalPlan]) -> Observer:
+    """Find an observer by name, name its sensors, call a factory, or take an observer as it is.
 
     Raises:
         ConfigError: there is none of that name.
     """
     if isinstance(wanted, str) and wanted in OBSERVERS:
-        return OBSERVERS[wanted](bundle, plans)
+        return OBSERVERS[wanted](eyes, plans)
+    if isinstance(wanted, Mapping) or wanted in _SEEING:
+        # Who only measures does without the compiler that drawing loads.
+        from dojo_env.sensor_observations import build_sensor_observer  # noqa: PLC0415
+
+        return build_sensor_observer(wanted, eyes, plans)
     if isinstance(wanted, Observer) and not isinstance(wanted, type):
         return wanted
     if callable(wanted):
-        built: Observer = wanted(bundle, plans)
+        built: Observer = wanted(eyes, plans)
         return built
-    known = ", ".join(OBSERVERS)
-    raise ConfigError(f"observation={wanted!r}: expected one of {known}, or an object that observes")
+    known = ", ".join((*OBSERVERS, *_SEEING))
+    raise ConfigError(f"observation={wanted!r}: expected one of {known}, a dict of sensors, or an observer")

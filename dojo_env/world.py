@@ -12,6 +12,7 @@ from gymnasium import spaces
 from dojo_env.config import EnvConfig
 from dojo_env.episode_files import EpisodeFiles
 from dojo_env.errors import ConfigError, EpisodeOverError, SimulationError
+from dojo_env.eyes import Eyes
 from dojo_env.instant import Instant
 from dojo_env.managers.base import Manager, Turn
 from dojo_env.managers.map import MapManager
@@ -43,7 +44,8 @@ class World:
             self.simulation, self.map.plans, config.signals, interval=config.episode.delta_time
         )
         self.managers: tuple[Manager, ...] = (self.map, traffic, self.control, *self._recorders())
-        self.observer = build_observer(config.observation, bundle, self.map.plans)
+        self.eyes = Eyes(bundle, config.sensing)
+        self.observer = build_observer(config.observation, self.eyes, self.map.plans)
         self._rewards = build_rewards(config.reward_fn, self.signals)
         self._files = EpisodeFiles(config.episode.out_csv_name)
         self._metrics = Metrics(self.map.plans, begin=config.begin)
@@ -86,6 +88,7 @@ class World:
         for manager in self.managers:
             manager.reset(turn)
         self._metrics = Metrics(self.map.plans, begin=self.config.begin)
+        self.eyes.reset(seed)
         self.observer.reset(seed)
         self._instant = self._look()
         info = self._info(self._instant)
@@ -164,6 +167,7 @@ class World:
             for manager in self.managers:
                 stack.callback(manager.close)
             self._finish_files()
+            self.eyes.close()
         self._instant = None
 
     def _recorders(self) -> tuple[Manager, ...]:

@@ -100,6 +100,10 @@ class Renderer:
         for key in [key for key in self._eyes if gone is None or key[0] in gone]:
             del self._eyes[key]
 
+    def close(self) -> None:
+        """Forget every background; the renderer may still be used."""
+        self.forget()
+
     def _picture(self, snapshot: Snapshot, users: Users, camera: Camera, wanted: frozenset[str]) -> Picture:
         made: dict[str, Any] = {}
         if "rgb" in wanted and self.smooth:
