@@ -112,7 +112,8 @@ def build_sensor_observer(
 ) -> "SensorObserver | DetectorObserver":
     """Build the observer `bev`, `multi_view` or `detector`, or one of the sensors that a user names.
 
-    A dict's values are cameras, lidars, `Sensor`s, or names as `bev` and `approach_0:depth`.
+    A dict's values are cameras, lidars, `Sensor`s, or names as `bev`, `approach_0:depth`, and `lidar`, which
+    hangs where the first camera does.
 
     Raises:
         ConfigError: no sensor is named, or one is nothing of the kind.
@@ -127,15 +128,20 @@ def build_sensor_observer(
         return SensorObserver(eyes, named, bare=False)
     if not isinstance(wanted, Mapping) or not wanted:
         raise ConfigError("observation={}: name at least one sensor")
-    sensors = {str(name): _read_sensor(str(name), each) for name, each in wanted.items()}
-    return SensorObserver(eyes, dict.fromkeys(plans, sensors), bare=False)
+    sensors = {
+        signal: {str(name): _read_sensor(str(name), each, eyes, signal) for name, each in wanted.items()}
+        for signal in plans
+    }
+    return SensorObserver(eyes, sensors, bare=False)
 
 
-def _read_sensor(name: str, wanted: Any) -> Sensor | Lidar:
+def _read_sensor(name: str, wanted: Any, eyes: Eyes, signal: str) -> Sensor | Lidar:
     if isinstance(wanted, Sensor | Lidar):
         return wanted
     if isinstance(wanted, Camera):
         return Sensor(camera=wanted)
+    if wanted == "lidar":
+        return Lidar(name=name, position=eyes.cameras(signal)[0].position)
     if isinstance(wanted, str):
         camera, _, output = wanted.partition(":")
         return Sensor(camera=camera, output=output or "rgb")
