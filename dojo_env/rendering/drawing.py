@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from dojo_env.rendering.lighting import to_linear
 from dojo_env.rendering.models import Part
-from dojo_env.rendering.raster import COVER, NEARER, SHADED, SHADOW, draw_face, kernel
+from dojo_env.rendering.raster import COVER, NEARER, SHADED, SHADOW, STATIC, draw_face, fill_triangle, kernel
 from dojo_env.snapshot import Lights
 
 LAMP, PATH = -1, -2
@@ -26,6 +26,8 @@ _BEAM_LENGTH, _BEAM_WIDTH, _BEAM_CORNERS = 14.0, 2.6, 14
 _NARROW = 0.7
 """Road users narrower than this have no head lamps, metres."""
 _LOW_SUN = 0.12
+_SHADOW_WIDTH, _SHADOW_HEIGHT = 0.96, 0.9
+"""Shares of a road user's box that throw its shadow."""
 _BODY, _GLASS, _HEADLAMP, _BRAKE, _LEFT, _RIGHT, _BLUE = (
     int(part) for part in (Part.BODY, Part.GLASS, Part.HEADLAMP, Part.BRAKE, Part.LEFT, Part.RIGHT, Part.BLUE)
 )
@@ -62,12 +64,56 @@ class Target(NamedTuple):
         tags: (h, w) int32 index of the face at a pixel, or `STATIC` and below.
         shades: (m, 3) uint8 sRGB.
         owners: (m,) int32 index of the road user, `LAMP` or `PATH`.
+        spans: (h, 2) int32 first and last column that may have changed in each row; the last is exclusive.
     """
 
     depths: NDArray[np.float32]
     tags: NDArray[np.int32]
     shades: NDArray[np.uint8]
     owners: NDArray[np.int32]
+    spans: NDArray[np.int32]
+
+
+@kernel
+def restore(target, clean):
+    """Put the background's depths back where the last frame changed them."""
+    height, width = target.tags.shape
+    for row in range(height):
+        for column in range(target.spans[row, 0], target.spans[row, 1]):
+            target.depths[row, column] = clean[row, column]
+            target.tags[row, column] = STATIC
+        target.spans[row, 0], target.spans[row, 1] = width, 0
+
+
+@kernel
+def _touch(screen, count, is_ahead, target):
+    """Note that a shape with these corners on the screen may change what lies within them."""
+    height, width = target.tags.shape
+    left, top, right, bottom = 0.0, 0.0, float(width), float(height)
+    if is_ahead:
+        left, top, right, bottom = width, height, 0.0, 0.0
+        for k in range(count):
+            left, right = min(left, screen[k, 0]), max(right, screen[k, 0])
+            top, bottom = min(top, screen[k, 1]), max(bottom, screen[k, 1])
+    first, last = int(max(0.0, left)), int(min(float(width), right + 1.0))
+    for row in range(int(max(0.0, top)), int(min(float(height), bottom + 1.0))):
+        target.spans[row, 0] = min(target.spans[row, 0], first)
+        target.spans[row, 1] = max(target.spans[row, 1], last)
+
+
+@kernel
+def _project(seen, count, view, screen):
+    """Project corners to pixels and inverse depths; tells whether all lie before the near plane."""
+    is_ahead = True
+    for k in range(count):
+        if seen[k, 2] < view.lens[3]:
+            is_ahead = False
+            break
+        w = 1.0 / seen[k, 2]
+        screen[k, 0] = view.lens[1] + view.lens[0] * seen[k, 0] * w
+        screen[k, 1] = view.lens[2] + view.lens[0] * seen[k, 1] * w
+        screen[k, 2] = w
+    return is_ahead
 
 
 @kernel
@@ -111,18 +157,17 @@ def draw_users(near, users, models, light, sun, table, view, target, count):
         target: what to draw into.
         count: the number of faces in it so far.
     """
-    seen, corners, normal = np.empty((_MOST_VERTICES, 3)), np.empty((3, 3)), np.empty(3)
-    up = view.axes[:, 2].copy()
+    seen, screen = np.empty((_MOST_VERTICES, 3)), np.empty((_MOST_VERTICES, 3))
+    corners, normal, up = np.empty((3, 3)), np.empty(3), view.axes[:, 2].copy()
     for k in near:
         span = models.spans[users.models[k], _detail(users.frames[k], users.places[k], view)]
         _see(models.vertices, span, users.frames[k], users.places[k], view, seen)
+        is_ahead = _project(seen, span[1] - span[0], view, screen)
+        _touch(screen, span[1] - span[0], is_ahead, target)
         for face in range(span[2], span[3]):
-            for c in range(3):
-                corners[c] = seen[models.faces[face, c]]
-            if not _faces_camera(corners, normal):
+            if _draw_front(models.faces[face], seen, screen, is_ahead, corners, view, count, target) == 0:
                 continue
-            if draw_face(corners, view.lens, count, NEARER, target.depths, target.tags) == 0:
-                continue
+            _faces_camera(corners, normal)
             part = models.parts[face]
             base = users.colours[k] if part == _BODY else _PALETTE[part]
             glow = _emission(part, users.lights[k], light[_WEATHER, 0])
@@ -135,31 +180,76 @@ def draw_users(near, users, models, light, sun, table, view, target, count):
 
 
 @kernel
-def draw_shadows(near, users, models, sun, view, target):
-    """Cast each road user's simplest shape along the sun onto the plane it stands on."""
-    cast, corners, held, seen = np.empty((_MOST_VERTICES, 3)), np.empty((3, 3)), np.empty(3), np.empty(3)
+def _draw_front(face, seen, screen, is_ahead, corners, view, tag, target):
+    """Draw a face if its front is seen, and leave its corners; returns how many pixels changed."""
+    a, b, c = face[0], face[1], face[2]
+    if is_ahead:
+        ux, uy = screen[b, 0] - screen[a, 0], screen[b, 1] - screen[a, 1]
+        vx, vy = screen[c, 0] - screen[a, 0], screen[c, 1] - screen[a, 1]
+        if ux * vy - uy * vx >= 0.0:
+            return 0
+        changed = fill_triangle(
+            screen[a, 0], screen[a, 1], screen[a, 2], screen[b, 0], screen[b, 1], screen[b, 2],
+            screen[c, 0], screen[c, 1], screen[c, 2], tag, NEARER, target.depths, target.tags,
+        )  # fmt: skip
+        if changed == 0:
+            return 0
+    for axis in range(3):
+        corners[0, axis], corners[1, axis], corners[2, axis] = seen[a, axis], seen[b, axis], seen[c, axis]
+    if is_ahead:
+        return changed
+    ux, uy, uz = seen[b, 0] - seen[a, 0], seen[b, 1] - seen[a, 1], seen[b, 2] - seen[a, 2]
+    vx, vy, vz = seen[c, 0] - seen[a, 0], seen[c, 1] - seen[a, 1], seen[c, 2] - seen[a, 2]
+    away = (
+        (uy * vz - uz * vy) * seen[a, 0] + (uz * vx - ux * vz) * seen[a, 1] + (ux * vy - uy * vx) * seen[a, 2]
+    )
+    return 0 if away >= 0.0 else draw_face(corners, view.lens, tag, NEARER, target.depths, target.tags)
+
+
+@kernel
+def draw_shadows(near, users, sun, view, target):
+    """Cast each road user's box along the sun onto the plane it stands on: its top and its two lit sides."""
+    cast, screen, quad = np.empty((8, 3)), np.empty((8, 3)), np.empty(4, dtype=np.int64)
+    held, seen, corners = np.empty(3), np.empty(3), np.empty((3, 3))
     for k in near:
-        span, frame = models.spans[users.models[k], 2], users.frames[k]
-        tall = sqrt(frame[0, 2] ** 2 + frame[1, 2] ** 2 + frame[2, 2] ** 2)
-        towards = (frame[0, 2] * sun[0] + frame[1, 2] * sun[1] + frame[2, 2] * sun[2]) / tall
-        for v in range(span[1] - span[0]):
-            x, y, z = models.vertices[span[0] + v]
-            drop = z * tall / max(_LOW_SUN, towards)
+        frame = users.frames[k]
+        ahead = frame[0, 0] * sun[0] + frame[1, 0] * sun[1] + frame[2, 0] * sun[2]
+        left = frame[0, 1] * sun[0] + frame[1, 1] * sun[1] + frame[2, 1] * sun[2]
+        square = frame[0, 2] ** 2 + frame[1, 2] ** 2 + frame[2, 2] ** 2
+        steep = max(
+            _LOW_SUN * sqrt(square), frame[0, 2] * sun[0] + frame[1, 2] * sun[1] + frame[2, 2] * sun[2]
+        )
+        for v in range(8):
+            x, y, z = -0.98 + 0.96 * (v & 1), _SHADOW_WIDTH * ((v >> 1 & 1) - 0.5), _SHADOW_HEIGHT * (v >> 2)
             for axis in range(3):
-                held[axis] = users.places[k, axis] - drop * sun[axis]
+                held[axis] = users.places[k, axis] - z * square / steep * sun[axis]
                 held[axis] += frame[axis, 0] * x + frame[axis, 1] * y + frame[axis, 2] * z
             _turn(held, view, seen)
-            cast[v] = seen
-        for face in range(span[2], span[3]):
-            for c in range(3):
-                corners[c] = cast[models.faces[face, c]]
-            draw_face(corners, view.lens, SHADED, SHADOW, target.depths, target.tags)
+            for axis in range(3):
+                cast[v, axis] = seen[axis]
+        is_ahead = _project(cast, 8, view, screen)
+        _touch(screen, 8, is_ahead, target)
+        for side in range(3):
+            if side == 0:
+                quad[0], quad[1], quad[2], quad[3] = 4, 5, 7, 6
+            elif side == 1:
+                low = 1 if ahead > 0.0 else 0
+                quad[0], quad[1], quad[2], quad[3] = low, low + 2, low + 6, low + 4
+            else:
+                low = 2 if left > 0.0 else 0
+                quad[0], quad[1], quad[2], quad[3] = low, low + 1, low + 5, low + 4
+            for second in range(1, 3):
+                for axis in range(3):
+                    corners[0, axis], corners[1, axis] = cast[quad[0], axis], cast[quad[second], axis]
+                    corners[2, axis] = cast[quad[second + 1], axis]
+                draw_face(corners, view.lens, SHADED, SHADOW, target.depths, target.tags)
 
 
 @kernel
 def draw_beams(near, users, view, target):
     """Lay the light of head lamps on the ground: nested ellipses, from wide and weak to narrow and strong."""
     corners, rim, ground, seen = np.empty((3, 3)), np.empty((_BEAM_CORNERS, 3)), np.empty(3), np.empty(3)
+    screen = np.empty((_BEAM_CORNERS, 3))
     for k in near:
         frame = users.frames[k]
         length = sqrt(frame[0, 0] ** 2 + frame[1, 0] ** 2 + frame[2, 0] ** 2)
@@ -176,6 +266,7 @@ def draw_beams(near, users, view, target):
                     ground[axis] = users.places[k, axis] + frame[axis, 0] * ahead + frame[axis, 1] * aside
                 _turn(ground, view, seen)
                 rim[corner] = seen
+            _touch(screen, _BEAM_CORNERS, _project(rim, _BEAM_CORNERS, view, screen), target)
             for second in range(1, _BEAM_CORNERS - 1):
                 corners[0], corners[1], corners[2] = rim[0], rim[second], rim[second + 1]
                 draw_face(corners, view.lens, SHADED - 1 - step, SHADOW, target.depths, target.tags)
@@ -206,11 +297,12 @@ def draw_lamps(lamps, palette, table, view, target, count):
 @kernel
 def draw_flat(paths, palette, table, view, target, count):
     """Draw triangles in plain colours, from both sides; returns the number of faces in the target."""
-    corners, seen = np.empty((3, 3)), np.empty(3)
+    corners, screen, seen = np.empty((3, 3)), np.empty((3, 3)), np.empty(3)
     for k in range(len(paths.triangles)):
         for c in range(3):
             _turn(paths.triangles[k, c], view, seen)
             corners[c] = seen
+        _touch(screen, 3, _project(corners, 3, view, screen), target)
         if draw_face(corners, view.lens, count, NEARER, target.depths, target.tags):
             _plain(palette[paths.colours[k]], table, target.shades[count])
             target.owners[count] = PATH
@@ -330,7 +422,7 @@ def _plain(colour, table, shade):
 @kernel
 def _draw_disc(centre, direction, corners, view, tag, target):
     """Draw a disc that faces a level direction; returns how many pixels changed."""
-    place, seen = np.empty(3), np.empty(3)
+    place, seen, screen = np.empty(3), np.empty(3), np.empty((3, 3))
     changed = 0
     for k in range(_LAMP_CORNERS):
         turn = 2.0 * pi * k / _LAMP_CORNERS
@@ -341,6 +433,7 @@ def _draw_disc(centre, direction, corners, view, tag, target):
         _turn(place, view, seen)
         corners[min(k, 2)] = seen
         if k >= 2:
+            _touch(screen, 3, _project(corners, 3, view, screen), target)
             changed += draw_face(corners, view.lens, tag, NEARER, target.depths, target.tags)
             corners[1] = corners[2]
     return changed
@@ -361,5 +454,9 @@ def _draw_spot(seen, view, tag, target):
             if square <= radius * radius and w > target.depths[v, u]:
                 target.depths[v, u] = w
                 target.tags[v, u] = tag
+                target.spans[v, 0], target.spans[v, 1] = (
+                    min(target.spans[v, 0], u),
+                    max(target.spans[v, 1], u + 1),
+                )
                 changed += 1
     return changed

@@ -331,7 +331,7 @@ def _two_wheeler(length: float, wheel: float, body: Part, *, motor: bool) -> Cal
             if detail < 2:
                 faces += _wheels((x,), thin / 2, wheel, tyre=thin / 2)
             else:
-                faces += _box(x + wheel, x - wheel, thin / 2, 0.05, 2 * wheel, Part.TYRE)
+                faces += _box(x + 0.92 * wheel, x - 0.92 * wheel, thin / 2, 0.08, 1.9 * wheel, Part.TYRE)
         if motor and detail < 2:
             faces += _lights(-0.9 * length, 0.15, (0.8, 0.95), (0.6, 0.75))
         return faces

@@ -37,7 +37,7 @@ def fill_triangle(x0, y0, w0, x1, y1, w1, x2, y2, w2, tag, mode, depths, tags):
         x1, y1, w1, x2, y2, w2 = x2, y2, w2, x1, y1, w1
     area = (x1 - x0) * (y2 - y0) - (x2 - x0) * (y1 - y0)
     height, width = tags.shape
-    if area == 0.0 or y2 <= 0.5 or y0 > height:
+    if area == 0.0 or y2 <= 0.5 or y0 > height or max(x0, x1, x2) <= 0.5 or min(x0, x1, x2) > width:
         return 0
     slope_x = ((w1 - w0) * (y2 - y0) - (w2 - w0) * (y1 - y0)) / area
     slope_y = ((w2 - w0) * (x1 - x0) - (w1 - w0) * (x2 - x0)) / area

@@ -67,6 +67,10 @@ class Library(NamedTuple):
     spans: Ints
 
 
+MOST_FACES = 400
+"""No model has more faces."""
+
+
 @cache
 def library() -> Library:
     """Pack the models."""
