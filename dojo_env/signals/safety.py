@@ -39,7 +39,7 @@ class SafetyLog:
 
 
 class SignalWatch:
-    """Looks at one signal's letters every second.
+    """Looks at one signal's letters whenever they may have changed, and at every decision.
 
     Rules: `unknown_state`, `conflict` (two links green that must not be), `skipped_yellow`, `short_yellow`,
     `short_green`, `long_green`, `short_red` (green before all-red is over) and `walker_cut_off` (green
