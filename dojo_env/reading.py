@@ -22,10 +22,10 @@ class LaneReading:
     One table and its sums, since this is made at every decision.
 
     Attributes:
-        table: (10, lanes): vehicles, those slower than 0.1 m/s, mean speed in m/s (the limit where the lane is
-            empty), mean length in metres (0 where it is empty), accumulated waiting in s, CO2 in mg/s, speed
-            over limit, that times the vehicles, and the shares of the lane's room that vehicles and halting
-            ones take, at most 1.
+        table: (10, lanes): vehicles, those slower than 0.1 m/s, mean speed in m/s (the limit where the
+            lane is empty), mean length in metres (0 where it is empty), accumulated waiting in s, CO2 in
+            mg/s, speed over limit, that times the vehicles, and the shares of the lane's room that vehicles
+            and halting ones take, at most 1.
         totals: the rows' sums.
     """
 
