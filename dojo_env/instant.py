@@ -29,18 +29,6 @@ class SignalView:
     may_change: bool
     lanes: LaneReading
 
-    @property
-    def average_speed(self) -> float:
-        """The mean, over the vehicles on the lanes, of speed over speed limit; 1 where there are none."""
-        vehicles = self.lanes.total_vehicles
-        ratios = self.lanes.mean_speed / self.plan.limits
-        return float(self.lanes.vehicles @ ratios) / vehicles if vehicles else 1.0
-
-    @property
-    def delay(self) -> float:
-        """The sum over the lanes of 1 - mean speed / speed limit; an empty lane counts 0."""
-        return len(self.plan.lanes) - float((self.lanes.mean_speed / self.plan.limits).sum())
-
 
 class Instant:
     """The traffic and the signals at one decision.

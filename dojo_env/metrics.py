@@ -35,7 +35,7 @@ class Metrics:
         self._decisions += 1
         sums = self._sums
         for view in instant.signals.values():
-            sums["delay"] += view.delay
+            sums["delay"] += view.lanes.delay
             sums["accumulated_waiting"] += view.lanes.total_waiting
             sums["queue"] += view.lanes.total_halting
             sums["co2"] += view.lanes.total_co2

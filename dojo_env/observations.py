@@ -12,9 +12,6 @@ from dojo_env.eyes import Eyes
 from dojo_env.instant import Instant
 from dojo_env.signals.plan import SignalPlan
 
-_MIN_GAP = 2.5
-"""Metres between standing vehicles: SUMO's default, and what SUMO-RL divides by."""
-
 
 @runtime_checkable
 class Observer(Protocol):
@@ -55,14 +52,11 @@ class Features:
     def observe(self, signal: str, instant: Instant) -> NDArray[np.float32]:
         """Measure the lanes as they are."""
         view = instant.signals[signal]
-        lanes, count = view.lanes, len(view.plan.phases)
-        places = len(view.plan.lanes)
-        seen = np.zeros(count + 1 + 2 * places, dtype=np.float32)
+        count = len(view.plan.phases)
+        seen = np.zeros(count + 1 + 2 * len(view.plan.lanes), dtype=np.float32)
         seen[view.phase] = 1
         seen[count] = view.may_change
-        room = (_MIN_GAP + lanes.mean_length) / view.plan.lengths
-        shares = np.minimum(lanes.table[:2] * room, 1)
-        seen[count + 1 :] = shares.reshape(2 * places)
+        seen[count + 1 :] = view.lanes.shares.ravel()
         return seen
 
 

@@ -12,7 +12,7 @@ from dojo_env.env import choose_seed, one_config, read_action
 from dojo_env.errors import ConfigError, EpisodeOverError
 from dojo_env.instant import Instant
 from dojo_env.worker import open_world
-from dojo_env.world import World
+from dojo_env.world import SIGNAL_FIGURES, World
 
 
 class TrafficSignalsEnv(ParallelEnv):  # type: ignore[misc]
@@ -120,9 +120,8 @@ class TrafficSignalsEnv(ParallelEnv):  # type: ignore[misc]
     def _infos(self, info: dict[str, Any]) -> dict[str, dict[str, Any]]:
         """Give each agent the figures of all and its own."""
         shared = {key: value for key, value in info.items() if key.startswith(("step", "system_", "agents_"))}
-        own = ("stopped", "accumulated_waiting_time", "average_speed", "phase")
         return {
-            agent: {**shared, **{f"{agent}_{name}": info[f"{agent}_{name}"] for name in own}}
+            agent: {**shared, **{f"{agent}_{name}": info[f"{agent}_{name}"] for name in SIGNAL_FIGURES}}
             for agent in self.possible_agents
         }
 

@@ -16,7 +16,7 @@ def diff_waiting_time(signal: str, before: Instant, now: Instant) -> float:
 
 def average_speed(signal: str, _before: Instant, now: Instant) -> float:
     """Speed over speed limit, averaged over the vehicles on the signal's lanes; 1 where there are none."""
-    return now.signals[signal].average_speed
+    return now.signals[signal].lanes.average_speed
 
 
 def queue(signal: str, _before: Instant, now: Instant) -> float:
@@ -37,7 +37,7 @@ def co2(signal: str, _before: Instant, now: Instant) -> float:
 
 def delay(signal: str, _before: Instant, now: Instant) -> float:
     """Sum over lanes of 1 - mean speed / speed limit, negative."""
-    return -now.signals[signal].delay
+    return -now.signals[signal].lanes.delay
 
 
 def throughput(_signal: str, before: Instant, now: Instant) -> float:

@@ -15,7 +15,7 @@ import numpy as np
 
 from dojo_env.config import TrafficConfig
 from dojo_env.errors import SimulationError
-from dojo_env.reading import Figures, LaneReading, TrafficReading, Trip
+from dojo_env.reading import RAW, Figures, TrafficReading, Trip
 from dojo_env.road_users import RoadUsers
 from dojo_env.scenario import Scenario
 from dojo_env.snapshot import Snapshot
@@ -117,8 +117,8 @@ class Simulation:
         """List the vehicles on a lane by their ids."""
         return tuple(self._get.lane_getLastStepVehicleIDs(lane))
 
-    def read_lanes(self, lanes: Sequence[str]) -> LaneReading:
-        """Measure lanes."""
+    def read_lanes(self, lanes: Sequence[str]) -> Figures:
+        """Measure lanes; returns the first rows of a `LaneReading`'s table."""
         get = self._get
         on_lane = list(map(get.lane_getLastStepVehicleIDs, lanes))
         waiting = get.vehicle_getAccumulatedWaitingTime
@@ -130,7 +130,7 @@ class Simulation:
             *[sum(map(waiting, ids)) for ids in on_lane],
             *map(get.lane_getCO2Emission, lanes),
         ]
-        return LaneReading(table=np.array(values, dtype=np.float64).reshape(-1, len(lanes)))
+        return np.array(values, dtype=np.float64).reshape(RAW, len(lanes))
 
     def run_program(self, signal: str, kind: str, *, min_green: float, max_green: float) -> None:
         """Let SUMO's own logic run the phases of a signal's program, its greens within bounds."""

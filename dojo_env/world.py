@@ -21,11 +21,13 @@ from dojo_env.managers.signals import SignalManager
 from dojo_env.managers.traffic import TrafficManager
 from dojo_env.metrics import Metrics
 from dojo_env.observations import build_observer
-from dojo_env.reading import TrafficReading
+from dojo_env.reading import LaneGroups, TrafficReading
 from dojo_env.rewards import build_rewards
 from dojo_env.scenario import open_map
 from dojo_env.simulation import Simulation
 
+SIGNAL_FIGURES = ("stopped", "accumulated_waiting_time", "average_speed", "phase")
+"""What `info` tells of each signal, after its id."""
 Answer = tuple[dict[str, Any], dict[str, float], bool, dict[str, Any]]
 
 
@@ -46,6 +48,8 @@ class World:
         self.managers: tuple[Manager, ...] = (self.map, traffic, self.control, *self._recorders())
         self.eyes = Eyes(bundle, config.sensing)
         self.observer = build_observer(config.observation, self.eyes, self.map.plans)
+        self._lanes = LaneGroups([(p.lanes, p.limits, p.lengths) for p in self.map.plans.values()])
+        self._names = {signal: [f"{signal}_{name}" for name in SIGNAL_FIGURES] for signal in self.signals}
         self._rewards = build_rewards(config.reward_fn, self.signals)
         self._files = EpisodeFiles(config.episode.out_csv_name)
         self._metrics = Metrics(self.map.plans, begin=config.begin)
@@ -191,9 +195,9 @@ class World:
     def _look(self) -> Instant:
         simulation, control = self.simulation, self.control
         traffic = simulation.read_traffic()
+        readings = self._lanes.divide(simulation.read_lanes(self._lanes.lanes))
         views = {
-            signal: control.view(signal, simulation.read_lanes(plan.lanes))
-            for signal, plan in self.map.plans.items()
+            signal: control.view(signal, lanes) for signal, lanes in zip(self.signals, readings, strict=True)
         }
         return Instant(simulation, traffic, views)
 
@@ -205,12 +209,10 @@ class World:
         info: dict[str, Any] = {"step": instant.time, **_system_figures(instant.traffic)}
         stopped = waiting = 0.0
         for signal, view in instant.signals.items():
-            halting, waited = int(view.lanes.total_halting), view.lanes.total_waiting
-            info[f"{signal}_stopped"] = halting
-            info[f"{signal}_accumulated_waiting_time"] = waited
-            info[f"{signal}_average_speed"] = view.average_speed
-            info[f"{signal}_phase"] = view.phase
-            stopped, waiting = stopped + halting, waiting + waited
+            lanes = view.lanes
+            own = (int(lanes.total_halting), lanes.total_waiting, lanes.average_speed, view.phase)
+            info.update(zip(self._names[signal], own, strict=True))
+            stopped, waiting = stopped + lanes.total_halting, waiting + lanes.total_waiting
         info["agents_total_stopped"] = int(stopped)
         info["agents_total_accumulated_waiting_time"] = waiting
         info["safety_violations"] = self.control.safety.counts.total()

@@ -89,14 +89,17 @@ class SignalManager(Manager):
 
     def step(self, turn: Turn) -> None:
         """Let a second pass at every signal."""
-        if not self._config.fixed_ts:
-            for signal, switch in self._switches.items():
-                if switch.advance():
-                    self._simulation.show(signal, switch.state)
-        self._look()
+        if self._config.fixed_ts:
+            self._look()
+            return
+        for signal, switch in self._switches.items():
+            if switch.advance():
+                self._simulation.show(signal, switch.state)
+                self._watches[signal].look(self._simulation.time, self._simulation.read_state(signal))
 
     def after_step(self, turn: Turn) -> None:
-        """Judge how long greens have lasted."""
+        """Look at every signal, and judge how long greens have lasted."""
+        self._look()
         for watch in self._watches.values():
             watch.look_back(self._simulation.time)
 

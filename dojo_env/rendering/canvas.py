@@ -3,10 +3,11 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from dojo_env.rendering import drawing
+from dojo_env.rendering import drawing, lights
 from dojo_env.rendering.lighting import Light, srgb_table
 from dojo_env.rendering.raster import STATIC
 from dojo_env.rendering.scene import LAMP_COLOURS, Lamps, Paths
+from dojo_env.rendering.target import Target, restore
 from dojo_env.rendering.traffic import MOST_FACES, Users, library
 from dojo_env.rendering.view import View
 
@@ -24,7 +25,7 @@ class Canvas:
         """Begin with the background's inverse depths."""
         self._view, self._clean = view, clean
         height, width = clean.shape
-        self._target = drawing.Target(
+        self._target = Target(
             depths=clean.copy(),
             tags=np.full((height, width), STATIC, dtype=np.int32),
             shades=np.empty((0, 3), dtype=np.uint8),
@@ -33,7 +34,7 @@ class Canvas:
         )
         self._table = srgb_table()
 
-    def draw(self, users: Users, lamps: Lamps, paths: Paths, light: Light) -> drawing.Target:
+    def draw(self, users: Users, lamps: Lamps, paths: Paths, light: Light) -> Target:
         """Draw a frame.
 
         Args:
@@ -47,21 +48,21 @@ class Canvas:
         """
         self._make_room(len(users.models) * MOST_FACES + len(lamps.colours) + len(paths.colours))
         view, target, count = self._view, self._target, 0
-        drawing.restore(target, self._clean)
+        restore(target, self._clean)
         if len(paths.colours):
-            count = drawing.draw_flat(paths, LAMP_COLOURS, self._table, view, target, count)
+            count = lights.draw_flat(paths, LAMP_COLOURS, self._table, view, target, count)
         near = drawing.users_in_view(users, view) if len(users.models) else ()
         if len(near):
             sun = light.sun if light.sun_colour.max() > _NO_SUN else _OVERHEAD
             drawing.draw_shadows(near, users, sun, view, target)
             if light.headlights > 0:
-                drawing.draw_beams(near, users, view, target)
+                lights.draw_beams(near, users, view, target)
             towards = view.axes @ light.sun
             count = drawing.draw_users(
                 near, users, library(), light.packed, towards, self._table, view, target, count
             )
         if len(lamps.colours):
-            drawing.draw_lamps(lamps, LAMP_COLOURS, self._table, view, target, count)
+            lights.draw_lamps(lamps, LAMP_COLOURS, self._table, view, target, count)
         return target
 
     def count_pixels(self, users: Users, whose: Ints) -> Ints:

@@ -1,30 +1,18 @@
-"""Kernels that draw what moves: road users, their shadows and head lamps, signal lamps, link paths."""
+"""Kernels that draw road users and their shadows."""
 
-from math import cos, exp, pi, sin, sqrt
-from typing import NamedTuple
+from math import exp, sqrt
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dojo_env.rendering.lighting import to_linear
-from dojo_env.rendering.models import Part
-from dojo_env.rendering.raster import COVER, NEARER, SHADED, SHADOW, STATIC, draw_face, fill_triangle, kernel
+from dojo_env.rendering.raster import COVER, NEARER, SHADED, SHADOW, draw_face, fill_triangle, kernel
+from dojo_env.rendering.shapes import Part
+from dojo_env.rendering.target import project, touch, turn
 from dojo_env.snapshot import Lights
 
-LAMP, PATH = -1, -2
-"""Owners of faces that belong to no road user."""
-LIGHT_STEPS = 20
-"""Steps from dark to the full light of head lamps."""
 _FINE, _MIDDLE = 27.0, 12.0
 """Pixels from which a road user is drawn at the finest and the middle level of detail."""
 _MOST_VERTICES = 1024
-_LAMP_RADIUS, _LAMP_CORNERS, _LAMP_OUT = 0.115, 12, 0.015
-"""A lit lamp lies this far before the unlit one, metres."""
-_LEAST_LAMP, _SMALL_LAMP = 1.2, 2.5
-"""Pixels: no lit lamp shows smaller than the first, so that cameras see it; up to the second as a spot."""
-_BEAM_LENGTH, _BEAM_WIDTH, _BEAM_CORNERS = 14.0, 2.6, 14
-_NARROW = 0.7
-"""Road users narrower than this have no head lamps, metres."""
 _LOW_SUN = 0.12
 _SHADOW_WIDTH, _SHADOW_HEIGHT = 0.96, 0.9
 """Shares of a road user's box that throw its shadow."""
@@ -56,66 +44,6 @@ _SUN_COLOUR, _SKY_COLOUR, _GROUND_COLOUR, _HORIZON, _WEATHER = 1, 2, 3, 5, 6
 """Rows of a packed light."""
 
 
-class Target(NamedTuple):
-    """What is drawn into: the visibility buffer, and colour and owner of the faces in it.
-
-    Attributes:
-        depths: (h, w) float32 inverse depths.
-        tags: (h, w) int32 index of the face at a pixel, or `STATIC` and below.
-        shades: (m, 3) uint8 sRGB.
-        owners: (m,) int32 index of the road user, `LAMP` or `PATH`.
-        spans: (h, 2) int32 first and last column that may have changed in each row; the last is exclusive.
-    """
-
-    depths: NDArray[np.float32]
-    tags: NDArray[np.int32]
-    shades: NDArray[np.uint8]
-    owners: NDArray[np.int32]
-    spans: NDArray[np.int32]
-
-
-@kernel
-def restore(target, clean):
-    """Put the background's depths back where the last frame changed them."""
-    height, width = target.tags.shape
-    for row in range(height):
-        for column in range(target.spans[row, 0], target.spans[row, 1]):
-            target.depths[row, column] = clean[row, column]
-            target.tags[row, column] = STATIC
-        target.spans[row, 0], target.spans[row, 1] = width, 0
-
-
-@kernel
-def _touch(screen, count, is_ahead, target):
-    """Note that a shape with these corners on the screen may change what lies within them."""
-    height, width = target.tags.shape
-    left, top, right, bottom = 0.0, 0.0, float(width), float(height)
-    if is_ahead:
-        left, top, right, bottom = width, height, 0.0, 0.0
-        for k in range(count):
-            left, right = min(left, screen[k, 0]), max(right, screen[k, 0])
-            top, bottom = min(top, screen[k, 1]), max(bottom, screen[k, 1])
-    first, last = int(max(0.0, left)), int(min(float(width), right + 1.0))
-    for row in range(int(max(0.0, top)), int(min(float(height), bottom + 1.0))):
-        target.spans[row, 0] = min(target.spans[row, 0], first)
-        target.spans[row, 1] = max(target.spans[row, 1], last)
-
-
-@kernel
-def _project(seen, count, view, screen):
-    """Project corners to pixels and inverse depths; tells whether all lie before the near plane."""
-    is_ahead = True
-    for k in range(count):
-        if seen[k, 2] < view.lens[3]:
-            is_ahead = False
-            break
-        w = 1.0 / seen[k, 2]
-        screen[k, 0] = view.lens[1] + view.lens[0] * seen[k, 0] * w
-        screen[k, 1] = view.lens[2] + view.lens[0] * seen[k, 1] * w
-        screen[k, 2] = w
-    return is_ahead
-
-
 @kernel
 def users_in_view(users, view):
     """Find the road users whose bounding spheres, shadows or beams reach into the view: (k,) indices."""
@@ -131,7 +59,7 @@ def users_in_view(users, view):
         for axis in range(3):
             middle[axis] = users.places[k, axis] - 0.5 * frame[axis, 0] + 0.5 * frame[axis, 2]
             square += frame[axis, 0] ** 2 + frame[axis, 1] ** 2 + frame[axis, 2] ** 2
-        _turn(middle, view, seen)
+        turn(middle, view, seen)
         reach = sqrt(square) + 3.0
         if seen[2] + reach < lens[3] or seen[2] - reach > lens[4]:
             continue
@@ -162,8 +90,8 @@ def draw_users(near, users, models, light, sun, table, view, target, count):
     for k in near:
         span = models.spans[users.models[k], _detail(users.frames[k], users.places[k], view)]
         _see(models.vertices, span, users.frames[k], users.places[k], view, seen)
-        is_ahead = _project(seen, span[1] - span[0], view, screen)
-        _touch(screen, span[1] - span[0], is_ahead, target)
+        is_ahead = project(seen, span[1] - span[0], view, screen)
+        touch(screen, span[1] - span[0], is_ahead, target)
         for face in range(span[2], span[3]):
             if _draw_front(models.faces[face], seen, screen, is_ahead, corners, view, count, target) == 0:
                 continue
@@ -224,11 +152,11 @@ def draw_shadows(near, users, sun, view, target):
             for axis in range(3):
                 held[axis] = users.places[k, axis] - z * square / steep * sun[axis]
                 held[axis] += frame[axis, 0] * x + frame[axis, 1] * y + frame[axis, 2] * z
-            _turn(held, view, seen)
+            turn(held, view, seen)
             for axis in range(3):
                 cast[v, axis] = seen[axis]
-        is_ahead = _project(cast, 8, view, screen)
-        _touch(screen, 8, is_ahead, target)
+        is_ahead = project(cast, 8, view, screen)
+        touch(screen, 8, is_ahead, target)
         for side in range(3):
             if side == 0:
                 quad[0], quad[1], quad[2], quad[3] = 4, 5, 7, 6
@@ -243,71 +171,6 @@ def draw_shadows(near, users, sun, view, target):
                     corners[0, axis], corners[1, axis] = cast[quad[0], axis], cast[quad[second], axis]
                     corners[2, axis] = cast[quad[second + 1], axis]
                 draw_face(corners, view.lens, SHADED, SHADOW, target.depths, target.tags)
-
-
-@kernel
-def draw_beams(near, users, view, target):
-    """Lay the light of head lamps on the ground: nested ellipses, from wide and weak to narrow and strong."""
-    corners, rim, ground, seen = np.empty((3, 3)), np.empty((_BEAM_CORNERS, 3)), np.empty(3), np.empty(3)
-    screen = np.empty((_BEAM_CORNERS, 3))
-    for k in near:
-        frame = users.frames[k]
-        length = sqrt(frame[0, 0] ** 2 + frame[1, 0] ** 2 + frame[2, 0] ** 2)
-        width = sqrt(frame[0, 1] ** 2 + frame[1, 1] ** 2)
-        if width < _NARROW:
-            continue
-        for step in range(LIGHT_STEPS):
-            share = 1.0 - step / LIGHT_STEPS
-            for corner in range(_BEAM_CORNERS):
-                turn = 2.0 * pi * corner / _BEAM_CORNERS
-                ahead = _BEAM_LENGTH * (0.42 + 0.58 * share * cos(turn)) / length
-                aside = _BEAM_WIDTH * share * sin(turn) / width
-                for axis in range(3):
-                    ground[axis] = users.places[k, axis] + frame[axis, 0] * ahead + frame[axis, 1] * aside
-                _turn(ground, view, seen)
-                rim[corner] = seen
-            _touch(screen, _BEAM_CORNERS, _project(rim, _BEAM_CORNERS, view, screen), target)
-            for second in range(1, _BEAM_CORNERS - 1):
-                corners[0], corners[1], corners[2] = rim[0], rim[second], rim[second + 1]
-                draw_face(corners, view.lens, SHADED - 1 - step, SHADOW, target.depths, target.tags)
-
-
-@kernel
-def draw_lamps(lamps, palette, table, view, target, count):
-    """Draw the lit lamps that shine this way as discs; returns the number of faces in the target."""
-    seen, corners = np.empty(3), np.empty((3, 3))
-    for k in range(len(lamps.centres)):
-        facing = 0.0
-        for axis in range(3):
-            facing += (view.eye[axis] - lamps.centres[k, axis]) * lamps.directions[k, axis]
-        _turn(lamps.centres[k], view, seen)
-        if facing <= 0.0 or seen[2] < view.lens[3] or seen[2] > view.lens[4]:
-            continue
-        if _LAMP_RADIUS * view.lens[0] < _SMALL_LAMP * seen[2]:
-            changed = _draw_spot(seen, view, count, target)
-        else:
-            changed = _draw_disc(lamps.centres[k], lamps.directions[k], corners, view, count, target)
-        if changed:
-            _plain(palette[lamps.colours[k]], table, target.shades[count])
-            target.owners[count] = LAMP
-            count += 1
-    return count
-
-
-@kernel
-def draw_flat(paths, palette, table, view, target, count):
-    """Draw triangles in plain colours, from both sides; returns the number of faces in the target."""
-    corners, screen, seen = np.empty((3, 3)), np.empty((3, 3)), np.empty(3)
-    for k in range(len(paths.triangles)):
-        for c in range(3):
-            _turn(paths.triangles[k, c], view, seen)
-            corners[c] = seen
-        _touch(screen, 3, _project(corners, 3, view, screen), target)
-        if draw_face(corners, view.lens, count, NEARER, target.depths, target.tags):
-            _plain(palette[paths.colours[k]], table, target.shades[count])
-            target.owners[count] = PATH
-            count += 1
-    return count
 
 
 @kernel
@@ -328,26 +191,18 @@ def count_alone(whose, users, models, view, target):
 
 
 @kernel
-def _turn(place, view, seen):
-    """Bring a place of the scene into camera space."""
-    x, y, z = place[0] - view.eye[0], place[1] - view.eye[1], place[2] - view.eye[2]
-    for row in range(3):
-        seen[row] = view.axes[row, 0] * x + view.axes[row, 1] * y + view.axes[row, 2] * z
-
-
-@kernel
 def _see(vertices, span, frame, place, view, seen):
     """Bring a model's vertices into camera space."""
-    turn, shift = np.zeros((3, 3)), np.empty(3)
-    _turn(place, view, shift)
+    matrix, shift = np.zeros((3, 3)), np.empty(3)
+    turn(place, view, shift)
     for row in range(3):
         for inner in range(3):
             for column in range(3):
-                turn[row, column] += view.axes[row, inner] * frame[inner, column]
+                matrix[row, column] += view.axes[row, inner] * frame[inner, column]
     for k in range(span[1] - span[0]):
         x, y, z = vertices[span[0] + k, 0], vertices[span[0] + k, 1], vertices[span[0] + k, 2]
         for row in range(3):
-            seen[k, row] = turn[row, 0] * x + turn[row, 1] * y + turn[row, 2] * z + shift[row]
+            seen[k, row] = matrix[row, 0] * x + matrix[row, 1] * y + matrix[row, 2] * z + shift[row]
 
 
 @kernel
@@ -411,52 +266,3 @@ def _shade_face(part, base, glow, facing, level, distance, light, table, shade):
             value += gloss * max(0.0, level) * light[_SKY_COLOUR, c]
         value = value * (1.0 - veil) + veil * light[_HORIZON, c]
         shade[c] = table[int(min(1.0, value) * 4095.0 + 0.5)]
-
-
-@kernel
-def _plain(colour, table, shade):
-    for c in range(3):
-        shade[c] = table[int(colour[c] * 4095.0 + 0.5)]
-
-
-@kernel
-def _draw_disc(centre, direction, corners, view, tag, target):
-    """Draw a disc that faces a level direction; returns how many pixels changed."""
-    place, seen, screen = np.empty(3), np.empty(3), np.empty((3, 3))
-    changed = 0
-    for k in range(_LAMP_CORNERS):
-        turn = 2.0 * pi * k / _LAMP_CORNERS
-        aside, up = _LAMP_RADIUS * cos(turn), _LAMP_RADIUS * sin(turn)
-        place[0] = centre[0] + _LAMP_OUT * direction[0] - aside * direction[1]
-        place[1] = centre[1] + _LAMP_OUT * direction[1] + aside * direction[0]
-        place[2] = centre[2] + up
-        _turn(place, view, seen)
-        corners[min(k, 2)] = seen
-        if k >= 2:
-            _touch(screen, 3, _project(corners, 3, view, screen), target)
-            changed += draw_face(corners, view.lens, tag, NEARER, target.depths, target.tags)
-            corners[1] = corners[2]
-    return changed
-
-
-@kernel
-def _draw_spot(seen, view, tag, target):
-    """Draw a spot that faces the camera, large enough to be seen; returns how many pixels changed."""
-    height, width = target.tags.shape
-    scale = view.lens[0] / seen[2]
-    column, row = view.lens[1] + seen[0] * scale, view.lens[2] + seen[1] * scale
-    radius = max(_LEAST_LAMP, _LAMP_RADIUS * scale)
-    w = 1.0 / (seen[2] - 0.06)
-    changed = 0
-    for v in range(max(0, int(row - radius)), min(height, int(row + radius) + 1)):
-        for u in range(max(0, int(column - radius)), min(width, int(column + radius) + 1)):
-            square = (u + 0.5 - column) ** 2 + (v + 0.5 - row) ** 2
-            if square <= radius * radius and w > target.depths[v, u]:
-                target.depths[v, u] = w
-                target.tags[v, u] = tag
-                target.spans[v, 0], target.spans[v, 1] = (
-                    min(target.spans[v, 0], u),
-                    max(target.spans[v, 1], u + 1),
-                )
-                changed += 1
-    return changed

@@ -66,7 +66,9 @@ def build_plan(road_map: RoadMap, signal: Signal, config: SignalConfig) -> Signa
     crossings[[link.index for link in signal.links if link.kind is LinkKind.PEDESTRIAN]] = True
     own = [] if config.phases == "computed" else _program_phases(signal, crossings)
     wanted = own or _computed_phases(conflicts, links, crossings, count)
-    phases = tuple(conflicts.make_safe(state) for state in wanted)
+    safe = [conflicts.make_safe(state) for state in wanted]
+    # A program may show the same letters twice; for who chooses phases, that is one.
+    phases = tuple(dict.fromkeys(safe))
     lane_of = {lane.id: lane for lane in road_map.lanes}
     lanes = tuple(dict.fromkeys(source for _, source, _ in links))
     speeds = {index: lane_of[source].speed for index, source, _ in links}
@@ -84,7 +86,7 @@ def build_plan(road_map: RoadMap, signal: Signal, config: SignalConfig) -> Signa
         lengths=np.array([max(lane_of[lane].length, 0.1) for lane in lanes]),
         changes=tuple(
             f"phase {number}: {old} shows {new}, as links of it conflict"
-            for number, (old, new) in enumerate(zip(wanted, phases, strict=True))
+            for number, (old, new) in enumerate(zip(wanted, safe, strict=True))
             if old != new
         ),
     )

@@ -39,7 +39,7 @@ class SafetyLog:
 
 
 class SignalWatch:
-    """Looks at one signal's letters every second.
+    """Looks at one signal's letters whenever they may have changed, and at every decision.
 
     Rules: `unknown_state`, `conflict` (two links green that must not be), `skipped_yellow`, `short_yellow`,
     `short_green`, `long_green`, `short_red` (green before all-red is over) and `walker_cut_off` (green
@@ -55,6 +55,9 @@ class SignalWatch:
         self._stopped = [_LONG_AGO] * len(plan.phases[0])
         self._phase_since = time
         self._judged: dict[str, list[tuple[int, int]]] = {}
+        # Plain lists: a change is judged letter by letter, and thousands of times an episode.
+        self._foes = [np.flatnonzero(row).tolist() for row in plan.conflicts.foes]
+        self._walks, self._yellow = plan.is_crossing.tolist(), plan.yellow.tolist()
 
     def look(self, time: float, state: str) -> None:
         """Judge the letters that are shown from `time` on."""
@@ -97,28 +100,28 @@ class SignalWatch:
                     self._stopped[link] = time
 
     def _judge_end_of_green(self, link: int, time: float, new: str) -> None:
-        if new != "y" and not self._plan.is_crossing[link]:
+        if new != "y" and not self._walks[link]:
             self._report("skipped_yellow", time, (link,))
         if not self._config.fixed_ts and time - self._since[link] < self._config.min_green:
             self._report("short_green", time, (link,))
 
     def _judge_end_of_yellow(self, link: int, time: float, new: str) -> None:
-        short = time - self._since[link] < self._plan.yellow[link]
+        short = time - self._since[link] < self._yellow[link]
         if not self._config.fixed_ts and (short or new in GREEN):
             self._report("short_yellow", time, (link,))
 
     def _judge_start_of_green(self, link: int, time: float, state: str) -> None:
         if self._config.fixed_ts:
             return
-        for foe in np.flatnonzero(self._plan.conflicts.foes[link]).tolist():
+        for foe in self._foes[link]:
             if state[foe] in GREEN or state[foe] == "y":
                 if state[foe] == "y":
                     self._report("short_red", time, (link, foe))
                 continue
             stopped = time if self._state[foe] in GREEN or self._state[foe] == "y" else self._stopped[foe]
-            if self._plan.is_crossing[foe] and time - stopped < self._plan.clearance[foe]:
+            if self._walks[foe] and time - stopped < self._plan.clearance[foe]:
                 self._report("walker_cut_off", time, (link, foe))
-            elif not self._plan.is_crossing[foe] and time - stopped < self._config.all_red:
+            elif not self._walks[foe] and time - stopped < self._config.all_red:
                 self._report("short_red", time, (link, foe))
 
     def _report(self, rule: str, time: float, links: tuple[int, ...]) -> None:
