@@ -13,6 +13,7 @@ from scene_reader import GROUND, PAINT
 from shapely import LineString, Point, Polygon, box
 from shapely.affinity import scale, translate
 
+POLE_RADIUS = 0.07
 RESCO_WITHOUT_SIDEWALKS = ("bare", "village", "left_hand_bare", "cologne1")
 
 
@@ -164,6 +165,29 @@ def test_signal_poles_do_not_stand_on_driving_lanes(conversion: Conversion) -> N
     driving = scene.to_local(expected.driving_ground.buffer(-0.3))
     shapely.prepare(driving)
     assert not shapely.contains_xy(driving, low[:, 0], low[:, 1]).any()
+
+
+def poles_of(description: dict[str, Any]) -> list[dict[str, Any]]:
+    return [prop for prop in description["props"] if prop["kind"] == "pole"]
+
+
+def test_no_pole_stands_where_vehicles_drive(conversion: Conversion) -> None:
+    poles = poles_of(conversion.description)
+    feet = shapely.points([pole["position"][:2] for pole in poles]) if poles else []
+    traffic = conversion.expected.traffic_ground
+    shapely.prepare(traffic)
+    hit = shapely.dwithin(traffic, feet, POLE_RADIUS)
+    assert not hit.any(), [pole["id"] for pole, inside in zip(poles, hit, strict=True) if inside]
+
+
+def test_every_approach_and_crossing_end_has_its_pole(conversion: Conversion) -> None:
+    expected = conversion.expected
+    poles = [dict(pole["tags"]) for pole in poles_of(conversion.description)]
+    lanes = expected.signalised_lanes
+    wanted = {(signal, expected.lanes[name].edge) for name, pairs in lanes.items() for signal, _ in pairs}
+    assert {(tags["signal"], tags["road"]) for tags in poles if "road" in tags} >= wanted
+    crossings = [item.id for item in expected.crossings.values() if item.signal in expected.programs]
+    assert sorted(tags["crossing"] for tags in poles if "crossing" in tags) == sorted(crossings * 2)
 
 
 @pytest.mark.parametrize("name", RESCO_WITHOUT_SIDEWALKS)
