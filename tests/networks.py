@@ -234,7 +234,7 @@ def build_random(folder: Path) -> Path:
 def build_crowded(folder: Path) -> Path:
     """A random net of wide roads with a signal at every end, so close that roads reach into each other."""
     target = folder / "crowded.net.xml"
-    shape = ("--rand", "--rand.iterations=40", "--seed=5", "--default.lanenumber=3")
+    shape = ("--rand", "--rand.iterations=40", "--seed=5", "--default.lanenumber=3", "--turn-lanes=1")
     run_sumo_tool("netgenerate", *shape, *_WALK, "-j=traffic_light", "-o", target)
     return target
 

@@ -1,6 +1,7 @@
 """What a converted street has to show: stop lines, signal heads, pavement, crossings, paint, sides."""
 
 import math
+from collections import Counter
 from collections.abc import Callable
 from typing import Any
 
@@ -186,8 +187,14 @@ def test_every_approach_and_crossing_end_has_its_pole(conversion: Conversion) ->
     lanes = expected.signalised_lanes
     wanted = {(signal, expected.lanes[name].edge) for name, pairs in lanes.items() for signal, _ in pairs}
     assert {(tags["signal"], tags["road"]) for tags in poles if "road" in tags} >= wanted
-    crossings = [item.id for item in expected.crossings.values() if item.signal in expected.programs]
-    assert sorted(tags["crossing"] for tags in poles if "crossing" in tags) == sorted(crossings * 2)
+    found = Counter(tags.get("crossing") for tags in poles)
+    for crossing in expected.crossings.values():
+        # netconvert lets some crossings end in the middle of a junction; a slit there is no place for a pole.
+        around = [Point(crossing.shape[end][:2]).buffer(5.0) for end in (0, -1)]
+        free = [circle.difference(expected.traffic_ground).buffer(-0.2) for circle in around]
+        reachable = sum(not ground.is_empty for ground in free)
+        if crossing.signal in expected.programs:
+            assert reachable <= found[crossing.id] <= 2, crossing.id
 
 
 @pytest.mark.parametrize("name", RESCO_WITHOUT_SIDEWALKS)

@@ -85,7 +85,7 @@ def place_signal_heads(road_map: RoadMap) -> RoadMap:
 
     Heads hang at the stop line on an arm that a pole beside the approach carries; walkers' heads stand at
     both ends of a signalised crossing, each facing the other end. No pole stands where vehicles drive: where
-    nothing else is in reach there is none, and the heads hang as if from a wire.
+    nothing else is in reach there is none, and the heads hang over the traffic as if from a wire.
     """
     lane_of = {lane.id: lane for lane in road_map.lanes}
     crossing_of = {crossing.id: crossing for crossing in road_map.crossings}
@@ -100,7 +100,7 @@ def place_signal_heads(road_map: RoadMap) -> RoadMap:
             if link.kind is LinkKind.PEDESTRIAN and link.to_id in crossing_of:
                 for k, end in enumerate(_crossing_ends(crossing_of[link.to_id])):
                     place = sites.choose(end.spots, _WALK_POLE_REACH)
-                    heads.append(_walk_head(link, end, end.spots[0] if place is None else place))
+                    heads.append(_walk_head(link, end, place))
                     if place is not None:
                         poles.append(_walk_pole(signal, link, k, place, end.height))
         signals.append(replace(signal, heads=tuple(heads)))
@@ -194,12 +194,11 @@ def _crossing_ends(crossing: Crossing) -> Iterator[_CrossingEnd]:
         yield _CrossingEnd(spots, float(position[2]), round(float((toward + np.pi) % (2 * np.pi) - np.pi), 6))
 
 
-def _walk_head(link: Link, end: _CrossingEnd, place: Floats) -> SignalHead:
-    x, y = place
+def _walk_head(link: Link, end: _CrossingEnd, place: Floats | None) -> SignalHead:
+    x, y = end.spots[0] if place is None else place
+    height = HEAD_HEIGHT if place is None else WALK_HEAD_HEIGHT
     return SignalHead(
-        link_indices=(link.index,),
-        position=_rounded(x, y, end.height + WALK_HEAD_HEIGHT),
-        heading=end.heading,
+        link_indices=(link.index,), position=_rounded(x, y, end.height + height), heading=end.heading
     )
 
 
