@@ -20,10 +20,12 @@ class PoleSites:
     def __init__(self, road_map: RoadMap) -> None:
         """Index the ground of every lane but sidewalks, and the floors without the pavement on them."""
         lanes = [lane for lane in road_map.lanes if lane.kind is not LaneKind.SIDEWALK]
-        pavement = shapely.union_all(_areas([area.polygon for area in road_map.walking_areas]))
+        pavement = _areas([area.polygon for area in road_map.walking_areas])
         floors = _areas([junction.polygon for junction in road_map.junctions])
-        driven = np.concatenate([lane_strips(lanes), shapely.difference(floors, pavement)])
-        self._driven = shapely.STRtree(driven)
+        floor, area = shapely.STRtree(pavement).query(floors, predicate="intersects")
+        for k in np.unique(floor):
+            floors[k] = shapely.difference(floors[k], shapely.union_all(pavement[area[floor == k]]))
+        self._driven = shapely.STRtree(np.concatenate([lane_strips(lanes), floors]))
 
     def choose(self, spots: Sequence[Floats], reach: float) -> Floats | None:
         """Choose the first spot that is free, or else the free place nearest to the first spot.
