@@ -252,6 +252,14 @@ def generate_network(folder: Path, seed: int) -> Path:
     return target
 
 
+def build_crowded(folder: Path) -> Path:
+    """A random net of wide roads with a signal at every end, so close that roads reach into each other."""
+    target = folder / "crowded.net.xml"
+    shape = ("--rand", "--rand.iterations=40", "--seed=5", "--default.lanenumber=3", "--turn-lanes=1")
+    run_sumo_tool("netgenerate", *shape, *_WALK, "-j=traffic_light", "-o", target)
+    return target
+
+
 def build_mixed_lanes(folder: Path) -> Path:
     """Bus and bike lanes, tram tracks beside and in the road, custom widths, a hard shoulder, a canal."""
     nodes, ends = _star()
@@ -444,6 +452,7 @@ BUILDERS: dict[str, Callable[[Path], Path]] = {
     "far_away": build_far_away,
     "spider": build_spider,
     "random": build_random,
+    "crowded": build_crowded,
     "mixed_lanes": build_mixed_lanes,
     "roundabout": build_roundabout,
     "rail_crossing": build_rail_crossing,
