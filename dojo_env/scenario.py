@@ -6,8 +6,6 @@ A network that is not yet a bundle is converted on first use, into a cache of th
 import fcntl
 import hashlib
 import importlib.util
-import os
-import sys
 import tempfile
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -17,6 +15,7 @@ from pathlib import Path
 from xml.parsers import expat
 
 import dojo_maps
+from dojo_env.cache import cache_folder
 from dojo_env.demand import write_two_way_demand
 from dojo_env.errors import ConfigError
 from dojo_maps.bundle import Bundle, read_bundle
@@ -168,22 +167,6 @@ def open_map(scenario: Scenario, *, on_stage: Callable[[str], None] = lambda _st
             if not folder.is_dir():
                 _convert_into(scenario.map, folder, on_stage)
     return read_bundle(folder)
-
-
-def cache_folder() -> Path:
-    """Find and make the user's cache: $DOJO_CACHE, or the platform's own place."""
-    named = os.environ.get("DOJO_CACHE")
-    if named:
-        folder = Path(named)
-    elif sys.platform == "darwin":
-        folder = Path.home() / "Library/Caches/traffic-dojo"
-    else:
-        folder = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "traffic-dojo"
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise ConfigError(f"cache {folder}: {error.strerror}; name another folder in DOJO_CACHE") from error
-    return folder
 
 
 def with_files(

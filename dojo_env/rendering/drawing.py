@@ -4,8 +4,9 @@ from math import exp, sqrt
 
 import numpy as np
 
+from dojo_env.rendering.compiling import kernel
 from dojo_env.rendering.lighting import to_linear
-from dojo_env.rendering.raster import COVER, NEARER, SHADED, SHADOW, draw_face, fill_triangle, kernel
+from dojo_env.rendering.raster import COVER, NEARER, SHADED, SHADOW, draw_face, fill_triangle
 from dojo_env.rendering.shapes import Part
 from dojo_env.rendering.target import project, touch, turn
 from dojo_env.snapshot import Lights

@@ -4,7 +4,8 @@ from math import cos, pi, sin, sqrt
 
 import numpy as np
 
-from dojo_env.rendering.raster import NEARER, SHADED, SHADOW, draw_face, kernel
+from dojo_env.rendering.compiling import kernel
+from dojo_env.rendering.raster import NEARER, SHADED, SHADOW, draw_face
 from dojo_env.rendering.target import project, touch, turn
 
 LAMP, PATH = -1, -2

@@ -9,7 +9,8 @@ of fast-math: the same input gives the same bits.
 from math import ceil
 
 import numpy as np
-from numba import njit
+
+from dojo_env.rendering.compiling import kernel
 
 NEARER, SHADOW, COVER = 0, 1, 2
 """What a triangle does to the pixels it covers.
@@ -22,8 +23,6 @@ STATIC, SHADED = -1, -2
 the light of head lamps."""
 SHADOW_REACH = 0.8
 """How far along the optical axis a surface may be from the plane a shadow is cast on, metres."""
-
-kernel = njit(cache=True, nogil=True, error_model="numpy")
 
 
 @kernel

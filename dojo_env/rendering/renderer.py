@@ -13,10 +13,11 @@ from dojo_env.errors import ConfigError
 from dojo_env.rendering.background import SAMPLES, Background
 from dojo_env.rendering.boxes import Boxes, measure_boxes
 from dojo_env.rendering.classes import SEMANTIC_OF_KIND, Semantic
+from dojo_env.rendering.compiling import kernel
 from dojo_env.rendering.eye import Eye, open_eye
 from dojo_env.rendering.lighting import compute_light
 from dojo_env.rendering.lights import LAMP, LIGHT_STEPS
-from dojo_env.rendering.raster import SHADED, STATIC, kernel
+from dojo_env.rendering.raster import SHADED, STATIC
 from dojo_env.rendering.scene import NO_PATHS, Scene, SignalFaces
 from dojo_env.rendering.target import Target
 from dojo_env.rendering.traffic import Users, place_users

@@ -5,7 +5,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from dojo_env.rendering.raster import STATIC, kernel
+from dojo_env.rendering.compiling import kernel
+from dojo_env.rendering.raster import STATIC
 
 
 class Target(NamedTuple):
