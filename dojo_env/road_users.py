@@ -4,8 +4,7 @@ Plain getters, mapped over ids, cost less than subscriptions: libsumo answers on
 subscription spends longer than that on building its dicts.
 """
 
-import zlib
-from collections.abc import Callable
+from itertools import compress
 from typing import Any
 
 import numpy as np
@@ -15,14 +14,6 @@ from dojo_env.snapshot import LARGEST_SIZE, Kind, Lights, Snapshot
 
 _INVALID = -1e8
 """Metres; SUMO gives positions far beyond this to what is nowhere, as while teleporting."""
-_DEFAULT_COLOUR = (255, 255, 0)
-"""What SUMO draws everything with that has no colour of its own."""
-_PAINTS = (
-    (236, 236, 234), (28, 29, 31), (120, 124, 128), (178, 182, 186), (38, 58, 102), (140, 28, 30),
-    (72, 76, 80), (205, 200, 186), (52, 84, 62), (96, 128, 168),
-)  # fmt: skip
-"""sRGB, about as cars are painted."""
-_CLOTHES = ((52, 58, 74), (148, 62, 54), (66, 92, 66), (190, 184, 170), (44, 44, 48), (92, 112, 150))
 _KINDS = {
     "passenger": Kind.CAR, "private": Kind.CAR, "evehicle": Kind.CAR, "hov": Kind.CAR, "vip": Kind.CAR,
     "taxi": Kind.TAXI, "delivery": Kind.VAN, "bus": Kind.BUS, "coach": Kind.COACH, "truck": Kind.TRUCK,
@@ -52,69 +43,76 @@ class RoadUsers:
         """Start with nobody known; `get` holds SUMO's getters, such as `vehicle_getSpeed`."""
         self._get = get
         self._signals: tuple[str, ...] = tuple(get.trafficlight_getIDList())
-        self._looks: dict[str, tuple[float, ...]] = {}
+        self._rows: dict[str, int] = {}
+        self._looks = np.empty((_SPARE, 8))
         self._next = 1
 
     def read_snapshot(self, time: float) -> Snapshot:
         """Picture everyone who is somewhere: not those who ride in a vehicle or are being teleported."""
         get = self._get
-        ids = get.vehicle_getIDList()
-        people = [name for name in get.person_getIDList() if not get.person_getVehicle(name)]
-        count, total = len(ids), len(ids) + len(people)
+        ids: tuple[str, ...] = get.vehicle_getIDList()
+        people = tuple(name for name in get.person_getIDList() if not get.person_getVehicle(name))
 
-        def column(name: str, width: int = 1) -> NDArray[np.float64]:
-            of_vehicles, of_people = getattr(get, f"vehicle_{name}"), getattr(get, f"person_{name}")
-            values = [*map(of_vehicles, ids), *map(of_people, people)]
-            return np.array(values, dtype=np.float64).reshape(total, width)
+        def column(name: str) -> list[Any]:
+            values = list(map(getattr(get, f"vehicle_{name}"), ids))
+            return values + list(map(getattr(get, f"person_{name}"), people)) if people else values
 
-        positions = column("getPosition3D", 3)
-        taken = set(ids)
-        names = (*ids, *(f"person {name}" if name in taken else name for name in people))
-        looks = np.array(
-            [*map(self._look("vehicle"), ids), *map(self._look("person"), people)], dtype=np.float64
-        ).reshape(total, 8)
-        bits = np.zeros(total, dtype=np.int64)
-        bits[:count] = list(map(get.vehicle_getSignals, ids))
-        lanes = (*map(get.vehicle_getLaneID, ids), *map(get.person_getLaneID, people))
-        there = np.flatnonzero((positions > _INVALID).all(axis=1))
-        rows = there.tolist()
-        self._forget(names)
-        return Snapshot(
-            time=time,
-            ids=tuple(names[row] for row in rows),
-            numbers=looks[there, 0].astype(np.int32),
-            kinds=looks[there, 1].astype(np.uint8),
-            positions=positions[there],
-            headings=np.radians(90.0 - column("getAngle")[there, 0]),
-            slopes=np.radians(column("getSlope")[there, 0]),
-            sizes=looks[there, 2:5],
-            colours=looks[there, 5:8].astype(np.uint8),
-            lights=_read_lights(bits[there]),
-            speeds=column("getSpeed")[there, 0],
-            lanes=tuple(lanes[row] for row in rows),
-            signals={name: get.trafficlight_getRedYellowGreenState(name) for name in self._signals},
-        )
+        names = ids
+        if people:
+            taken = set(ids)
+            names = (*ids, *(f"person {name}" if name in taken else name for name in people))
+        count = len(names)
+        positions = np.array(column("getPosition3D"), dtype=np.float64).reshape(count, 3)
+        looks = self._looks[self._find(ids, people)]
+        bits = np.zeros(count, dtype=np.int64)
+        bits[: len(ids)] = list(map(get.vehicle_getSignals, ids))
+        is_flat = not positions[:, 2].any()
+        slopes = np.zeros(count) if is_flat else np.radians(np.array(column("getSlope"), dtype=np.float64))
+        snapshot: dict[str, Any] = {
+            "numbers": looks[:, 0].astype(np.int32),
+            "kinds": looks[:, 1].astype(np.uint8),
+            "positions": positions,
+            "headings": np.radians(90.0 - np.array(column("getAngle"), dtype=np.float64)),
+            "slopes": slopes,
+            "sizes": looks[:, 2:5],
+            "colours": looks[:, 5:8].astype(np.uint8),
+            "lights": _read_lights(bits),
+            "speeds": np.array(column("getSpeed"), dtype=np.float64),
+        }
+        lanes = tuple(column("getLaneID"))
+        there = (positions > _INVALID).all(axis=1)
+        if not there.all():
+            snapshot = {name: values[there] for name, values in snapshot.items()}
+            names, lanes = (tuple(compress(values, there)) for values in (names, lanes))
+        signals = {name: get.trafficlight_getRedYellowGreenState(name) for name in self._signals}
+        return Snapshot(time=time, ids=names, lanes=lanes, signals=signals, **snapshot)
 
-    def _look(self, domain: str) -> Callable[[str], tuple[float, ...]]:
-        """Find number, kind, length, width, height and colour of one road user."""
-        known = self._looks
+    def _find(self, ids: tuple[str, ...], people: tuple[str, ...]) -> list[int]:
+        """Find the row of each road user's number, kind, size and colour; SUMO is asked for new ones."""
+        # A person and a vehicle may share an id, so people are kept under one that no id can have.
+        keys = [*ids, *(f"\0{name}" for name in people)]
+        rows = list(map(self._rows.get, keys))
+        if None in rows:
+            if len(self._rows) + len(keys) > len(self._looks):
+                self._forget(keys)
+            for key in keys:
+                if key not in self._rows:
+                    self._learn(key)
+            rows = list(map(self._rows.get, keys))
+        return rows  # type: ignore[return-value]
 
-        def look(name: str) -> tuple[float, ...]:
-            # A person and a vehicle may share an id, so people are kept under one that no id can have.
-            key = name if domain == "vehicle" else f"\0{name}"
-            found = known.get(key)
-            if found is None:
-                found = known[key] = (self._next, *_read_look(self._get, domain, name))
-                self._next += 1
-            return found
+    def _learn(self, key: str) -> None:
+        domain, name = ("person", key[1:]) if key.startswith("\0") else ("vehicle", key)
+        row = self._rows[key] = len(self._rows)
+        self._looks[row] = (self._next, *_read_look(self._get, domain, name))
+        self._next += 1
 
-        return look
-
-    def _forget(self, names: tuple[str, ...]) -> None:
-        """Drop who is gone, now and then, so that memory does not grow with the episode."""
-        if len(self._looks) > 2 * len(names) + _SPARE:
-            present = {*names, *(f"\0{name}" for name in names)}
-            self._looks = {name: look for name, look in self._looks.items() if name in present}
+    def _forget(self, present: list[str]) -> None:
+        """Keep only who is present, so that memory does not grow with the episode, and make room."""
+        kept = [key for key in present if key in self._rows]
+        looks = np.empty((2 * len(present) + _SPARE, 8))
+        looks[: len(kept)] = self._looks[[self._rows[key] for key in kept]]
+        self._rows, self._looks = {key: row for row, key in enumerate(kept)}, looks
 
 
 def _read_look(get: Any, domain: str, name: str) -> tuple[float, ...]:
@@ -123,9 +121,6 @@ def _read_look(get: Any, domain: str, name: str) -> tuple[float, ...]:
 
     on_foot = domain == "person"
     colour = tuple(ask("Color")[:3])
-    if colour == _DEFAULT_COLOUR:
-        choices = _CLOTHES if on_foot else _PAINTS
-        colour = choices[zlib.crc32(name.encode()) % len(choices)]
     kind = Kind.PEDESTRIAN
     if not on_foot:
         kind = _SHAPES.get(ask("ShapeClass"), _KINDS.get(ask("VehicleClass"), Kind.CAR))

@@ -14,6 +14,7 @@ from dojo_env.rendering.view import View
 Ints = NDArray[np.int32]
 
 _OVERHEAD = np.array([0.0, 0.0, 1.0])
+_NO_LIGHT = np.zeros((7, 3))
 _NO_SUN = 0.05
 """Where the sun is weaker, road users only darken the ground right under them."""
 
@@ -57,10 +58,7 @@ class Canvas:
             drawing.draw_shadows(near, users, sun, view, target)
             if light.headlights > 0:
                 lights.draw_beams(near, users, view, target)
-            towards = view.axes @ light.sun
-            count = drawing.draw_users(
-                near, users, library(), light.packed, towards, self._table, view, target, count
-            )
+            count = drawing.draw_users(near, users, library(), light.packed, self._table, view, target, count)
         if len(lamps.colours):
             lights.draw_lamps(lamps, LAMP_COLOURS, self._table, view, target, count)
         return target
@@ -68,7 +66,7 @@ class Canvas:
     def count_pixels(self, users: Users, whose: Ints) -> Ints:
         """Count the pixels that each of some road users would cover if it were alone: (k,)."""
         alone = self._target._replace(tags=np.full_like(self._target.tags, STATIC))
-        return drawing.count_alone(whose, users, library(), self._view, alone)
+        return drawing.count_alone(whose, users, library(), _NO_LIGHT, self._view, alone)
 
     def _make_room(self, faces: int) -> None:
         if len(self._target.owners) < faces:

@@ -11,8 +11,8 @@ from dojo_env.rendering.shapes import Part
 from dojo_env.rendering.target import project, touch, turn
 from dojo_env.snapshot import Lights
 
-_FINE, _MIDDLE = 27.0, 12.0
-"""Pixels from which a road user is drawn at the finest and the middle level of detail."""
+_FINEST, _FINE, _MIDDLE = 90.0, 27.0, 12.0
+"""Pixels from which a road user is drawn at each level of detail but the coarsest."""
 _MOST_VERTICES = 1024
 _LOW_SUN = 0.12
 _SHADOW_WIDTH, _SHADOW_HEIGHT = 0.96, 0.9
@@ -41,7 +41,7 @@ _EMITTED[_LEFT] = _EMITTED[_RIGHT] = (1.0, 0.5, 0.04)
 _EMITTED[_BLUE] = (0.2, 0.4, 1.0)
 _STREET = (0.11, 0.08, 0.046)
 """What street lamps add to road users at night."""
-_SUN_COLOUR, _SKY_COLOUR, _GROUND_COLOUR, _HORIZON, _WEATHER = 1, 2, 3, 5, 6
+_SUN, _SUN_COLOUR, _SKY_COLOUR, _GROUND_COLOUR, _HORIZON, _WEATHER = 0, 1, 2, 3, 5, 6
 """Rows of a packed light."""
 
 
@@ -72,7 +72,7 @@ def users_in_view(users, view):
 
 
 @kernel
-def draw_users(near, users, models, light, sun, table, view, target, count):
+def draw_users(near, users, models, light, table, view, target, count):
     """Draw road users; returns the number of faces in the target.
 
     Args:
@@ -80,59 +80,70 @@ def draw_users(near, users, models, light, sun, table, view, target, count):
         users: all of them.
         models: the library.
         light: (7, 3) packed.
-        sun: (3,) towards the sun, camera frame.
         table: (4096,) uint8, sRGB by linear light.
         view: the camera.
         target: what to draw into.
         count: the number of faces in it so far.
     """
     seen, screen = np.empty((_MOST_VERTICES, 3)), np.empty((_MOST_VERTICES, 3))
-    corners, normal, up = np.empty((3, 3)), np.empty(3), view.axes[:, 2].copy()
+    corners, inside = np.empty((3, 3)), np.empty((4, 3))
     for k in near:
-        span = models.spans[users.models[k], _detail(users.frames[k], users.places[k], view)]
-        _see(models.vertices, span, users.frames[k], users.places[k], view, seen)
-        is_ahead = project(seen, span[1] - span[0], view, screen)
-        touch(screen, span[1] - span[0], is_ahead, target)
-        for face in range(span[2], span[3]):
-            if _draw_front(models.faces[face], seen, screen, is_ahead, corners, view, count, target) == 0:
+        detail = _detail(users, k, view)
+        model = users.models[k]
+        first, last = models.spans[model, detail, 0], models.spans[model, detail, 1]
+        away = _see(models.vertices, first, last, users, k, view, seen)
+        is_ahead = project(seen, last - first, view, screen)
+        touch(screen, last - first, is_ahead, target)
+        _look_from_inside(users, k, view, light, inside)
+        veil = 1.0 - exp(-light[_WEATHER, 2] * away)
+        for face in range(models.spans[model, detail, 2], models.spans[model, detail, 3]):
+            if not _shows_front(models.planes, face, inside):
                 continue
-            _faces_camera(corners, normal)
-            part = models.parts[face]
-            base = users.colours[k] if part == _BODY else _PALETTE[part]
-            glow = _emission(part, users.lights[k], light[_WEATHER, 0])
-            facing, level = _cosine(normal, sun), _cosine(normal, up)
-            distance = sqrt(corners[0, 0] ** 2 + corners[0, 1] ** 2 + corners[0, 2] ** 2)
-            _shade_face(part, base, glow, facing, level, distance, light, table, target.shades[count])
-            target.owners[count] = k
-            count += 1
+            if _draw(models.faces, face, seen, screen, is_ahead, corners, view, count, NEARER, target):
+                _shade_face(users, k, models, face, inside, veil, light, table, target.shades, count)
+                target.owners[count] = k
+                count += 1
     return count
 
 
 @kernel
-def _draw_front(face, seen, screen, is_ahead, corners, view, tag, target):
-    """Draw a face if its front is seen, and leave its corners; returns how many pixels changed."""
-    a, b, c = face[0], face[1], face[2]
+def _draw(faces, face, seen, screen, is_ahead, corners, view, tag, mode, target):
+    """Draw one face of what `_see` has brought into view; returns how many pixels changed."""
+    a, b, c = faces[face, 0], faces[face, 1], faces[face, 2]
     if is_ahead:
-        ux, uy = screen[b, 0] - screen[a, 0], screen[b, 1] - screen[a, 1]
-        vx, vy = screen[c, 0] - screen[a, 0], screen[c, 1] - screen[a, 1]
-        if ux * vy - uy * vx >= 0.0:
-            return 0
-        changed = fill_triangle(
+        return fill_triangle(
             screen[a, 0], screen[a, 1], screen[a, 2], screen[b, 0], screen[b, 1], screen[b, 2],
-            screen[c, 0], screen[c, 1], screen[c, 2], tag, NEARER, target.depths, target.tags,
+            screen[c, 0], screen[c, 1], screen[c, 2], tag, mode, target.depths, target.tags,
         )  # fmt: skip
-        if changed == 0:
-            return 0
     for axis in range(3):
         corners[0, axis], corners[1, axis], corners[2, axis] = seen[a, axis], seen[b, axis], seen[c, axis]
-    if is_ahead:
-        return changed
-    ux, uy, uz = seen[b, 0] - seen[a, 0], seen[b, 1] - seen[a, 1], seen[b, 2] - seen[a, 2]
-    vx, vy, vz = seen[c, 0] - seen[a, 0], seen[c, 1] - seen[a, 1], seen[c, 2] - seen[a, 2]
-    away = (
-        (uy * vz - uz * vy) * seen[a, 0] + (uz * vx - ux * vz) * seen[a, 1] + (ux * vy - uy * vx) * seen[a, 2]
-    )
-    return 0 if away >= 0.0 else draw_face(corners, view.lens, tag, NEARER, target.depths, target.tags)
+    return draw_face(corners, view.lens, tag, mode, target.depths, target.tags)
+
+
+@kernel
+def _look_from_inside(users, k, view, light, inside):
+    """Bring eye, sun and the way up into a model's unit box; the last row takes normals out of it.
+
+    Which side of a face a place lies on does not change when both are scaled, so fronts can be told in the
+    box; a normal is scaled by the inverse.
+    """
+    for column in range(3):
+        square = eye = sun = 0.0
+        for axis in range(3):
+            part = users.frames[k, axis, column]
+            square += part * part
+            eye += part * (view.eye[axis] - users.places[k, axis])
+            sun += part * light[_SUN, axis]
+        inside[0, column] = eye / square
+        inside[1, column] = sun / square
+        inside[2, column] = users.frames[k, 2, column] / square
+        inside[3, column] = 1.0 / square
+
+
+@kernel
+def _shows_front(planes, face, inside):
+    x, y, z = planes[face, 0], planes[face, 1], planes[face, 2]
+    return x * inside[0, 0] + y * inside[0, 1] + z * inside[0, 2] > planes[face, 3]
 
 
 @kernel
@@ -175,64 +186,52 @@ def draw_shadows(near, users, sun, view, target):
 
 
 @kernel
-def count_alone(whose, users, models, view, target):
+def count_alone(whose, users, models, light, view, target):
     """Count the pixels that each of some road users would cover if it were alone: (k,)."""
-    seen, corners, normal = np.empty((_MOST_VERTICES, 3)), np.empty((3, 3)), np.empty(3)
+    seen, screen = np.empty((_MOST_VERTICES, 3)), np.empty((_MOST_VERTICES, 3))
+    corners, inside = np.empty((3, 3)), np.empty((4, 3))
     pixels = np.zeros(len(whose), dtype=np.int32)
     for m in range(len(whose)):
         k = whose[m]
-        span = models.spans[users.models[k], _detail(users.frames[k], users.places[k], view)]
-        _see(models.vertices, span, users.frames[k], users.places[k], view, seen)
-        for face in range(span[2], span[3]):
-            for c in range(3):
-                corners[c] = seen[models.faces[face, c]]
-            if _faces_camera(corners, normal):
-                pixels[m] += draw_face(corners, view.lens, m, COVER, target.depths, target.tags)
+        detail, model = _detail(users, k, view), users.models[k]
+        first, last = models.spans[model, detail, 0], models.spans[model, detail, 1]
+        _see(models.vertices, first, last, users, k, view, seen)
+        is_ahead = project(seen, last - first, view, screen)
+        _look_from_inside(users, k, view, light, inside)
+        for face in range(models.spans[model, detail, 2], models.spans[model, detail, 3]):
+            if _shows_front(models.planes, face, inside):
+                pixels[m] += _draw(
+                    models.faces, face, seen, screen, is_ahead, corners, view, m, COVER, target
+                )
     return pixels
 
 
 @kernel
-def _see(vertices, span, frame, place, view, seen):
-    """Bring a model's vertices into camera space."""
+def _see(vertices, first, last, users, k, view, seen):
+    """Bring a model's vertices into camera space; returns how far away it is, metres."""
     matrix, shift = np.zeros((3, 3)), np.empty(3)
-    turn(place, view, shift)
+    turn(users.places[k], view, shift)
     for row in range(3):
         for inner in range(3):
             for column in range(3):
-                matrix[row, column] += view.axes[row, inner] * frame[inner, column]
-    for k in range(span[1] - span[0]):
-        x, y, z = vertices[span[0] + k, 0], vertices[span[0] + k, 1], vertices[span[0] + k, 2]
+                matrix[row, column] += view.axes[row, inner] * users.frames[k, inner, column]
+    for v in range(first, last):
+        x, y, z = vertices[v, 0], vertices[v, 1], vertices[v, 2]
         for row in range(3):
-            seen[k, row] = matrix[row, 0] * x + matrix[row, 1] * y + matrix[row, 2] * z + shift[row]
+            seen[v - first, row] = matrix[row, 0] * x + matrix[row, 1] * y + matrix[row, 2] * z + shift[row]
+    return sqrt(shift[0] ** 2 + shift[1] ** 2 + shift[2] ** 2)
 
 
 @kernel
-def _detail(frame, place, view):
+def _detail(users, k, view):
     """Level of detail for the size that a road user has on the screen."""
     z = square = 0.0
     for axis in range(3):
-        z += view.axes[2, axis] * (place[axis] - 0.5 * frame[axis, 0] - view.eye[axis])
-        for column in range(3):
-            square = max(square, frame[axis, column] ** 2)
+        part = users.frames[k, axis, 0]
+        z += view.axes[2, axis] * (users.places[k, axis] - 0.5 * part - view.eye[axis])
+        square += part * part
     pixels = view.lens[0] * sqrt(square) / max(z, view.lens[3])
-    return 0 if pixels > _FINE else (1 if pixels > _MIDDLE else 2)
-
-
-@kernel
-def _faces_camera(corners, normal):
-    """Compute a face's normal, not of unit length; tells whether its front is seen."""
-    a, b, c = corners[0], corners[1], corners[2]
-    ux, uy, uz = b[0] - a[0], b[1] - a[1], b[2] - a[2]
-    vx, vy, vz = c[0] - a[0], c[1] - a[1], c[2] - a[2]
-    normal[0], normal[1], normal[2] = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
-    return normal[0] * a[0] + normal[1] * a[1] + normal[2] * a[2] < 0.0
-
-
-@kernel
-def _cosine(normal, direction):
-    """Cosine of the angle between a normal of any length and a unit vector."""
-    length = sqrt(normal[0] ** 2 + normal[1] ** 2 + normal[2] ** 2) + 1e-30
-    return (normal[0] * direction[0] + normal[1] * direction[1] + normal[2] * direction[2]) / length
+    return 0 if pixels > _FINEST else (1 if pixels > _FINE else (2 if pixels > _MIDDLE else 3))
 
 
 @kernel
@@ -252,18 +251,27 @@ def _emission(part, lights, headlights):
 
 
 @kernel
-def _shade_face(part, base, glow, facing, level, distance, light, table, shade):
+def _shade_face(users, k, models, face, inside, veil, light, table, shades, row):
     """Light a face: what it emits, or sun and sky on its colour; then fog."""
+    part = models.parts[face]
+    glow = _emission(part, users.lights[k], light[_WEATHER, 0])
+    square = facing = level = 0.0
+    for axis in range(3):
+        normal = models.planes[face, axis]
+        square += normal * normal * inside[3, axis]
+        facing += normal * inside[1, axis]
+        level += normal * inside[2, axis]
+    length = sqrt(square)
+    facing, level = max(0.0, facing / length), level / length
     share = 0.5 + 0.5 * level
-    veil = 1.0 - exp(-light[_WEATHER, 2] * distance)
-    gloss = 0.22 if part == _GLASS else (0.05 if part == _BODY else 0.0)
+    gloss = max(0.0, level) * (0.22 if part == _GLASS else (0.05 if part == _BODY else 0.0))
     for c in range(3):
         if glow >= 0.0:
             value = glow * _EMITTED[part, c]
         else:
+            base = users.colours[k, c] if part == _BODY else _PALETTE[part, c]
             soft = share * light[_SKY_COLOUR, c] + (1.0 - share) * light[_GROUND_COLOUR, c]
             soft += light[_WEATHER, 0] * _STREET[c]
-            value = base[c] * (soft + max(0.0, facing) * light[_SUN_COLOUR, c])
-            value += gloss * max(0.0, level) * light[_SKY_COLOUR, c]
+            value = base * (soft + facing * light[_SUN_COLOUR, c]) + gloss * light[_SKY_COLOUR, c]
         value = value * (1.0 - veil) + veil * light[_HORIZON, c]
-        shade[c] = table[int(min(1.0, value) * 4095.0 + 0.5)]
+        shades[row, c] = table[int(min(1.0, value) * 4095.0 + 0.5)]

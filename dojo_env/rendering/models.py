@@ -1,4 +1,4 @@
-"""Low-poly road users, built from a few sections each, at three levels of detail.
+"""Low-poly road users, built from a few sections each, at four levels of detail.
 
 A model lives in a unit box: x from -1 (tail) to 0 (nose), y from -0.5 to 0.5 (left), z from 0 (ground) to 1,
 and is scaled to each road user's own length, width and height. Faces turn counter-clockwise, from outside.
@@ -17,6 +17,10 @@ from dojo_env.snapshot import Kind
 Floats = NDArray[np.float64]
 Faces = NDArray[np.int32]
 
+DETAILS = 4
+"""Levels of detail; 0 is the finest."""
+_FLAT_WHEELS, _COARSEST = 1, 3
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Model:
@@ -34,19 +38,20 @@ def _car(
     half, belt = width / 2, 0.6 * height
     foot, roof_front, roof_rear, heel = cabin
     tail = -length
-    if detail == 0:
+    if detail <= _FLAT_WHEELS:
+        outline = (
+            (0.0, 0.76, 0.25, 0.44, 0.34), (-0.06 * length, 0.96, 0.16, 0.5, 0.36),
+            (-foot, 1.0, 0.14, 0.6, 0.4), (-heel, 1.0, 0.14, 0.64, 0.42), (tail + 0.04 * length, 0.96, 0.18, 0.62, 0.42),
+            (tail, 0.82, 0.28, 0.56, 0.42),
+        )  # fmt: skip
         body = loft(
             [
-                section(0.0, 0.76 * half, 0.25 * height, 0.44 * height, 0.34 * height),
-                section(-0.06 * length, 0.96 * half, 0.16 * height, 0.5 * height, 0.36 * height),
-                section(-foot, half, 0.14 * height, belt, 0.4 * height),
-                section(-heel, half, 0.14 * height, 0.64 * height, 0.42 * height),
-                section(tail + 0.04 * length, 0.96 * half, 0.18 * height, 0.62 * height, 0.42 * height),
-                section(tail, 0.82 * half, 0.28 * height, 0.56 * height, 0.42 * height),
+                section(x, wide * half, low * height, high * height, waist * height if detail == 0 else None)
+                for x, wide, low, high, waist in outline
             ],
             Part.BODY,
         )
-        body += wheels((-0.19 * length, -0.8 * length), half + 0.005, 0.22 * height)
+        body += wheels((-0.19 * length, -0.8 * length), half + 0.005, 0.22 * height, detail)
     else:
         body = loft(
             [
@@ -61,7 +66,7 @@ def _car(
     upper = np.array([(-roof_front, 0.72 * half), (-roof_rear, 0.72 * half)])
     (a, wide), (b, _), (c, slim), (d, _) = *lower, *upper
     z = 0.99 * belt
-    glass = Part.GLASS if detail < 2 else Part.BODY
+    glass = Part.GLASS if detail < _COARSEST else Part.BODY
     body += [
         (np.array([(c, -slim, height), (c, slim, height), (d, slim, height), (d, -slim, height)]), Part.BODY),
         (np.array([(a, -wide, z), (a, wide, z), (c, slim, height), (c, -slim, height)]), Part.GLASS),
@@ -69,7 +74,7 @@ def _car(
         (np.array([(a, wide, z), (b, wide, z), (d, slim, height), (c, slim, height)]), glass),
         (np.array([(b, -wide, z), (a, -wide, z), (c, -slim, height), (d, -slim, height)]), glass),
     ]
-    if detail < 2:
+    if detail < _COARSEST:
         body += lights(tail, half, (0.33 * height, 0.43 * height), (0.46 * height, 0.55 * height))
     return body
 
@@ -110,11 +115,11 @@ def _van(detail: int) -> list[Face]:
         ],
         Part.BODY,
     )
-    if detail < 2:
+    if detail < _COARSEST:
         faces += screen(-0.77, -1.32, 0.86 * half, 1.3, height - 0.2)
         faces += lights(tail, half, (0.6, 0.8), (0.8, 1.1))
-    if detail == 0:
-        faces += wheels((-0.95, -4.3), half, 0.35)
+    if detail <= _FLAT_WHEELS:
+        faces += wheels((-0.95, -4.3), half, 0.35, detail)
     return faces
 
 
@@ -135,13 +140,13 @@ def _coach_of(
             ],
             Part.BODY,
         )
-        if detail == 2:
+        if detail == _COARSEST:
             return faces
         faces += windows(-0.6, -length + 0.4, half + 0.01, 0.45 * height, 0.82 * height)
         faces += screen(-0.01, -0.12, 0.85 * half, 0.32 * height, 0.84 * height)
         faces += lights(-length, half, (0.5, 0.75), (0.7, 1.1))
-        if detail == 0:
-            faces += wheels(axles, half + 0.01, 0.5)
+        if detail <= _FLAT_WHEELS:
+            faces += wheels(axles, half + 0.01, 0.5, detail)
             if doors:
                 faces += [
                     face
@@ -164,10 +169,10 @@ def _truck(detail: int) -> list[Face]:
         Part.BODY,
     )
     faces += box(-2.4, -8.0, half, 1.05, 3.6, Part.WHITE) + box(-2.0, -8.0, 0.5, 0.5, 1.06, Part.TRIM)
-    if detail < 2:
+    if detail < _COARSEST:
         faces += screen(-0.01, -0.1, 0.85 * half, 1.6, 2.5) + lights(-8.0, half, (0.6, 0.85), (0.75, 1.0))
-    if detail == 0:
-        faces += wheels((-1.3, -5.9, -7.0), half, 0.5)
+    if detail <= _FLAT_WHEELS:
+        faces += wheels((-1.3, -5.9, -7.0), half, 0.5, detail)
     return faces
 
 
@@ -175,10 +180,10 @@ def _trailer(detail: int) -> list[Face]:
     half, cab = 1.25, 2.3
     faces = loft([section(0.0, 0.94 * half, 0.5, 3.0), section(-cab, 0.97 * half, 0.45, 3.4)], Part.BODY)
     faces += box(-cab - 0.7, -16.0, half, 1.1, 3.9, Part.WHITE) + box(-cab, -16.0, 0.5, 0.5, 1.2, Part.TRIM)
-    if detail < 2:
+    if detail < _COARSEST:
         faces += screen(-0.02, -0.02, 0.85 * half, 1.7, 2.7) + lights(-16.0, half, (0.6, 0.85), (0.75, 1.0))
-    if detail == 0:
-        faces += wheels((-1.4, -4.6, -12.4, -13.6, -14.8), half, 0.5)
+    if detail <= _FLAT_WHEELS:
+        faces += wheels((-1.4, -4.6, -12.4, -13.6, -14.8), half, 0.5, detail)
     return faces
 
 
@@ -203,11 +208,11 @@ def _rail_car(height: float, length: float, sections: int) -> Callable[[int], li
                 ends = [*ends[:-1], section(tail + 0.9, half, 0.3, height)]
                 ends.append(section(tail, 0.75 * half, 0.4, 0.8 * height))
             faces += loft(ends, Part.BODY)
-            if detail < 2:
+            if detail < _COARSEST:
                 faces += windows(nose - 1.1, tail + 1.1, half + 0.01, 0.45 * height, 0.8 * height)
             if k:
                 faces += box(nose + 0.3, nose, 0.8 * half, 0.4, 0.92 * height, Part.TRIM)
-        if detail < 2:
+        if detail < _COARSEST:
             faces += screen(0.0, -0.6, 0.65 * half, 0.45 * height, 0.72 * height)
             faces += lights(-length, 0.75 * half, (0.5, 0.75), (0.5, 0.75))
         return faces
@@ -226,11 +231,11 @@ def _two_wheeler(length: float, wheel: float, body: Part, *, motor: bool) -> Cal
         faces += box(-0.18 * length, -0.85 * length, thin, 0.4, 0.72, Part.BODY if motor else Part.TRIM)
         faces += box(-0.22 * length, -0.28 * length, 0.33, 0.95, 1.05, Part.TRIM)
         for x in (-wheel, wheel - length):
-            if detail < 2:
-                faces += wheels((x,), thin / 2, wheel, tyre=thin / 2)
+            if detail < _COARSEST:
+                faces += wheels((x,), thin / 2, wheel, 0, tyre=thin / 2)
             else:
                 faces += box(x + 0.92 * wheel, x - 0.92 * wheel, thin / 2, 0.08, 1.9 * wheel, Part.TYRE)
-        if motor and detail < 2:
+        if motor and detail < _COARSEST:
             faces += lights(-0.9 * length, 0.15, (0.8, 0.95), (0.6, 0.75))
         return faces
 
@@ -241,7 +246,7 @@ def _pedestrian(detail: int) -> list[Face]:
     """Somebody walking, 1.75 m tall."""
     faces = loft([section(-0.13, 0.2, 0.8, 1.42), section(-0.37, 0.2, 0.8, 1.42)], Part.BODY)
     faces += box(-0.15, -0.35, 0.1, 1.46, 1.75, Part.SKIN)
-    if detail == 2:
+    if detail == _COARSEST:
         return faces + box(-0.12, -0.38, 0.16, 0.0, 0.82, Part.LEGS)
     for y, reach in ((0.09, 0.08), (-0.09, -0.08)):
         leg = [section(-0.17, 0.07, 0.8, 0.82), section(-0.33, 0.07, 0.8, 0.82)]
@@ -283,8 +288,6 @@ _BUILDERS: dict[Kind, tuple[Callable[[int], list[Face]], ...]] = {
     Kind.PEDESTRIAN: (_pedestrian,),
     Kind.SHIP: (_ship,),
 }
-DETAILS = 3
-"""Levels of detail; 0 is the finest."""
 
 
 @cache

@@ -65,8 +65,8 @@ def moved(faces: Iterable[Face], y: float) -> list[Face]:
     return [(corners + np.array([0.0, y, 0.0]), part) for corners, part in faces]
 
 
-def wheels(places: Iterable[float], half: float, radius: float, tyre: float = 0.2) -> list[Face]:
-    """Set an eight-sided wheel against both sides of the body for each axle; its inner side stays open."""
+def wheels(places: Iterable[float], half: float, radius: float, detail: int, tyre: float = 0.2) -> list[Face]:
+    """Set eight-sided wheels against both sides of the body at each axle; discs where `detail` is not 0."""
     angles = np.arange(8) * np.pi / 4 + np.pi / 8
     faces: list[Face] = []
     for x in places:
@@ -74,7 +74,8 @@ def wheels(places: Iterable[float], half: float, radius: float, tyre: float = 0.
         across = np.array([0.0, 1.0, 0.0])
         outer, inner = flat + half * across, flat + (half - tyre) * across
         left = [outer[::-1]]
-        left += [np.array([outer[k - 1], outer[k], inner[k], inner[k - 1]]) for k in range(8)]
+        if detail == 0:
+            left += [np.array([outer[k - 1], outer[k], inner[k], inner[k - 1]]) for k in range(8)]
         faces += [(face, Part.TYRE) for face in left]
         faces += [((face * [1.0, -1.0, 1.0])[::-1], Part.TYRE) for face in left]
     return faces
