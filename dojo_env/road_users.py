@@ -80,10 +80,10 @@ class RoadUsers:
             "speeds": np.array(column("getSpeed"), dtype=np.float64),
         }
         lanes = tuple(column("getLaneID"))
-        there = (positions > _INVALID).all(axis=1)
+        there = np.all(positions > _INVALID, axis=1)
         if not there.all():
             snapshot = {name: values[there] for name, values in snapshot.items()}
-            names, lanes = (tuple(compress(values, there)) for values in (names, lanes))
+            names, lanes = (tuple(compress(values, there.tolist())) for values in (names, lanes))
         signals = {name: get.trafficlight_getRedYellowGreenState(name) for name in self._signals}
         return Snapshot(time=time, ids=names, lanes=lanes, signals=signals, **snapshot)
 

@@ -19,7 +19,6 @@ from dojo_env.cache import cache_folder
 from dojo_env.demand import write_two_way_demand
 from dojo_env.errors import ConfigError
 from dojo_maps.bundle import Bundle, read_bundle
-from dojo_maps.conversion import convert
 
 Files = str | Path | Sequence[str | Path]
 
@@ -181,7 +180,7 @@ def _convert_into(network: Path, folder: Path, on_stage: Callable[[str], None]) 
     """Convert beside the target and move it there whole, so that readers never see a part of it."""
     with tempfile.TemporaryDirectory(dir=folder.parent, prefix=".converting-") as work:
         fresh = Path(work) / folder.name
-        convert(str(network), fresh, on_stage=on_stage)
+        dojo_maps.convert(str(network), fresh, on_stage=on_stage)
         fresh.rename(folder)
 
 

@@ -121,6 +121,8 @@ def test_worlds_are_apart_and_close_twice(scenes):
     first, second = BulletWorld(scene), BulletWorld(scene)
     first.close()
     first.close()
+    with pytest.raises(ConfigError, match="closed"):
+        first.contacts()
     camera = Camera(name="c", position=(*map(float, scene.origin[:2]), 60.0), pitch_deg=-90.0)
     assert second.render(Snapshot(time=0), [camera])[0].rgb.std() > 1
     second.close()

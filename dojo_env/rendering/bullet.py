@@ -4,11 +4,11 @@ import contextlib
 import ctypes
 import os
 from collections.abc import Iterable, Iterator, Sequence
-from itertools import combinations
 from types import ModuleType, TracebackType
 from typing import Any, NamedTuple
 
 import numpy as np
+import shapely
 from numpy.typing import NDArray
 
 from dojo_env.errors import ConfigError
@@ -77,13 +77,19 @@ class BulletWorld:
         self._classes: dict[int, Semantic] = {}
         self._bodies: dict[str, tuple[int, int]] = {}
         self._looks: dict[str, tuple[Any, ...]] = {}
+        self._colours: dict[str, bytes] = {}
+        self._shapes: dict[tuple[Any, ...], tuple[int, int, int]] = {}
         self._shown: Snapshot | None = None
+        self._unseen = self._bullet.createVisualShape(
+            self._bullet.GEOM_SPHERE, radius=1e-6, rgbaColor=[0.0] * 4, physicsClientId=self._client
+        )
         for semantic in np.unique(scene.semantics):
             faces = np.flatnonzero(scene.semantics == semantic)
             for start in range(0, len(faces), _FACES_AT_ONCE):
                 piece = scene.faces[faces[start : start + _FACES_AT_ONCE]]
                 used, numbered = np.unique(piece, return_inverse=True)
-                body = self._add(scene.vertices[used], numbered.reshape(-1, 3), SEMANTIC_COLOURS[semantic])
+                body = self._add(*self._mesh(scene.vertices[used], numbered.reshape(-1, 3)))
+                self._paint(body, SEMANTIC_COLOURS[semantic])
                 self._classes[body] = Semantic(semantic)
 
     def __enter__(self) -> "BulletWorld":
@@ -102,22 +108,31 @@ class BulletWorld:
             self._bullet.disconnect(self._client)
             self._client = -1
 
+    def _require_open(self) -> None:
+        if self._client < 0:
+            raise ConfigError("this bullet world is closed; make another")
+
     def show(self, snapshot: Snapshot) -> None:
-        """Put the road users of an instant in their places."""
+        """Put the road users of an instant in their places.
+
+        Raises:
+            ConfigError: the world is closed.
+        """
+        self._require_open()
         if snapshot is self._shown:
             return
         users = place_users(snapshot, self._scene.origin)
-        looks = dict(
-            zip(snapshot.ids, zip(users.models, map(tuple, snapshot.sizes), strict=True), strict=True)
-        )
+        sizes = map(tuple, snapshot.sizes.tolist())
+        looks = dict(zip(snapshot.ids, zip(users.models.tolist(), sizes, strict=True), strict=True))
         for name in [name for name in self._bodies if looks.get(name) != self._looks[name]]:
             self._remove(name)
         self._looks = looks
         for k, name in enumerate(snapshot.ids):
             if name not in self._bodies:
-                colour = np.round(255 * users.colours[k] ** (1 / 2.2))
-                mesh = self._add(*_mesh_of(users, k), colour)
-                self._bodies[name] = (mesh, self._add_hull(_mesh_of(users, k)[0]))
+                self._bodies[name] = self._add_user(users, k, looks[name])
+            if self._colours.get(name) != users.colours[k].tobytes():
+                self._paint(self._bodies[name][0], np.round(255 * users.colours[k] ** (1 / 2.2)))
+                self._colours[name] = users.colours[k].tobytes()
             for body in self._bodies[name]:
                 self._bullet.resetBasePositionAndOrientation(
                     body, users.places[k], _quaternion(users.frames[k]), physicsClientId=self._client
@@ -139,6 +154,7 @@ class BulletWorld:
 
     def cast_rays(self, starts: Floats, ends: Floats) -> Hits:
         """Cast rays, (n, 3) to (n, 3), metres, map frame, at the instant shown last."""
+        self._require_open()
         starts, ends = np.asarray(starts) - self._scene.origin, np.asarray(ends) - self._scene.origin
         found: list[tuple[int, float]] = []
         for first in range(0, len(starts), _RAYS_AT_ONCE):
@@ -158,14 +174,11 @@ class BulletWorld:
 
     def contacts(self, distance: float = 0.0) -> tuple[Contact, ...]:
         """List the road users whose convex hulls come this near (metres) at the instant shown last."""
+        self._require_open()
         if self._shown is None:
             return ()
         found = []
-        reach = np.linalg.norm(self._shown.sizes, axis=1)
-        for i, k in combinations(range(len(self._shown.ids)), 2):
-            apart = np.linalg.norm(self._shown.positions[i] - self._shown.positions[k])
-            if apart > reach[i] + reach[k] + distance:
-                continue
+        for i, k in _near_pairs(place_users(self._shown, self._scene.origin), distance):
             first, second = self._shown.ids[i], self._shown.ids[k]
             points = self._bullet.getClosestPoints(
                 self._bodies[first][1], self._bodies[second][1], distance, physicsClientId=self._client
@@ -176,8 +189,8 @@ class BulletWorld:
                 found.append(Contact(first, second, float(nearest[8]), (float(x), float(y), float(z))))
         return tuple(found)
 
-    def _add(self, vertices: Floats, faces: NDArray[Any], colour: NDArray[Any]) -> int:
-        """Add a mesh as it is, for pictures and rays."""
+    def _mesh(self, vertices: Floats, faces: NDArray[Any]) -> tuple[int, int]:
+        """Make shapes of a mesh as it is: one that rays meet, and one that pictures show."""
         bullet, client = self._bullet, self._client
         points, indices = vertices.tolist(), faces.reshape(-1).tolist()
         shape = bullet.createCollisionShape(
@@ -186,26 +199,33 @@ class BulletWorld:
         )  # fmt: skip
         look = bullet.createVisualShape(
             bullet.GEOM_MESH, vertices=points, indices=indices, normals=[[0.0, 0.0, 1.0]] * len(points),
-            rgbaColor=[*(np.asarray(colour) / 255).tolist(), 1.0], physicsClientId=client,
+            physicsClientId=client,
         )  # fmt: skip
-        body: int = bullet.createMultiBody(0.0, shape, look, physicsClientId=client)
-        bullet.setCollisionFilterGroupMask(body, -1, _SEEN, _SEEN, physicsClientId=client)
+        return shape, look
+
+    def _add_user(self, users: Users, k: int, looks: tuple[Any, ...]) -> tuple[int, int]:
+        """Add a road user: its mesh, and its convex hull, which neither pictures nor rays see."""
+        # pybullet keeps shapes until the world ends, so all that look the same share theirs.
+        if looks not in self._shapes:
+            mesh = _mesh_of(users, k)
+            hull = self._bullet.createCollisionShape(
+                self._bullet.GEOM_MESH, vertices=mesh[0].tolist(), physicsClientId=self._client
+            )
+            self._shapes[looks] = (*self._mesh(*mesh), hull)
+        shape, look, hull = self._shapes[looks]
+        return self._add(shape, look), self._add(hull, self._unseen, _FELT)
+
+    def _add(self, shape: int, look: int, group: int = _SEEN) -> int:
+        body: int = self._bullet.createMultiBody(0.0, shape, look, physicsClientId=self._client)
+        self._bullet.setCollisionFilterGroupMask(body, -1, group, group, physicsClientId=self._client)
         return body
 
-    def _add_hull(self, vertices: Floats) -> int:
-        """Add a convex hull that neither pictures nor rays see."""
-        bullet, client = self._bullet, self._client
-        shape = bullet.createCollisionShape(
-            bullet.GEOM_MESH, vertices=np.unique(vertices, axis=0).tolist(), physicsClientId=client
-        )
-        empty = bullet.createVisualShape(
-            bullet.GEOM_SPHERE, radius=1e-6, rgbaColor=[0.0] * 4, physicsClientId=client
-        )
-        body: int = bullet.createMultiBody(0.0, shape, empty, physicsClientId=client)
-        bullet.setCollisionFilterGroupMask(body, -1, _FELT, _FELT, physicsClientId=client)
-        return body
+    def _paint(self, body: int, colour: NDArray[Any]) -> None:
+        rgba = [*(np.asarray(colour) / 255).tolist(), 1.0]
+        self._bullet.changeVisualShape(body, -1, rgbaColor=rgba, physicsClientId=self._client)
 
     def _remove(self, name: str) -> None:
+        self._colours.pop(name, None)
         for body in self._bodies.pop(name):
             self._bullet.removeBody(body, physicsClientId=self._client)
 
@@ -260,6 +280,16 @@ def _mesh_of(users: Users, k: int) -> tuple[Floats, NDArray[np.int32]]:
     first, last, face, end = models.spans[users.models[k], 0]
     size = np.linalg.norm(users.frames[k], axis=0)
     return models.vertices[first:last] * size, models.faces[face:end]
+
+
+def _near_pairs(users: Users, distance: float) -> list[tuple[int, int]]:
+    """Which road users' footprints come this near."""
+    unit = np.array([(x, y, z) for x in (0.0, -1.0) for y in (-0.5, 0.5) for z in (0.0, 1.0)])
+    corners = np.einsum("nij,cj->nci", users.frames, unit)[..., :2] + users.places[:, None, :2]
+    whose = np.repeat(np.arange(len(corners)), len(unit))
+    prints = shapely.convex_hull(shapely.multipoints(corners.reshape(-1, 2), indices=whose))
+    pairs = shapely.STRtree(prints).query(prints, predicate="dwithin", distance=max(distance, 1e-9))
+    return sorted((i, k) for i, k in pairs.T.tolist() if i < k)
 
 
 def _quaternion(frame: Floats) -> list[float]:
