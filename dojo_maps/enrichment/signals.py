@@ -99,7 +99,7 @@ def place_signal_heads(road_map: RoadMap) -> RoadMap:
         for link in signal.links:
             if link.kind is LinkKind.PEDESTRIAN and link.to_id in crossing_of:
                 for k, end in enumerate(_crossing_ends(crossing_of[link.to_id])):
-                    place = sites.choose(end.spots, _WALK_POLE_REACH)
+                    place = sites.choose(end.spots, end.reach)
                     heads.append(_walk_head(link, end, place))
                     if place is not None:
                         poles.append(_walk_pole(signal, link, k, place, end.height))
@@ -175,15 +175,21 @@ def _approach_pole(
 
 @dataclass(frozen=True, slots=True)
 class _CrossingEnd:
-    """Where a walker's head may stand at one end of a crossing, best first, and where it faces."""
+    """Where a walker's head may stand at one end of a crossing, best first, and where it faces.
+
+    `reach` is how far from the first spot it still stands at this end rather than at the other, metres.
+    """
 
     spots: list[Floats]
+    reach: float
     height: float
     heading: float
 
 
 def _crossing_ends(crossing: Crossing) -> Iterator[_CrossingEnd]:
     """Describe both ends: behind each, on either side of the crossing, the head looks along it."""
+    length = float(np.hypot(*np.diff(crossing.shape[:, :2], axis=0).T).sum())
+    reach = min(_WALK_POLE_REACH, 0.45 * length)
     for distance in (0.0, -1e-6):
         position, heading = place_on(crossing.shape, distance)
         # The head at the start looks along the line at people coming from the end, and the other way round.
@@ -191,7 +197,8 @@ def _crossing_ends(crossing: Crossing) -> Iterator[_CrossingEnd]:
         ahead = np.array([np.cos(toward), np.sin(toward)])
         aside = (crossing.width / 2 + _WALK_POLE_ASIDE) * np.array([-np.sin(heading), np.cos(heading)])
         spots = [position[:2] - back * ahead + side for back in _WALK_POLE_BACK for side in (aside, -aside)]
-        yield _CrossingEnd(spots, float(position[2]), round(float((toward + np.pi) % (2 * np.pi) - np.pi), 6))
+        facing = round(float((toward + np.pi) % (2 * np.pi) - np.pi), 6)
+        yield _CrossingEnd(spots, reach, float(position[2]), facing)
 
 
 def _walk_head(link: Link, end: _CrossingEnd, place: Floats | None) -> SignalHead:
