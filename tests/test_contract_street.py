@@ -11,7 +11,7 @@ import shapely
 from conftest import NO_GENERATED, Conversion
 from oracle import ExpectedLane, ExpectedMap, angle_between, floor
 from scene_reader import GROUND, PAINT
-from shapely import LineString, Point, Polygon, box
+from shapely import LineString, MultiPoint, Point, Polygon, box
 from shapely.affinity import scale, translate
 
 POLE_RADIUS = 0.07
@@ -190,7 +190,9 @@ def test_every_approach_and_crossing_end_has_its_pole(conversion: Conversion) ->
     found = Counter(tags.get("crossing") for tags in poles)
     for crossing in expected.crossings.values():
         # netconvert lets some crossings end in the middle of a junction; a slit there is no place for a pole.
-        around = [Point(crossing.shape[end][:2]).buffer(5.0) for end in (0, -1)]
+        ends = [Point(crossing.shape[end][:2]) for end in (0, -1)]
+        halves = (shapely.voronoi_polygons(MultiPoint(ends), extend_to=ends[0].buffer(50.0))).geoms
+        around = [end.buffer(5.0).intersection(next(h for h in halves if h.covers(end))) for end in ends]
         free = [circle.difference(expected.traffic_ground).buffer(-0.2) for circle in around]
         reachable = sum(not ground.is_empty for ground in free)
         if crossing.signal in expected.programs:

@@ -23,13 +23,13 @@ def bare(converted: Callable[..., Conversion]) -> RoadMap:
 
 def test_choose_takes_the_first_spot_that_is_free(bare: RoadMap) -> None:
     on_lane, free = bare.lanes[0].shape[0, :2], np.array([1000.0, 1000.0])
-    assert PoleSites(bare).choose([on_lane, free, free + 1], 30.0) is free
+    assert PoleSites(bare).choose([on_lane, free, free + 1], shapely.Point(on_lane).buffer(30.0)) is free
 
 
 def test_choose_looks_around_the_first_spot_when_none_is_free(bare: RoadMap) -> None:
     lane = bare.lanes[0]
     middle = lane.shape[[0, -1], :2].mean(axis=0)
-    place = PoleSites(bare).choose([middle], 30.0)
+    place = PoleSites(bare).choose([middle], shapely.Point(middle).buffer(30.0))
     assert place is not None
     clear = shapely.distance(lane_strips(bare.lanes), shapely.Point(place))
     assert clear.min() == pytest.approx(0.15, abs=1e-3)

@@ -27,23 +27,22 @@ class PoleSites:
             floors[k] = shapely.difference(floors[k], shapely.union_all(pavement[area[floor == k]]))
         self._driven = shapely.STRtree(np.concatenate([lane_strips(lanes), floors]))
 
-    def choose(self, spots: Sequence[Floats], reach: float) -> Floats | None:
+    def choose(self, spots: Sequence[Floats], area: shapely.Geometry) -> Floats | None:
         """Choose the first spot that is free, or else the free place nearest to the first spot.
 
         Args:
             spots: (2,) each, metres, at least one, in the order of preference.
-            reach: metres around the first spot in which to look.
+            area: in which to look.
 
         Returns:
-            The place (2,), or None where vehicles drive all over the circle.
+            The place (2,), or None where vehicles drive all over the area.
         """
         for spot, here in zip(spots, shapely.points(spots), strict=True):
             if not len(self._driven.query(here, "dwithin", distance=_CLEARANCE)):
                 return spot
         start = shapely.Point(spots[0])
-        circle = start.buffer(reach)
-        near = self._driven.geometries[self._driven.query(circle, predicate="intersects")]
-        free = circle.difference(shapely.union_all(near).buffer(_CLEARANCE))
+        near = self._driven.geometries[self._driven.query(area, predicate="intersects")]
+        free = area.difference(shapely.union_all(near).buffer(_CLEARANCE))
         if free.is_empty:
             return None
         place: Floats = shapely.get_coordinates(nearest_points(free, start)[0])[0]

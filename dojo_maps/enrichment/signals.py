@@ -99,7 +99,7 @@ def place_signal_heads(road_map: RoadMap) -> RoadMap:
         for link in signal.links:
             if link.kind is LinkKind.PEDESTRIAN and link.to_id in crossing_of:
                 for k, end in enumerate(_crossing_ends(crossing_of[link.to_id])):
-                    place = sites.choose(end.spots, end.reach)
+                    place = sites.choose(end.spots, end.area)
                     heads.append(_walk_head(link, end, place))
                     if place is not None:
                         poles.append(_walk_pole(signal, link, k, place, end.height))
@@ -161,7 +161,7 @@ def _approach_pole(
         position, heading = _near_end(lane)
         normal = np.array([-np.sin(heading), np.cos(heading)]) * side
         spots += [position[:2] + normal * (lane.width / 2 + offset) for offset in _POLE_OFFSETS]
-    place = sites.choose(spots, _POLE_REACH)
+    place = sites.choose(spots, shapely.Point(spots[0]).buffer(_POLE_REACH))
     if place is not None:
         x, y = place
         yield Prop(
@@ -177,19 +177,18 @@ def _approach_pole(
 class _CrossingEnd:
     """Where a walker's head may stand at one end of a crossing, best first, and where it faces.
 
-    `reach` is how far from the first spot it still stands at this end rather than at the other, metres.
+    `area` is where else: in reach, and nearer to this end than to the other.
     """
 
     spots: list[Floats]
-    reach: float
+    area: shapely.Geometry
     height: float
     heading: float
 
 
 def _crossing_ends(crossing: Crossing) -> Iterator[_CrossingEnd]:
     """Describe both ends: behind each, on either side of the crossing, the head looks along it."""
-    length = float(np.hypot(*np.diff(crossing.shape[:, :2], axis=0).T).sum())
-    reach = min(_WALK_POLE_REACH, 0.45 * length)
+    middle = (crossing.shape[0, :2] + crossing.shape[-1, :2]) / 2
     for distance in (0.0, -1e-6):
         position, heading = place_on(crossing.shape, distance)
         # The head at the start looks along the line at people coming from the end, and the other way round.
@@ -198,7 +197,11 @@ def _crossing_ends(crossing: Crossing) -> Iterator[_CrossingEnd]:
         aside = (crossing.width / 2 + _WALK_POLE_ASIDE) * np.array([-np.sin(heading), np.cos(heading)])
         spots = [position[:2] - back * ahead + side for back in _WALK_POLE_BACK for side in (aside, -aside)]
         facing = round(float((toward + np.pi) % (2 * np.pi) - np.pi), 6)
-        yield _CrossingEnd(spots, reach, float(position[2]), facing)
+        beside = 2 * _WALK_POLE_REACH * np.array([-ahead[1], ahead[0]])
+        behind = middle - 2 * (_WALK_POLE_REACH + float(np.hypot(*(position[:2] - middle)))) * ahead
+        half = shapely.Polygon([middle + beside, middle - beside, behind - beside, behind + beside])
+        area = half.intersection(shapely.Point(spots[0]).buffer(_WALK_POLE_REACH))
+        yield _CrossingEnd(spots, area, float(position[2]), facing)
 
 
 def _walk_head(link: Link, end: _CrossingEnd, place: Floats | None) -> SignalHead:
