@@ -6,6 +6,7 @@ the netconvert and netgenerate of the `sumo` package, one per thing that a stree
 
 import gzip
 import importlib.util
+import math
 import os
 import random
 import subprocess
@@ -138,6 +139,24 @@ def _star(centre: str = "traffic_light", *, mirror: bool = False, tilt: tuple[fl
 
 def _star_edges(ends: list[str], **attributes: object) -> list[str]:
     return [edge for end in ends for edge in _both_ways(end, end, "c", **attributes)]
+
+
+def _many_legs(folder: Path, name: str, angles: list[float]) -> Path:
+    """Legs at these angles (degrees) around one signal, with sidewalks and crossings."""
+    places = {f"l{k}": math.radians(angle) for k, angle in enumerate(angles)}
+    nodes = [_node("c", 0, 0, type_="traffic_light")]
+    nodes += [_node(leg, 160 * math.cos(turn), 160 * math.sin(turn)) for leg, turn in places.items()]
+    return _build(folder, name, nodes, _star_edges(list(places), **_TOWN), _KEEP, *_WALK)
+
+
+def build_five_legs(folder: Path) -> Path:
+    """Five legs, two of them in a sharp fork."""
+    return _many_legs(folder, "five_legs", [5, 85, 118, 190, 275])
+
+
+def build_six_legs(folder: Path) -> Path:
+    """Six legs at skewed angles."""
+    return _many_legs(folder, "six_legs", [0, 48, 110, 185, 230, 300])
 
 
 def build_bridge(folder: Path) -> Path:
@@ -447,6 +466,8 @@ BUILDERS: dict[str, Callable[[Path], Path]] = {
     "slope": build_slope,
     "right_hand": build_right_hand,
     "left_hand": build_left_hand,
+    "five_legs": build_five_legs,
+    "six_legs": build_six_legs,
     "bare": build_bare,
     "left_hand_bare": build_left_hand_bare,
     "far_away": build_far_away,
