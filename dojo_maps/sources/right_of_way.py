@@ -5,7 +5,8 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 
 from dojo_maps.description import Connection, Junction, RightOfWay
-from dojo_maps.sources.sumo_xml import Attributes, NetRecords
+from dojo_maps.sources.safe_xml import Attributes
+from dojo_maps.sources.sumo_xml import NetRecords
 
 
 def read_right_of_way(
