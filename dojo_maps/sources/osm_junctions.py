@@ -4,6 +4,7 @@ Carriageways, slip lanes and stretched signals leave several vertices on one jun
 contracted, shortest first, while the junction stays of a size that junctions have.
 """
 
+import itertools
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass, field
@@ -79,7 +80,10 @@ class Groups:
 
 
 def group_junctions(
-    data: OsmData, graph: RoadGraph, crossings: Iterable[MappedCrossing], extra: Iterable[str] = ()
+    data: OsmData,
+    graph: RoadGraph,
+    crossings: Iterable[MappedCrossing],
+    joined: Iterable[tuple[int, int]] = (),
 ) -> Junctions:
     """Group vertices to junctions and give signals to them.
 
@@ -87,7 +91,7 @@ def group_junctions(
         data: the extract.
         graph: its roads.
         crossings: where people cross.
-        extra: sections to contract besides, because they come out too short.
+        joined: vertices to join besides.
     """
     ends = graph.ends()
     strong, stray = _assign_signals(data, graph, ends)
@@ -97,9 +101,8 @@ def group_junctions(
         section = graph.sections[name]
         if not section.road.roundabout and lengths[name] <= _reach(graph, ends, section, strong):
             groups.join(section.start, section.end)
-    for name in extra:
-        if name in graph.sections:
-            groups.join(graph.sections[name].start, graph.sections[name].end)
+    for one, other in joined:
+        groups.join(one, other)
     junctions = Junctions(of={vertex: groups.find(vertex) for vertex in sorted(ends)}, stray=stray)
     for vertex, nodes in sorted(strong.items()):
         junctions.signals.setdefault(junctions.of[vertex], []).extend(nodes)
@@ -181,7 +184,7 @@ def _downstream(
         forward = way > 0
         while walked <= _APPROACH:
             line = graph.line(here)[at:] if forward else graph.line(here)[: at + 1]
-            walked += float(sum(math.dist(a, b) for a, b in zip(line, line[1:], strict=False)))
+            walked += float(sum(math.dist(a, b) for a, b in itertools.pairwise(line)))
             vertex = here.end if forward else here.start
             if walked > _APPROACH:
                 break

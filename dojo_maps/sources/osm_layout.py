@@ -1,0 +1,231 @@
+"""Where each crossing goes: at the arm of a junction, whose border moves out to it, or between junctions."""
+
+import itertools
+import math
+from collections import defaultdict
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+
+from dojo_maps.sources.osm import OsmData
+from dojo_maps.sources.osm_crossings import MappedCrossing, find_crossings
+from dojo_maps.sources.osm_graph import RoadGraph, Section
+from dojo_maps.sources.osm_junctions import Junctions, group_junctions
+
+CROSSING_WIDTH = 4.0
+_REACH, _SIGNAL_REACH = 14.0, 30.0
+"""Metres from a vertex up to which a crossing lies on the junction's border, without and with signals."""
+_ROOM = 11.0
+"""Metres between two crossings of a section that leave an edge of 5 m between them, and a little."""
+_LEFT_OVER = 6.0
+_SIGNAL_NEAR = 20.0
+_ONE_SIGNAL = 30.0
+_BOTH_CARRIAGEWAYS = 28.0
+
+Arm = tuple[str, bool]
+"""A section's id, and whether its end is meant rather than its start."""
+
+
+@dataclass(slots=True, kw_only=True)
+class Layout:
+    """What is to be built.
+
+    Attributes:
+        inner: sections that lie inside a junction and vanish.
+        cuts: metres by which a section's end is drawn back from its vertex.
+        hosted: the crossing at each arm.
+        lost: crossings with no place, and why.
+    """
+
+    graph: RoadGraph
+    junctions: Junctions
+    crossings: list[MappedCrossing]
+    inner: set[str] = field(default_factory=set)
+    cuts: dict[Arm, float] = field(default_factory=dict)
+    hosted: dict[Arm, MappedCrossing] = field(default_factory=dict)
+    lost: list[tuple[MappedCrossing, str]] = field(default_factory=list)
+
+    def junction(self, arm: Arm) -> int:
+        """Name the junction that an arm ends at."""
+        section = self.graph.sections[arm[0]]
+        return self.junctions.of[section.end if arm[1] else section.start]
+
+    def arms(self) -> dict[int, list[Arm]]:
+        """List the arms of each junction."""
+        found: dict[int, list[Arm]] = defaultdict(list)
+        for name in sorted(self.graph.sections):
+            if name not in self.inner:
+                for at_end in (False, True):
+                    found[self.junction((name, at_end))].append((name, at_end))
+        return dict(found)
+
+
+def lay_out(data: OsmData, graph: RoadGraph, joined: Iterable[tuple[int, int]] = ()) -> Layout:
+    """Group junctions and place crossings.
+
+    Args:
+        data: the extract.
+        graph: its roads; sections are split where a crossing lies between junctions.
+        joined: vertices to join because a section between them came out too short before.
+    """
+    crossings = find_crossings(data, graph)
+    junctions = group_junctions(data, graph, crossings)
+    if _split_between(graph, junctions, crossings):
+        crossings = find_crossings(data, graph)
+    joined = [*joined, *_over_both_carriageways(graph, crossings)]
+    junctions = group_junctions(data, graph, crossings, joined)
+    layout = Layout(graph=graph, junctions=junctions, crossings=crossings)
+    for name, section in graph.sections.items():
+        same = junctions.of[section.start] == junctions.of[section.end]
+        if same and not section.road.roundabout and graph.length(section) < 80:
+            layout.inner.add(name)
+    _signal_between(layout)
+    _host(layout)
+    return layout
+
+
+def _over_both_carriageways(graph: RoadGraph, crossings: list[MappedCrossing]) -> list[tuple[int, int]]:
+    """Pair the crossings between junctions that lead over both carriageways of a divided road."""
+    ends = graph.ends()
+    alone = []
+    for crossing in crossings:
+        at = ends.get(crossing.node, [])
+        if len(at) == 2 and all(graph.sections[name].road.oneway for name in at):
+            line = graph.line(graph.sections[at[0]])
+            alone.append((crossing, math.atan2(line[-1][1] - line[0][1], line[-1][0] - line[0][0])))
+    return [
+        (one.node, other.node)
+        for (one, way), (other, back) in itertools.combinations(alone, 2)
+        if math.dist(one.place, other.place) < _BOTH_CARRIAGEWAYS and math.cos(way - back) < -0.8
+    ]
+
+
+def _split_between(graph: RoadGraph, junctions: Junctions, crossings: list[MappedCrossing]) -> bool:
+    """Split sections at crossings too far from both ends; tell whether any were."""
+    by_section: dict[str, list[MappedCrossing]] = defaultdict(list)
+    for crossing in crossings:
+        by_section[crossing.section].append(crossing)
+    degree = {vertex: len(at) for vertex, at in graph.ends().items()}
+    changed = False
+    for name, found in sorted(by_section.items()):
+        section = graph.sections[name]
+        if junctions.of[section.start] == junctions.of[section.end]:
+            continue
+        for node in _between(graph, junctions, degree, section, found):
+            index = graph.sections[name].nodes.index(node)
+            if 0 < index < len(graph.sections[name].nodes) - 1:
+                graph.split(name, index)
+                name += "b"
+                changed = True
+    return changed
+
+
+def _between(
+    graph: RoadGraph,
+    junctions: Junctions,
+    degree: dict[int, int],
+    section: Section,
+    found: list[MappedCrossing],
+) -> list[int]:
+    length = graph.length(section)
+    taken: list[float] = []
+
+    def border(vertex: int) -> float:
+        if degree[vertex] <= 2 and junctions.of[vertex] == vertex and vertex not in junctions.signals:
+            return 4.0
+        return _SIGNAL_REACH if junctions.of[vertex] in junctions.signals else _REACH
+
+    low, high = border(section.start), length - border(section.end)
+    near = min((c.along for c in found if c.along <= low), default=None)
+    far = max((c.along for c in found if c.along >= high), default=None)
+    taken += [near] if near is not None else [8.0 - _ROOM]
+    taken += [far] if far is not None else [length - 8.0 + _ROOM]
+    nodes = []
+    for crossing in found:
+        if crossing.along in (near, far) or any(abs(crossing.along - other) < _ROOM for other in taken):
+            continue
+        taken.append(crossing.along)
+        nodes.append(crossing.node)
+    return nodes
+
+
+def _signal_between(layout: Layout) -> None:
+    """Give signals to crossings between junctions that have them; near ones share a controller."""
+    graph, junctions = layout.graph, layout.junctions
+    degree = {vertex: len(at) for vertex, at in graph.ends().items()}
+    members = junctions.members()
+    stray = [graph.places[node] for node in junctions.stray]
+    signalised: list[int] = []
+    for crossing in layout.crossings:
+        junction = junctions.of.get(crossing.node)
+        alone = junction is not None and all(degree[vertex] == 2 for vertex in members[junction])
+        if not alone or junction is None or junction in junctions.signals:
+            continue
+        near = any(math.dist(place, crossing.place) < _SIGNAL_NEAR for place in stray)
+        if crossing.signalised or near:
+            junctions.signals[junction] = [crossing.node]
+            signalised.append(junction)
+    for junction in signalised:
+        here = graph.places[junction]
+        others = sorted(
+            (math.dist(here, graph.places[other]), other)
+            for other in junctions.controllers
+            if other != junction and math.dist(here, graph.places[other]) < _ONE_SIGNAL
+        )
+        junctions.controllers[junction] = junctions.controllers[others[0][1]] if others else junction
+
+
+def _host(layout: Layout) -> None:
+    """Give each crossing the arm nearest to it, nearest crossings first."""
+    graph = layout.graph
+    arms = layout.arms()
+    wishes = []
+    for number, crossing in enumerate(layout.crossings):
+        for arm in _candidates(layout, arms, crossing):
+            distance, cut = _reach_of(graph, arm, crossing)
+            back = _faces_back(graph, arms[layout.junction(arm)][0], arm)
+            wishes.append((round(distance, 1), back, number, arm, cut))
+    placed: set[int] = set()
+    lengths = {name: graph.length(graph.sections[name]) for name in graph.sections}
+    for distance, _, number, arm, cut in sorted(wishes):
+        if number in placed or arm in layout.hosted or distance > _SIGNAL_REACH:
+            continue
+        used = layout.cuts.get((arm[0], not arm[1]), 6.0)
+        room = lengths[arm[0]] - used - _LEFT_OVER
+        if cut > 4.0 and cut > room + 4.0:
+            continue
+        layout.hosted[arm] = layout.crossings[number]
+        layout.cuts[arm] = max(min(cut, room), 0.0)
+        placed.add(number)
+    for number, crossing in enumerate(layout.crossings):
+        if number not in placed:
+            layout.lost.append((crossing, "another crossing or the road's end is too near"))
+
+
+def _candidates(layout: Layout, arms: dict[int, list[Arm]], crossing: MappedCrossing) -> list[Arm]:
+    """List the arms where a crossing may be built."""
+    section = layout.graph.sections[crossing.section]
+    if crossing.section not in layout.inner and crossing.node not in (section.start, section.end):
+        return [(crossing.section, False), (crossing.section, True)]
+    if crossing.section in layout.inner:
+        return arms.get(layout.junctions.of[section.start], [])
+    return arms.get(layout.junctions.of[crossing.node], [])
+
+
+def _reach_of(graph: RoadGraph, arm: Arm, crossing: MappedCrossing) -> tuple[float, float]:
+    """Measure from an arm's vertex to a crossing, and how far the arm must be drawn back for it."""
+    section = graph.sections[arm[0]]
+    if crossing.section == arm[0]:
+        distance = graph.length(section) - crossing.along if arm[1] else crossing.along
+        return distance, distance + CROSSING_WIDTH / 2
+    vertex = section.end if arm[1] else section.start
+    distance = math.dist(graph.places[vertex], crossing.place)
+    return distance + 0.01, CROSSING_WIDTH / 2
+
+
+def _faces_back(graph: RoadGraph, first: Arm, arm: Arm) -> bool:
+    """Tell whether an arm leads to the other side than the first, so that crossings line up on one side."""
+    ways = []
+    for name, at_end in (first, arm):
+        line = graph.line(graph.sections[name])
+        ways.append((line[-2] - line[-1]) if at_end else (line[1] - line[0]))
+    return float(ways[0] @ ways[1]) < 0

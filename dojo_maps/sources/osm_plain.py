@@ -1,0 +1,234 @@
+"""Write a layout as SUMO's plain XML: nodes, edges with every lane, connections and crossings."""
+
+from collections import defaultdict
+from dataclasses import dataclass, field
+from pathlib import Path
+from xml.sax.saxutils import quoteattr
+
+import numpy as np
+
+from dojo_maps.geometry.polylines import Floats, along
+from dojo_maps.sources.osm import OsmData
+from dojo_maps.sources.osm_crossings import MappedCrossing
+from dojo_maps.sources.osm_graph import Section
+from dojo_maps.sources.osm_lanes import connect_lanes
+from dojo_maps.sources.osm_layout import CROSSING_WIDTH, Arm, Layout
+from dojo_maps.sources.osm_movements import Movement, Movements, Restriction, directed
+from dojo_maps.sources.osm_sidewalks import SIDEWALK_WIDTH, Sidewalks
+from dojo_maps.sources.osm_ways import KINDS, LaneTags
+
+NODES, EDGES, CONNECTIONS = "input.nod.xml", "input.edg.xml", "input.con.xml"
+_CARS = 'disallow="pedestrian tram rail_urban rail rail_electric rail_fast ship cable_car subway aircraft"'
+_BUSES = 'allow="bus coach taxi emergency"'
+
+
+@dataclass(slots=True, kw_only=True)
+class Plain:
+    """What was written: by SUMO's ids, what of the extract it came from."""
+
+    sections: dict[str, Section] = field(default_factory=dict)
+    """Directed: an edge's section as it is driven."""
+    crossings: list[tuple[str, frozenset[str], MappedCrossing]] = field(default_factory=list)
+    sidewalks: dict[str, tuple[bool, bool]] = field(default_factory=dict)
+    nodes: dict[int, str] = field(default_factory=dict)
+    movements: list[Movement] = field(default_factory=list)
+
+
+def edge_name(section: Section, *, forward: bool) -> str:
+    """Name the edge of a section's direction."""
+    return section.id if forward else f"-{section.id}"
+
+
+def incoming_name(arm: Arm) -> str:
+    """Name the edge that arrives through an arm."""
+    return arm[0] if arm[1] else f"-{arm[0]}"
+
+
+def outgoing_name(arm: Arm) -> str:
+    """Name the edge that leaves through an arm."""
+    return f"-{arm[0]}" if arm[1] else arm[0]
+
+
+def write_plain(data: OsmData, layout: Layout, restrictions: list[Restriction], folder: Path) -> Plain:
+    """Write the three files that netconvert builds the network from."""
+    plain = Plain()
+    walks = Sidewalks(data, layout.graph)
+    arms = layout.arms()
+    plain.nodes = {junction: str(junction) for junction in arms}
+    for name in sorted(layout.graph.sections):
+        if name not in layout.inner:
+            section = layout.graph.sections[name]
+            plain.sidewalks[name] = walks.sides(section)
+    _write(folder / NODES, "nodes", [_location(layout), *_nodes(layout, arms)])
+    _write(folder / EDGES, "edges", _edges(layout, plain))
+    _write(folder / CONNECTIONS, "connections", _connections(layout, arms, restrictions, plain))
+    return plain
+
+
+def _write(path: Path, root: str, lines: list[str]) -> None:
+    path.write_text("\n".join([f"<{root}>", *lines, f"</{root}>", ""]), encoding="utf-8")
+
+
+def _location(layout: Layout) -> str:
+    graph = layout.graph
+    return (
+        f'<location netOffset="{graph.offset[0]:.2f},{graph.offset[1]:.2f}" convBoundary="0,0,1,1" '
+        f'origBoundary="0,0,1,1" projParameter={quoteattr(graph.proj)}/>'
+    )
+
+
+def _nodes(layout: Layout, arms: dict[int, list[Arm]]) -> list[str]:
+    members = layout.junctions.members()
+    lines = []
+    for junction in sorted(arms):
+        places = np.array([layout.graph.places[vertex] for vertex in members[junction]])
+        x, y = (places.min(axis=0) + places.max(axis=0)) / 2
+        controller = layout.junctions.controllers.get(junction)
+        kind = f'type="traffic_light" tl="{controller}"' if controller is not None else 'type="priority"'
+        lines.append(f'<node id="{junction}" x="{x:.2f}" y="{y:.2f}" {kind}/>')
+    return lines
+
+
+def _edges(layout: Layout, plain: Plain) -> list[str]:
+    lines = []
+    for name, (left, right) in sorted(plain.sidewalks.items()):
+        section = layout.graph.sections[name]
+        road = section.road
+        divider = _divider(layout, section)
+        near, far = (left, right) if layout.graph.left_hand else (right, left)
+        for forward, lanes, walk in ((True, road.forward, near), (False, road.backward, far)):
+            if not lanes and not walk:
+                continue
+            driven = section if forward else section.flipped()
+            edge = edge_name(section, forward=forward)
+            plain.sections[edge] = driven
+            ends = (layout.junctions.of[driven.start], layout.junctions.of[driven.end])
+            shape = divider if forward else divider[::-1]
+            lines += _edge(edge, ends, driven, lanes, walk=walk, shape=shape)
+    return lines
+
+
+def _edge(
+    edge: str,
+    ends: tuple[int, int],
+    section: Section,
+    lanes: tuple[LaneTags, ...],
+    *,
+    walk: bool,
+    shape: Floats,
+) -> list[str]:
+    road = section.road
+    places = " ".join(f"{x:.2f},{y:.2f}" for x, y in shape)
+    name = f"name={quoteattr(road.name)} " if road.name.strip() else ""
+    lines = [
+        f'<edge id="{edge}" from="{ends[0]}" to="{ends[1]}" {name}'
+        f'type="highway.{road.kind}" priority="{KINDS[road.kind]}" numLanes="{len(lanes) + walk}" '
+        f'speed="{road.speed:.2f}" spreadType="right" shape="{places}">'
+    ]
+    if walk:
+        lines.append(
+            f'<lane index="0" allow="pedestrian" width="{SIDEWALK_WIDTH:.2f}" speed="{road.speed:.2f}"/>'
+        )
+    for number, lane in enumerate(lanes):
+        who = _BUSES if lane.bus else _CARS
+        lines.append(f'<lane index="{number + walk}" {who} width="{road.width:.2f}"/>')
+    return [*lines, "</edge>"]
+
+
+def _divider(layout: Layout, section: Section) -> Floats:
+    """Find the line between the two directions, drawn back where a crossing lies at an end.
+
+    The way is taken for the middle of the carriageway.
+    """
+    line = layout.graph.line(section)
+    cuts = [layout.cuts.get((section.id, at_end), 0.0) for at_end in (False, True)]
+    line = _trim(line, *cuts)
+    road = section.road
+    aside = road.width * (len(road.forward) - len(road.backward)) / 2
+    return _shift(line, -aside if layout.graph.left_hand else aside)
+
+
+def _trim(line: Floats, start: float, end: float) -> Floats:
+    lengths = along(line)
+    total = float(lengths[-1])
+    if start + end > total - 1.0:
+        share = max(total - 1.0, 0.0) / (start + end)
+        start, end = start * share, end * share
+    inner = (lengths > start + 0.3) & (lengths < total - end - 0.3)
+    wanted = np.concatenate([[start], lengths[inner], [total - end]])
+    return np.column_stack([np.interp(wanted, lengths, values) for values in line.T])
+
+
+def _shift(line: Floats, distance: float) -> Floats:
+    """Move a line to its left, corners mitred."""
+    if not distance:
+        return line
+    step = np.diff(line, axis=0)
+    step /= np.maximum(np.hypot(*step.T), 1e-9)[:, None]
+    left = np.column_stack([-step[:, 1], step[:, 0]])
+    before, after = np.vstack([left[:1], left]), np.vstack([left, left[-1:]])
+    middle = before + after
+    size = np.maximum((middle**2).sum(axis=1), 0.5)
+    return line + distance * 2 * middle / size[:, None]
+
+
+def _connections(
+    layout: Layout, arms: dict[int, list[Arm]], restrictions: list[Restriction], plain: Plain
+) -> list[str]:
+    finder = Movements(layout, restrictions)
+    lines = []
+    for junction in sorted(arms):
+        movements = finder.at(junction, arms[junction])
+        plain.movements += movements
+        lines += _lane_links(layout, movements, plain)
+        lines += _crossings(layout, junction, arms[junction], plain)
+    return lines
+
+
+def _lane_links(layout: Layout, movements: list[Movement], plain: Plain) -> list[str]:
+    by_source: dict[Arm, list[Movement]] = defaultdict(list)
+    for movement in movements:
+        by_source[movement.source].append(movement)
+    lines = []
+    for source, found in by_source.items():
+        lanes = directed(layout.graph.sections[source[0]], into_end=source[1])
+        targets = [directed(layout.graph.sections[m.target[0]], into_end=not m.target[1]) for m in found]
+        links = connect_lanes(lanes, targets, [m.angle for m in found], left_hand=layout.graph.left_hand)
+        origin = incoming_name(source)
+        for lane, number, onto in links:
+            goal = outgoing_name(found[number].target)
+            shifts = [_has_walk(layout, plain, edge) for edge in (origin, goal)]
+            lines.append(
+                f'<connection from="{origin}" to="{goal}" fromLane="{lane + shifts[0]}" '
+                f'toLane="{onto + shifts[1]}"/>'
+            )
+    return lines
+
+
+def _has_walk(layout: Layout, plain: Plain, edge: str) -> bool:
+    left, right = plain.sidewalks[edge.removeprefix("-")]
+    return (left if layout.graph.left_hand else right) != edge.startswith("-") if left != right else left
+
+
+def _crossings(layout: Layout, junction: int, arms: list[Arm], plain: Plain) -> list[str]:
+    lines = []
+    done: set[frozenset[str]] = set()
+    for arm in arms:
+        crossing = layout.hosted.get(arm)
+        if crossing is None:
+            continue
+        names = frozenset(name for name in (incoming_name(arm), outgoing_name(arm)) if _drives(plain, name))
+        if names in done:
+            continue
+        done.add(names)
+        plain.crossings.append((str(junction), names, crossing))
+        priority = "true" if crossing.marked else "false"
+        lines.append(
+            f'<crossing node="{junction}" edges="{" ".join(sorted(names))}" '
+            f'width="{CROSSING_WIDTH:.2f}" priority="{priority}"/>'
+        )
+    return lines
+
+
+def _drives(plain: Plain, edge: str) -> bool:
+    return edge in plain.sections and bool(plain.sections[edge].road.forward)
