@@ -1,0 +1,176 @@
+"""From an OpenStreetMap extract to a SUMO network: laid out here, built by netconvert, mended, checked.
+
+netconvert is never trusted: a crash or refusal drops the option most likely at fault and is reported, what
+it warns of is counted and tied to its element, and edges that come out too short join their junctions.
+"""
+
+import re
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+
+from dojo_maps.description import RoadMap
+from dojo_maps.errors import SourceError
+from dojo_maps.issue import Element, Issue, Severity
+from dojo_maps.sources.netconvert import NetconvertError, run_netconvert
+from dojo_maps.sources.osm import OsmData
+from dojo_maps.sources.osm_graph import build_graph
+from dojo_maps.sources.osm_layout import Layout, lay_out
+from dojo_maps.sources.osm_movements import Restriction, read_restrictions
+from dojo_maps.sources.osm_plain import CONNECTIONS, EDGES, NODES, Plain, write_plain
+from dojo_maps.sources.osm_programs import program_signals
+from dojo_maps.sources.sumo_net import read_network
+
+_ALWAYS = (
+    *("-n", NODES, "-e", EDGES, "-x", CONNECTIONS, "-o", "output.net.xml"),
+    *("--no-internal-links", "false", "--offset.disable-normalization", "--no-turnarounds.except-deadend"),
+    *("--output.street-names", "--junctions.join", "false"),
+)
+_DROPPED_IN_TURN = ("--roundabouts.guess", "--walkingareas")
+"""Given first, and left out one more at each attempt after a failure."""
+_SHORTEST = 5.0
+_ROUNDS = 4
+_TIMEOUT = 240.0
+_QUOTED = re.compile(r"'(:?-?[\w#.]+?)(_[cw]?\d+)?'")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class OsmNetwork:
+    """A built network and what it was built from.
+
+    Attributes:
+        data: the network's bytes.
+        warnings: netconvert's own.
+    """
+
+    data: bytes
+    road_map: RoadMap
+    layout: Layout
+    plain: Plain
+    restrictions: tuple[Restriction, ...]
+    issues: tuple[Issue, ...]
+    warnings: tuple[str, ...]
+
+
+def build_network(data: OsmData, *, path: Path, name: str, sha256: str) -> OsmNetwork:
+    """Build the network of an extract.
+
+    Args:
+        data: the extract.
+        path: where it came from, for errors.
+        name: the map's name.
+        sha256: of the file as it lies on disk.
+
+    Raises:
+        SourceError: the extract has no roads that make a network.
+        NetconvertError: netconvert fails on it whatever is left out.
+        ToolMissingError: netconvert is not installed.
+    """
+    restrictions, broken = read_restrictions(data)
+    joined: list[tuple[int, int]] = []
+    for attempt in range(_ROUNDS):
+        layout = lay_out(data, build_graph(data, path), joined)
+        with tempfile.TemporaryDirectory(prefix="dojo-maps-") as folder:
+            plain = write_plain(data, layout, restrictions, Path(folder))
+            built, warnings, dropped = _convert(Path(folder), path)
+        road_map, _ = read_network(built, path=path, name=name, sha256=sha256)
+        short = _too_short(road_map, plain)
+        if not short or attempt == _ROUNDS - 1 or set(short) <= set(joined):
+            break
+        joined += short
+    built = program_signals(built, road_map, path=path)
+    road_map, issues = read_network(built, path=path, name=name, sha256=sha256)
+    issues += tuple(_dropped_issue(option, reason, road_map) for option, reason in dropped)
+    issues += tuple(_warning_issue(warning, road_map) for warning in warnings)
+    issues += tuple(_broken_restriction(relation, road_map) for relation in broken)
+    return OsmNetwork(
+        data=built,
+        road_map=road_map,
+        layout=layout,
+        plain=plain,
+        restrictions=tuple(restrictions),
+        issues=issues,
+        warnings=warnings,
+    )
+
+
+def _convert(folder: Path, path: Path) -> tuple[bytes, tuple[str, ...], list[tuple[str, str]]]:
+    """Run netconvert, with one option less after each failure."""
+    options = list(_DROPPED_IN_TURN)
+    dropped: list[tuple[str, str]] = []
+    while True:
+        try:
+            result = run_netconvert([*_ALWAYS, *options], folder=folder, timeout=_TIMEOUT)
+            break
+        except NetconvertError as error:
+            if not options:
+                raise
+            dropped.append((options.pop(), str(error)))
+    output = folder / "output.net.xml"
+    if not output.is_file():
+        raise SourceError(path, "netconvert built no network from its roads; choose a larger area")
+    return _without_header(output.read_bytes()), result.warnings, dropped
+
+
+def _without_header(data: bytes) -> bytes:
+    """Drop netconvert's comment, which names the time and the folder of the run."""
+    return re.sub(rb"<!--.*?-->\s*", b"", data, count=1, flags=re.DOTALL)
+
+
+def _too_short(road_map: RoadMap, plain: Plain) -> list[tuple[int, int]]:
+    """Find the vertices of sections that came out shorter than a car."""
+    lanes = {lane.id: lane for lane in road_map.lanes}
+    found = []
+    for road in road_map.roads:
+        if min(lanes[lane].length for lane in road.lanes) < _SHORTEST and road.id in plain.sections:
+            section = plain.sections[road.id]
+            found.append((min(section.start, section.end), max(section.start, section.end)))
+    return sorted(set(found))
+
+
+def _warning_issue(warning: str, road_map: RoadMap) -> Issue:
+    roads = {road.id: road for road in road_map.roads}
+    junctions = {junction.id: junction for junction in road_map.junctions}
+    lanes = {lane.id: lane for lane in road_map.lanes}
+    elements, position = [], (*road_map.origin, 0.0)
+    for name, suffix in _QUOTED.findall(warning):
+        key = name.removeprefix(":")
+        if name + suffix in lanes:
+            elements.append(Element(kind="lane", id=name + suffix))
+            position = tuple(map(float, lanes[name + suffix].shape[0]))
+        elif key in roads:
+            elements.append(Element(kind="road", id=key))
+            position = tuple(map(float, lanes[roads[key].lanes[0]].shape[0]))
+        elif key in junctions:
+            elements.append(Element(kind="junction", id=key))
+            position = junctions[key].position
+    return Issue(
+        check="osm.netconvert_warning",
+        severity=Severity.NOTE,
+        elements=tuple(dict.fromkeys(elements)),
+        position=position,
+        message=f"netconvert: {warning}",
+        hint="look at the place in netedit; correct the map data where it is wrong",
+    )
+
+
+def _dropped_issue(option: str, reason: str, road_map: RoadMap) -> Issue:
+    return Issue(
+        check="osm.netconvert_failed",
+        severity=Severity.WARNING,
+        elements=(),
+        position=(*road_map.origin, 0.0),
+        message=f"the network was built without {option}, because: {reason}",
+        hint="import a smaller area to find the road that netconvert fails on",
+    )
+
+
+def _broken_restriction(relation: int, road_map: RoadMap) -> Issue:
+    return Issue(
+        check="osm.restriction_incomplete",
+        severity=Severity.NOTE,
+        elements=(Element(kind="relation", id=str(relation)),),
+        position=(*road_map.origin, 0.0),
+        message=f"turn restriction {relation} lacks a member or names one of the wrong type",
+        hint=f"complete it: https://www.openstreetmap.org/relation/{relation}",
+    )
