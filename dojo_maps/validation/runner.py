@@ -8,6 +8,7 @@ from dojo_maps.description import RoadMap
 from dojo_maps.issue import Issue, Severity
 from dojo_maps.meshes.mesh import Mesh
 from dojo_maps.validation.geometry_checks import check_mesh_health
+from dojo_maps.validation.osm_checks import OSM_CHECKS
 
 REPORT_FORMAT = "dojo-report"
 REPORT_VERSION = 1
@@ -49,6 +50,10 @@ CHECKS = (
         severity=Severity.ERROR,
         limit="none",
         source="SUMO net format",
+    ),
+    *(
+        Check(id=name, title=title, severity=severity, limit=limit, source="OpenStreetMap")
+        for name, title, severity, limit in OSM_CHECKS
     ),
 )
 
