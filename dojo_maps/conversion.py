@@ -27,6 +27,7 @@ from dojo_maps.serialization import to_json
 from dojo_maps.sources.enrich_net import enrich_network
 from dojo_maps.sources.files import find_network, read_bytes, sha256_of
 from dojo_maps.sources.osm import is_osm, read_osm
+from dojo_maps.sources.osm_context import read_context
 from dojo_maps.sources.osm_network import build_network
 from dojo_maps.sources.osm_score import score_network
 from dojo_maps.sources.sumo_net import read_network
@@ -130,9 +131,10 @@ def _import_osm(
     on_stage("Building the network")
     network = build_network(extract, path=path, name=name, sha256=sha256)
     quality, losses = score_network(extract, network)
+    context, notes = read_context(extract, network.road_map)
     source = replace(network.road_map.source, kind="osm")
-    described = replace(network.road_map, source=source)
-    return network.data, described, network.issues + losses, quality
+    described = replace(network.road_map, source=source, props=network.road_map.props + context)
+    return network.data, described, network.issues + losses + notes, quality
 
 
 def furnish_and_build(

@@ -273,7 +273,7 @@ class StopLine:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Prop:
-    """A thing beside the road: a polygon (island, building) or a position (pole, tree), and its height."""
+    """A thing beside the road: a polygon (island, building, water) or a position (pole, tree), and its height."""
 
     id: str
     kind: str
@@ -281,6 +281,7 @@ class Prop:
     polygon: Points | None = None
     position: tuple[float, float, float] | None = None
     tags: tuple[tuple[str, str], ...] = ()
+    holes: tuple[Points, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -62,9 +62,11 @@ LAYERS = {
     "signal": (Semantic.SIGNAL, Surface.METAL, (52, 56, 60)),
     "building": (Semantic.BUILDING, Surface.FACADE, (196, 182, 164)),
     "tree": (Semantic.TREE, Surface.FOLIAGE, (66, 104, 52)),
-    "water": (Semantic.WATER, Surface.WATER, (70, 100, 120)),
+    "tree/trunk": (Semantic.TREE, Surface.PLAIN, (92, 74, 58)),
+    "terrain/green": (Semantic.TERRAIN, Surface.GRASS, (92, 122, 66)),
+    "terrain/water": (Semantic.WATER, Surface.WATER, (70, 100, 120)),
 }
-"""Semantic class, surface and sRGB colour by layer of scene.glb."""
+"""Semantic class, surface and sRGB colour by node of scene.glb, or by its layer."""
 OTHER_LAYER = (Semantic.BUILDING, Surface.PLAIN, (150, 150, 150))
 
 SEMANTIC_OF_KIND = np.array(

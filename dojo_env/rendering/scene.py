@@ -68,7 +68,7 @@ def build_scene(bundle: Bundle) -> Scene:
     looks: list[tuple[int, Semantic, Surface, Floats]] = []
     count = 0
     for mesh in bundle.read_meshes():
-        semantic, surface, colour = LAYERS.get(mesh.layer, OTHER_LAYER)
+        semantic, surface, colour = LAYERS.get(mesh.name) or LAYERS.get(mesh.layer, OTHER_LAYER)
         dark = _DARK_LAMP if mesh.name in _LAMPS else 1.0
         vertices.append(mesh.vertices)
         faces.append(mesh.faces + count)

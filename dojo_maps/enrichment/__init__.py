@@ -9,10 +9,13 @@ from dojo_maps.enrichment.crossings import generate_crossings
 from dojo_maps.enrichment.islands import find_islands
 from dojo_maps.enrichment.sidewalks import generate_sidewalks
 from dojo_maps.enrichment.signals import place_signal_heads, place_stop_lines
+from dojo_maps.enrichment.surroundings import clear_street
 
 
 def furnish(road_map: RoadMap, paved: shapely.Geometry, *, generated: bool) -> RoadMap:
     """Add stop lines, islands, signal heads and poles, and where the network has none, places to walk.
+
+    Buildings and trees that stand in the street give way to it.
 
     Args:
         road_map: as a source describes it.
@@ -22,6 +25,7 @@ def furnish(road_map: RoadMap, paved: shapely.Geometry, *, generated: bool) -> R
     road_map = replace(road_map, props=road_map.props + find_islands(road_map, paved))
     if generated:
         road_map = replace(road_map, sidewalks=road_map.sidewalks + generate_sidewalks(road_map))
+    road_map = clear_street(road_map, paved)
     if generated and not road_map.crossings:
         road_map = replace(road_map, crossings=generate_crossings(road_map))
     road_map = replace(road_map, stop_lines=place_stop_lines(road_map))

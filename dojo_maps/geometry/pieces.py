@@ -26,6 +26,8 @@ class Layer(StrEnum):
     SIDEWALK = "sidewalk"
     ISLAND = "island"
     RAIL = "rail"
+    WATER = "terrain/water"
+    GREEN = "terrain/green"
     TERRAIN = "terrain"
 
 
@@ -85,9 +87,13 @@ def build_pieces(road_map: RoadMap) -> Pieces:
 
 
 def add_pieces(pieces: Pieces, road_map: RoadMap) -> Pieces:
-    """Add the claims that give way to the network's own: islands, then generated pavement, then tracks."""
+    """Add the claims that give way to the network's own.
+
+    Islands come first, then generated pavement, tracks, water, and green areas.
+    """
     claims = [*_island_claims(road_map), *_sidewalk_claims(road_map, Origin.GENERATED)]
-    added = _pieces([*claims, *_rail_claims(road_map)], road_map)
+    claims += [*_rail_claims(road_map), *_area_claims(road_map)]
+    added = _pieces(claims, road_map)
     return replace(
         pieces,
         polygons=np.concatenate([pieces.polygons, added.polygons]),
@@ -225,6 +231,13 @@ def _island_claims(road_map: RoadMap) -> Iterator[Claim]:
     for prop in road_map.props:
         if prop.kind == "island" and prop.polygon is not None:
             yield replace(_ring_claim(Layer.ISLAND, prop.id, prop.polygon), flush=prop.height == 0.0)
+
+
+def _area_claims(road_map: RoadMap) -> Iterator[Claim]:
+    for kind, layer in (("water", Layer.WATER), ("green", Layer.GREEN)):
+        for prop in road_map.props:
+            if prop.kind == kind and prop.polygon is not None:
+                yield _ring_claim(layer, prop.id, prop.polygon, prop.holes)
 
 
 def _ring_claim(layer: Layer, source: str, ring: Points, holes: tuple[Points, ...] = ()) -> Claim:

@@ -11,6 +11,11 @@ from dojo_maps.meshes.mesh import Mesh
 
 COLOURS = {
     "terrain": (116, 142, 92),
+    "terrain/water": (92, 130, 158),
+    "terrain/green": (102, 134, 76),
+    "building": (196, 184, 168),
+    "tree": (70, 108, 56),
+    "tree/trunk": (98, 78, 60),
     "road": (74, 77, 82),
     "junction": (78, 81, 86),
     "rail": (112, 101, 90),

@@ -15,6 +15,7 @@ from dojo_maps.geometry.symbols import arrow_paint, crossing_paint, stop_line_pa
 from dojo_maps.meshes.decals import paint_mesh
 from dojo_maps.meshes.furniture import signal_meshes
 from dojo_maps.meshes.mesh import Mesh
+from dojo_maps.meshes.surroundings import surrounding_meshes
 from dojo_maps.meshes.surfaces import build_ground, surface_meshes
 
 _RAMP = 1.5
@@ -61,7 +62,7 @@ def build_scene(
     lines = {lane.id: lane.shape - shift for lane in road_map.lanes}
     lines |= {crossing.id: crossing.shape - shift for crossing in road_map.crossings}
     meshes += [mesh for paint in paints if (mesh := paint_mesh(paint, ground, lines)) is not None]
-    return (*meshes, *signal_meshes(road_map))
+    return (*meshes, *signal_meshes(road_map), *surrounding_meshes(road_map))
 
 
 def _ramps(road_map: RoadMap) -> Shapes:

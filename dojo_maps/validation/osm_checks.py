@@ -14,6 +14,7 @@ OSM_CHECKS = (
     ("osm.short_edge", "Roads between junctions can store a car", Severity.NOTE, "5 m"),
     ("osm.missing_node", "Roads have all their nodes", Severity.NOTE, "none missing"),
     ("osm.netconvert_warning", "netconvert has nothing to object", Severity.NOTE, "none"),
+    ("osm.context_left_out", "Buildings, trees and areas are all kept", Severity.NOTE, "thousands of each"),
     ("osm.netconvert_failed", "netconvert takes all options", Severity.WARNING, "none"),
 )
 """Id, title, severity and limit."""
