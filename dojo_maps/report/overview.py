@@ -42,8 +42,8 @@ def draw_overview(road_map: RoadMap, meshes: Sequence[Mesh], path: Path) -> None
 
 def _painters_order(meshes: Sequence[Mesh]) -> tuple[Floats, list[tuple[int, int, int]]]:
     """List every upward triangle (n, 3, 3) with its colour in BGR, lowest first."""
-    corners = [mesh.vertices[mesh.faces] for mesh in meshes if mesh.layer not in ("terrain", "signal")]
-    colours = [COLOURS[mesh.name][::-1] for mesh in meshes if mesh.layer not in ("terrain", "signal")]
+    corners = [mesh.vertices[mesh.faces] for mesh in meshes if _is_drawn(mesh)]
+    colours = [COLOURS[mesh.name][::-1] for mesh in meshes if _is_drawn(mesh)]
     which = np.repeat(np.arange(len(corners)), [len(c) for c in corners])
     every = np.concatenate(corners)
     edge, other = every[:, 1] - every[:, 0], every[:, 2] - every[:, 0]
@@ -51,3 +51,8 @@ def _painters_order(meshes: Sequence[Mesh]) -> tuple[Floats, list[tuple[int, int
     every, which = every[upward], which[upward]
     order = np.argsort(every[:, :, 2].max(axis=1), kind="stable")
     return every[order], [colours[k] for k in which[order]]
+
+
+def _is_drawn(mesh: Mesh) -> bool:
+    """Tell whether a mesh is drawn; bare ground is the canvas, and signals hang over what matters."""
+    return mesh.name != "terrain" and mesh.layer != "signal"
