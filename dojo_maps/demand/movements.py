@@ -1,0 +1,121 @@
+"""Ways through junctions, and for each one a route that comes from the map's edge and leaves over it."""
+
+import heapq
+from collections import defaultdict
+from dataclasses import dataclass
+
+from dojo_maps.description import Connection, RoadMap
+
+CLASSES = ("passenger", "bus")
+"""Who drives a movement: cars, or buses where cars may not."""
+TURNAROUND = "t"
+_LONGEST = 2_000.0
+"""Metres from a junction to where a route may begin or end."""
+
+Arc = tuple[str, str]
+"""A road and the next one."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Route:
+    """A way across the map made for one movement.
+
+    Attributes:
+        roads: ids in driving order.
+        movement: the road before and the road after the junction that it is for.
+        vehicle_class: SUMO's word for who drives it.
+        direction: SUMO's letter for the movement's turn.
+    """
+
+    roads: tuple[str, ...]
+    movement: Arc
+    vehicle_class: str
+    direction: str
+
+    @property
+    def arcs(self) -> tuple[Arc, ...]:
+        """Each road with its next."""
+        return tuple(zip(self.roads, self.roads[1:], strict=False))
+
+
+def find_routes(road_map: RoadMap) -> tuple[Route, ...]:
+    """Make a route for each movement through a signal, or, on a map without signals, through any junction.
+
+    Turnarounds are left out: hardly anybody turns around at a signal, and it holds up all others.
+    """
+    nets = {name: _Net(road_map, name) for name in CLASSES}
+    wanted: dict[Arc, Connection] = {}
+    lane_road = {lane.id: lane.road for lane in road_map.lanes}
+    for connection in road_map.connections:
+        if connection.direction != TURNAROUND and (connection.signal is not None or not road_map.signals):
+            arc = (lane_road[connection.from_lane], lane_road[connection.to_lane])
+            wanted.setdefault(arc, connection)
+    routes = []
+    for arc, connection in wanted.items():
+        name = next((name for name in CLASSES if arc in nets[name].arcs), None)
+        if name is not None:
+            roads = nets[name].through(arc)
+            routes.append(
+                Route(roads=roads, movement=arc, vehicle_class=name, direction=connection.direction)
+            )
+    return tuple(routes)
+
+
+class _Net:
+    """The roads as one class of vehicles can follow each other, without turnarounds."""
+
+    def __init__(self, road_map: RoadMap, vehicle_class: str) -> None:
+        open_lanes = {lane.id: lane.road for lane in road_map.lanes if vehicle_class in lane.allow}
+        self.arcs = {
+            (open_lanes[c.from_lane], open_lanes[c.to_lane])
+            for c in road_map.connections
+            if c.from_lane in open_lanes and c.to_lane in open_lanes and c.direction != TURNAROUND
+        }
+        self._before: dict[str, list[str]] = defaultdict(list)
+        self._after: dict[str, list[str]] = defaultdict(list)
+        for start, end in sorted(self.arcs):
+            self._after[start].append(end)
+            self._before[end].append(start)
+        lanes = {lane.id: lane for lane in road_map.lanes}
+        self._length = {road.id: lanes[road.lanes[0]].length for road in road_map.roads if road.lanes}
+        ends = {road.id: (road.from_junction, road.to_junction) for road in road_map.roads}
+        self._ends = ends
+
+    def through(self, arc: Arc) -> tuple[str, ...]:
+        """Lead a route from the nearest edge of the map through a movement to another edge.
+
+        Where no edge is near, the route begins or ends at the movement's own roads.
+        """
+        seen = {self._ends[road] for road in arc} | {self._ends[road][::-1] for road in arc}
+        back = self._search(arc[0], self._before, seen)
+        seen |= {self._ends[road] for road in back} | {self._ends[road][::-1] for road in back}
+        ahead = self._search(arc[1], self._after, seen - {self._ends[arc[1]]})
+        return (*reversed(back), *ahead)
+
+    def _search(
+        self, start: str, following: dict[str, list[str]], barred: set[tuple[str, str]]
+    ) -> list[str]:
+        """Find the nearest road that nothing follows; from `start` to it, through no barred street."""
+        queue: list[tuple[float, str]] = [(0.0, start)]
+        came: dict[str, str | None] = {start: None}
+        done: set[str] = set()
+        while queue:
+            length, road = heapq.heappop(queue)
+            if road in done:
+                continue
+            done.add(road)
+            if not following[road]:
+                return _trace(came, road)
+            for other in following[road]:
+                total = length + self._length[other]
+                if other not in done and self._ends[other] not in barred and total < _LONGEST:
+                    came.setdefault(other, road)
+                    heapq.heappush(queue, (total, other))
+        return [start]
+
+
+def _trace(came: dict[str, str | None], road: str) -> list[str]:
+    path = [road]
+    while (previous := came[path[-1]]) is not None:
+        path.append(previous)
+    return path[::-1]

@@ -1,0 +1,143 @@
+"""How many vehicles each route gets: as many as lanes and greens can take, shared out fairly.
+
+Capacity of a lane for one movement is its saturation flow times the share of the cycle that it is green,
+as in the Highway Capacity Manual (7th edition, chapter 19: c = s g / C). A green that yields counts half.
+Movements that share a lane share its time. All routes grow together, each by its weight, until one of its
+lanes has reached the wanted degree of saturation; then it stays and the others grow on (progressive
+filling, which is max-min fair: Bertsekas and Gallager, Data Networks, section 6.5.2).
+"""
+
+from collections import defaultdict
+from collections.abc import Sequence
+
+import numpy as np
+
+from dojo_maps.demand.movements import Arc, Route
+from dojo_maps.description import Connection, Program, RoadMap
+from dojo_maps.geometry.polylines import Floats
+
+SATURATION = 0.7
+"""Share of its capacity that the scarcest lane of a route is used to. Above 0.85 to 0.9 queues grow without
+end in some cycles (same manual, section on sustained spillback); half of that leaves junctions empty."""
+SATURATION_FLOW = 1_800.0
+"""Vehicles per hour of green and lane; the manual's base is 1,900 passenger cars."""
+_YIELDING = 0.5
+_LOST = 2.0
+"""Seconds of each green that starting and clearing take."""
+_UNSIGNALLED = {"M": 1_500.0, "o": 1_500.0, "m": 500.0, "=": 600.0, "s": 350.0, "w": 350.0, "a": 350.0}
+"""Vehicles per hour and lane by the state of a link without a signal; give-way and stop from the manual's
+chapter 20 at medium conflicting flow."""
+_ROAD_FLOW = 1_500.0
+_LEAST_CAPACITY = 60.0
+_WEIGHTS = {"s": 1.0, "r": 0.4, "l": 0.4, "R": 0.4, "L": 0.4}
+"""Turning traffic is about 15 to 30 % of an approach."""
+_BUSES = 6.0
+"""Buses per hour on a movement that only they may make."""
+
+
+def fill_routes(
+    road_map: RoadMap, routes: Sequence[Route], *, total: float | None = None
+) -> tuple[Floats, float]:
+    """Give each route its volume.
+
+    Args:
+        road_map: lanes, links and programs.
+        routes: of `find_routes`.
+        total: vehicles per hour of all routes together; None for what the roads can take.
+
+    Returns:
+        (n,) vehicles per hour, and the degree of saturation of the fullest lane.
+    """
+    usage = _usage(road_map, routes)
+    weights = np.array([_WEIGHTS.get(route.direction, 0.4) for route in routes])
+    fixed = np.array([route.vehicle_class == "bus" for route in routes])
+    rates = np.where(fixed, _BUSES, 0.0)
+    rates = _fill(usage, weights, rates, ~fixed)
+    if total is not None:
+        rates *= total / rates.sum()
+    return rates, float((usage @ rates).max(initial=0.0))
+
+
+def _fill(usage: Floats, weights: Floats, rates: Floats, growing: Floats) -> Floats:
+    """Let routes grow by their weights until each has a resource that is used to `SATURATION`."""
+    growing = growing.copy()
+    while growing.any():
+        pace = usage @ np.where(growing, weights, 0.0)
+        room = np.maximum(SATURATION - usage @ rates, 0.0)
+        steps = np.full(len(pace), np.inf)
+        np.divide(room, pace, out=steps, where=pace > 0)
+        step = steps.min()
+        rates = rates + np.where(growing, weights * step, 0.0)
+        growing &= ~(usage[steps <= step * (1 + 1e-9)] > 0).any(axis=0)
+    return rates
+
+
+def _usage(road_map: RoadMap, routes: Sequence[Route]) -> Floats:
+    """Tell what share of each resource, a lane before a junction or a road, one vehicle per hour takes.
+
+    Returns:
+        (resources, routes).
+    """
+    links = _links_by_arc(road_map, routes)
+    greens = _green_shares(road_map)
+    resources: dict[str, int] = {}
+    entries: list[tuple[int, int, float]] = []
+    lanes_of = {road.id: max(1, len(road.lanes)) for road in road_map.roads}
+    for column, route in enumerate(routes):
+        for road in route.roads:
+            row = resources.setdefault(f"road {road}", len(resources))
+            entries.append((row, column, 1.0 / (_ROAD_FLOW * lanes_of[road])))
+        for arc in route.arcs:
+            for link in links[arc]:
+                row = resources.setdefault(f"lane {link.from_lane}", len(resources))
+                entries.append((row, column, 1.0 / (len(links[arc]) * _capacity(link, greens))))
+    usage = np.zeros((len(resources), len(routes)))
+    for row, column, share in entries:
+        usage[row, column] += share
+    return usage
+
+
+def _links_by_arc(road_map: RoadMap, routes: Sequence[Route]) -> dict[Arc, list[Connection]]:
+    """List the connections that vehicles of a route may take from each road to the next, one per lane."""
+    lanes = {lane.id: lane for lane in road_map.lanes}
+    found: dict[Arc, dict[str, Connection]] = defaultdict(dict)
+    for name in sorted({route.vehicle_class for route in routes}, reverse=True):
+        for link in road_map.connections:
+            before, after = lanes[link.from_lane], lanes[link.to_lane]
+            if name in before.allow and name in after.allow:
+                found[before.road, after.road].setdefault(before.id, link)
+    return {arc: list(links.values()) for arc, links in found.items()}
+
+
+def _capacity(link: Connection, greens: dict[tuple[str, int], float]) -> float:
+    if link.signal is not None and link.link_index is not None:
+        flow = SATURATION_FLOW * greens.get((link.signal, link.link_index), 0.0)
+    else:
+        flow = _UNSIGNALLED.get(link.state, 500.0)
+    return max(flow, _LEAST_CAPACITY)
+
+
+def _green_shares(road_map: RoadMap) -> dict[tuple[str, int], float]:
+    """Tell the effective green of each link as a share of the cycle, from each signal's first program."""
+    shares: dict[tuple[str, int], float] = {}
+    for signal in road_map.signals:
+        if signal.programs:
+            program = signal.programs[0]
+            for link in signal.links:
+                shares[signal.id, link.index] = _green_share(program, link.index)
+    return shares
+
+
+def _green_share(program: Program, index: int) -> float:
+    """Add the greens of a link up: whole where it has the right of way, half where it yields."""
+    cycle = sum(phase.duration for phase in program.phases)
+    letters = [phase.state[index : index + 1] for phase in program.phases]
+    green = sum(
+        phase.duration * {"G": 1.0, "g": _YIELDING, "O": 1.0, "o": _YIELDING}.get(letter, 0.0)
+        for phase, letter in zip(program.phases, letters, strict=True)
+    )
+    starts = sum(
+        letter in ("G", "g") and before not in ("G", "g")
+        for before, letter in zip([letters[-1:], *letters], letters, strict=False)
+    )
+    return max(green - _LOST * starts, 0.0) / cycle if cycle > 0 else 0.0

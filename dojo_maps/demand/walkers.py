@@ -1,0 +1,103 @@
+"""People who walk: over every crossing of the network, from a sidewalk on its one side to one on the other."""
+
+from collections import defaultdict
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from dojo_maps.description import Crossing, Lane, LaneKind, Origin, RoadMap
+from dojo_maps.sources.files import read_bytes
+from dojo_maps.sources.safe_xml import parse_xml
+
+_SIGNALLED, _OTHER = 60.0, 20.0
+"""Walkers per hour over a crossing."""
+_WALK = 30.0
+"""Metres of sidewalk before and after a crossing."""
+_MOST = 4_000.0
+"""Walkers per hour on the whole map."""
+
+_Joints = dict[str, set[str]]
+_Door = tuple[Lane, bool]
+"""A sidewalk and whether its end opens on a walking area, not its start."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Walk:
+    """Two roads with sidewalks and the places on them, metres along each; `rate` in people per hour."""
+
+    start: str
+    end: str
+    start_place: float
+    end_place: float
+    rate: float
+
+
+def find_walks(road_map: RoadMap, network: Path) -> tuple[Walk, ...]:
+    """Find a walk each way over each crossing that the network itself has.
+
+    Args:
+        road_map: the description of the network.
+        network: the SUMO network, which alone says what walking areas join.
+
+    Raises:
+        SourceError: the network cannot be read.
+    """
+    crossings = [crossing for crossing in road_map.crossings if crossing.origin is Origin.NETWORK]
+    if not crossings:
+        return ()
+    joined = _read_joints(network)
+    sidewalks = {lane.road: lane for lane in road_map.lanes if lane.kind is LaneKind.SIDEWALK}
+    doors = _doors(joined, sidewalks)
+    walks = []
+    for crossing in crossings:
+        sides = [doors[area] for area in sorted(joined[crossing.id]) if area in doors]
+        if len(sides) == 2 and sides[0][0].road != sides[1][0].road:
+            walks += [_walk(*pair, rate=_rate(crossing) / 2) for pair in (sides, sides[::-1])]
+    share = min(1.0, _MOST / max(sum(walk.rate for walk in walks), 1.0))
+    return tuple(replace(walk, rate=walk.rate * share) for walk in walks)
+
+
+def _read_joints(network: Path) -> _Joints:
+    """List what the network connects each walking area and crossing with, and which end of a road it is."""
+    joined: _Joints = defaultdict(set)
+
+    def start(name: str, attributes: dict[str, str]) -> None:
+        ends = attributes.get("from", ""), attributes.get("to", "")
+        if name == "connection" and any(end.startswith(":") for end in ends):
+            joined[ends[0]].add(f"<{ends[1]}")
+            joined[ends[1]].add(f">{ends[0]}")
+
+    parse_xml(read_bytes(network), network, root="net", kind="SUMO network", start=start)
+    return {place: {end[1:] if end[1:2] == ":" else end for end in ends} for place, ends in joined.items()}
+
+
+def _doors(joined: _Joints, sidewalks: dict[str, Lane]) -> dict[str, _Door]:
+    """Find the longest sidewalk that opens on each walking area."""
+    doors: dict[str, _Door] = {}
+    for area, ends in joined.items():
+        lanes = [
+            (sidewalks[end[1:]], end[0] == ">")
+            for end in sorted(ends)
+            if end[0] in "<>" and end[1:] in sidewalks
+        ]
+        if area.startswith(":") and lanes:
+            doors[area] = max(lanes, key=lambda door: door[0].length)
+    return doors
+
+
+def _rate(crossing: Crossing) -> float:
+    return _OTHER if crossing.signal is None else _SIGNALLED
+
+
+def _walk(start: _Door, end: _Door, *, rate: float) -> Walk:
+    return Walk(
+        start=start[0].road,
+        end=end[0].road,
+        start_place=_place(*start),
+        end_place=_place(*end),
+        rate=rate,
+    )
+
+
+def _place(lane: Lane, at_end: bool) -> float:  # noqa: FBT001 - a door's two parts
+    reach = min(_WALK, lane.length * 0.9)
+    return round(lane.length - reach if at_end else reach, 2)
