@@ -4,7 +4,7 @@ import itertools
 import math
 from collections import defaultdict
 from collections.abc import Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from dojo_maps.sources.osm import OsmData
 from dojo_maps.sources.osm_crossings import MappedCrossing, find_crossings
@@ -20,6 +20,7 @@ _LEFT_OVER = 6.0
 _SIGNAL_NEAR = 20.0
 _ONE_SIGNAL = 30.0
 _BOTH_CARRIAGEWAYS = 28.0
+_BEYOND = 14.0
 
 Arm = tuple[str, bool]
 """A section's id, and whether its end is meant rather than its start."""
@@ -68,6 +69,8 @@ def lay_out(data: OsmData, graph: RoadGraph, joined: Iterable[tuple[int, int]] =
         joined: vertices to join because a section between them came out too short before.
     """
     crossings = find_crossings(data, graph)
+    if _extend_ends(graph, {crossing.node for crossing in crossings}):
+        crossings = find_crossings(data, graph)
     junctions = group_junctions(data, graph, crossings)
     if _split_between(graph, junctions, crossings):
         crossings = find_crossings(data, graph)
@@ -81,6 +84,23 @@ def lay_out(data: OsmData, graph: RoadGraph, joined: Iterable[tuple[int, int]] =
     _signal_between(layout)
     _host(layout)
     return layout
+
+
+def _extend_ends(graph: RoadGraph, crossed: set[int]) -> bool:
+    """Lead roads that end at a crossing a little farther, as they do beyond the extract's border."""
+    ends = [(vertex, at[0]) for vertex, at in sorted(graph.ends().items()) if len(at) == 1]
+    found = [(vertex, name) for vertex, name in ends if vertex in crossed]
+    for vertex, name in found:
+        section = graph.sections[name]
+        at_end = section.end == vertex
+        (x, y), (a, b) = (graph.places[n] for n in (section.nodes[-2:] if at_end else section.nodes[1::-1]))
+        share = _BEYOND / max(math.dist((x, y), (a, b)), 1e-3)
+        node = min(0, *graph.places) - 1
+        graph.places[node] = (round(a + (a - x) * share, 3), round(b + (b - y) * share, 3))
+        nodes = (*section.nodes, node) if at_end else (node, *section.nodes)
+        ways = (*section.ways, section.ways[-1]) if at_end else (section.ways[0], *section.ways)
+        graph.sections[name] = replace(section, nodes=nodes, ways=ways)
+    return bool(found)
 
 
 def _over_both_carriageways(graph: RoadGraph, crossings: list[MappedCrossing]) -> list[tuple[int, int]]:
@@ -110,11 +130,12 @@ def _split_between(graph: RoadGraph, junctions: Junctions, crossings: list[Mappe
         section = graph.sections[name]
         if junctions.of[section.start] == junctions.of[section.end]:
             continue
+        rest = name
         for node in _between(graph, junctions, degree, section, found):
-            index = graph.sections[name].nodes.index(node)
-            if 0 < index < len(graph.sections[name].nodes) - 1:
-                graph.split(name, index)
-                name += "b"
+            index = graph.sections[rest].nodes.index(node)
+            if 0 < index < len(graph.sections[rest].nodes) - 1:
+                graph.split(rest, index)
+                rest += "b"
                 changed = True
     return changed
 
@@ -137,8 +158,8 @@ def _between(
     low, high = border(section.start), length - border(section.end)
     near = min((c.along for c in found if c.along <= low), default=None)
     far = max((c.along for c in found if c.along >= high), default=None)
-    taken += [near] if near is not None else [8.0 - _ROOM]
-    taken += [far] if far is not None else [length - 8.0 + _ROOM]
+    taken += [near] if near is not None else []
+    taken += [far] if far is not None else []
     nodes = []
     for crossing in found:
         if crossing.along in (near, far) or any(abs(crossing.along - other) < _ROOM for other in taken):

@@ -31,6 +31,7 @@ _DROPPED_IN_TURN = ("--roundabouts.guess", "--walkingareas")
 _SHORTEST = 5.0
 _ROUNDS = 4
 _TIMEOUT = 240.0
+_NO_PAVEMENT = re.compile(r"Discarding invalid crossing .* with edges \[([^]]*)\] \(no walkingarea")
 _QUOTED = re.compile(r"'(:?-?[\w#.]+?)(_[cw]?\d+)?'")
 
 
@@ -68,16 +69,18 @@ def build_network(data: OsmData, *, path: Path, name: str, sha256: str) -> OsmNe
     """
     restrictions, broken = read_restrictions(data)
     joined: list[tuple[int, int]] = []
-    for attempt in range(_ROUNDS):
+    paved: set[str] = set()
+    for _ in range(_ROUNDS):
         layout = lay_out(data, build_graph(data, path), joined)
         with tempfile.TemporaryDirectory(prefix="dojo-maps-") as folder:
-            plain = write_plain(data, layout, restrictions, Path(folder))
+            plain = write_plain(data, layout, restrictions, Path(folder), paved)
             built, warnings, dropped = _convert(Path(folder), path)
         road_map, _ = read_network(built, path=path, name=name, sha256=sha256)
-        short = _too_short(road_map, plain)
-        if not short or attempt == _ROUNDS - 1 or set(short) <= set(joined):
+        short, unpaved = _too_short(road_map, plain), _unpaved(warnings)
+        if set(short) <= set(joined) and unpaved <= paved:
             break
         joined += short
+        paved |= unpaved
     built = program_signals(built, road_map)
     road_map, issues = read_network(built, path=path, name=name, sha256=sha256)
     issues += tuple(_dropped_issue(option, reason, road_map) for option, reason in dropped)
@@ -126,6 +129,12 @@ def _too_short(road_map: RoadMap, plain: Plain) -> list[tuple[int, int]]:
             section = plain.sections[road.id]
             found.append((min(section.start, section.end), max(section.start, section.end)))
     return sorted(set(found))
+
+
+def _unpaved(warnings: tuple[str, ...]) -> set[str]:
+    """Find the sections whose crossings netconvert dropped because they lead to no pavement."""
+    found = (_NO_PAVEMENT.search(warning) for warning in warnings)
+    return {edge.removeprefix("-") for match in found if match for edge in match[1].split()}
 
 
 def _warning_issue(warning: str, road_map: RoadMap) -> Issue:

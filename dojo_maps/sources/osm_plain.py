@@ -1,6 +1,7 @@
 """Write a layout as SUMO's plain XML: nodes, edges with every lane, connections and crossings."""
 
 from collections import defaultdict
+from collections.abc import Set as AbstractSet
 from dataclasses import dataclass, field
 from pathlib import Path
 from xml.sax.saxutils import quoteattr
@@ -49,8 +50,22 @@ def outgoing_name(arm: Arm) -> str:
     return f"-{arm[0]}" if arm[1] else arm[0]
 
 
-def write_plain(data: OsmData, layout: Layout, restrictions: list[Restriction], folder: Path) -> Plain:
-    """Write the three files that netconvert builds the network from."""
+def write_plain(
+    data: OsmData,
+    layout: Layout,
+    restrictions: list[Restriction],
+    folder: Path,
+    paved: AbstractSet[str] = frozenset(),
+) -> Plain:
+    """Write the three files that netconvert builds the network from.
+
+    Args:
+        data: the extract.
+        layout: what to build.
+        restrictions: turns that are forbidden.
+        folder: where the files go.
+        paved: sections with pavement on both sides whatever is mapped, because crossings lead there.
+    """
     plain = Plain()
     walks = Sidewalks(data, layout.graph)
     arms = layout.arms()
@@ -58,7 +73,7 @@ def write_plain(data: OsmData, layout: Layout, restrictions: list[Restriction], 
     for name in sorted(layout.graph.sections):
         if name not in layout.inner:
             section = layout.graph.sections[name]
-            plain.sidewalks[name] = walks.sides(section)
+            plain.sidewalks[name] = (True, True) if name in paved else walks.sides(section)
     _write(folder / NODES, "nodes", [_location(layout), *_nodes(layout, arms)])
     _write(folder / EDGES, "edges", _edges(layout, plain))
     _write(folder / CONNECTIONS, "connections", _connections(layout, arms, restrictions, plain))
@@ -190,19 +205,38 @@ def _lane_links(layout: Layout, movements: list[Movement], plain: Plain) -> list
     for movement in movements:
         by_source[movement.source].append(movement)
     lines = []
+    links: list[tuple[Arm, int, Movement, int]] = []
     for source, found in by_source.items():
         lanes = directed(layout.graph.sections[source[0]], into_end=source[1])
         targets = [directed(layout.graph.sections[m.target[0]], into_end=not m.target[1]) for m in found]
-        links = connect_lanes(lanes, targets, [m.angle for m in found], left_hand=layout.graph.left_hand)
-        origin = incoming_name(source)
-        for lane, number, onto in links:
-            goal = outgoing_name(found[number].target)
-            shifts = [_has_walk(layout, plain, edge) for edge in (origin, goal)]
-            lines.append(
-                f'<connection from="{origin}" to="{goal}" fromLane="{lane + shifts[0]}" '
-                f'toLane="{onto + shifts[1]}"/>'
-            )
+        pairs = connect_lanes(lanes, targets, [m.angle for m in found], left_hand=layout.graph.left_hand)
+        links += [(source, lane, found[number], onto) for lane, number, onto in pairs]
+    for source, lane, movement, onto in _with_entries(layout, links):
+        origin, goal = incoming_name(source), outgoing_name(movement.target)
+        shifts = [_has_walk(layout, plain, edge) for edge in (origin, goal)]
+        lines.append(
+            f'<connection from="{origin}" to="{goal}" fromLane="{lane + shifts[0]}" '
+            f'toLane="{onto + shifts[1]}"/>'
+        )
     return lines
+
+
+def _with_entries(
+    layout: Layout, links: list[tuple[Arm, int, Movement, int]]
+) -> list[tuple[Arm, int, Movement, int]]:
+    """Lead traffic into lanes that nothing leads to, from the straightest movement beside them."""
+    onto_road: dict[Arm, list[tuple[Arm, int, Movement, int]]] = defaultdict(list)
+    for link in links:
+        onto_road[link[2].target].append(link)
+    added = []
+    for target, found in onto_road.items():
+        lanes = directed(layout.graph.sections[target[0]], into_end=not target[1])
+        entered = {link[3] for link in found}
+        for number in range(len(lanes)):
+            if number not in entered:
+                best = min(found, key=lambda e: (abs(e[3] - number), abs(e[2].angle), e[0], e[1]))
+                added.append((best[0], best[1], best[2], number))
+    return [*links, *added]
 
 
 def _has_walk(layout: Layout, plain: Plain, edge: str) -> bool:
