@@ -6,6 +6,9 @@ from collections import defaultdict
 from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 
+import numpy as np
+
+from dojo_maps.geometry.polylines import Floats, along
 from dojo_maps.sources.osm import OsmData
 from dojo_maps.sources.osm_crossings import MappedCrossing, find_crossings
 from dojo_maps.sources.osm_graph import RoadGraph, Section
@@ -83,6 +86,7 @@ def lay_out(data: OsmData, graph: RoadGraph, joined: Iterable[tuple[int, int]] =
             layout.inner.add(name)
     _signal_between(layout)
     _host(layout)
+    _align_carriageways(layout)
     return layout
 
 
@@ -222,6 +226,35 @@ def _host(layout: Layout) -> None:
             layout.lost.append((crossing, "another crossing or the road's end is too near"))
 
 
+def _align_carriageways(layout: Layout) -> None:
+    """Draw both carriageways of an arm back to one line; netconvert would pull the one to the other."""
+    graph = layout.graph
+    for arms in layout.arms().values():
+        rays = {arm: _ray(graph, arm) for arm in arms}
+        for arm, other in itertools.permutations(arms, 2):
+            (place, way), (twin, back) = rays[arm], rays[other]
+            apart = twin - place
+            ahead = float(apart @ way)
+            aside = abs(float(apart[0] * way[1] - apart[1] * way[0]))
+            if arm not in layout.hosted or float(way @ back) < 0.94 or not 0 < aside < _BOTH_CARRIAGEWAYS:
+                continue
+            wanted = layout.cuts[arm] - ahead
+            used = layout.cuts.get((other[0], not other[1]), 6.0)
+            room = graph.length(graph.sections[other[0]]) - used - _LEFT_OVER
+            if layout.cuts.get(other, 0.0) < wanted < room:
+                layout.cuts[other] = wanted
+
+
+def _ray(graph: RoadGraph, arm: Arm) -> tuple[Floats, Floats]:
+    """Give an arm's vertex and the unit vector away from it, along its first 20 m."""
+    line = graph.line(graph.sections[arm[0]])
+    line = line[::-1] if arm[1] else line
+    lengths = along(line)
+    ahead = np.array([np.interp(min(20.0, float(lengths[-1])), lengths, values) for values in line.T])
+    way = ahead - line[0]
+    return line[0], way / max(float(np.hypot(*way)), 1e-6)
+
+
 def _candidates(layout: Layout, arms: dict[int, list[Arm]], crossing: MappedCrossing) -> list[Arm]:
     """List the arms where a crossing may be built."""
     section = layout.graph.sections[crossing.section]
@@ -245,8 +278,4 @@ def _reach_of(graph: RoadGraph, arm: Arm, crossing: MappedCrossing) -> tuple[flo
 
 def _faces_back(graph: RoadGraph, first: Arm, arm: Arm) -> bool:
     """Tell whether an arm leads to the other side than the first, so that crossings line up on one side."""
-    ways = []
-    for name, at_end in (first, arm):
-        line = graph.line(graph.sections[name])
-        ways.append((line[-2] - line[-1]) if at_end else (line[1] - line[0]))
-    return float(ways[0] @ ways[1]) < 0
+    return float(_ray(graph, first)[1] @ _ray(graph, arm)[1]) < 0
