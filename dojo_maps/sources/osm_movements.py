@@ -101,7 +101,8 @@ class Movements:
     def _from(self, arm: Arm, arms: set[Arm], junction: int) -> list[Movement]:
         reached: dict[Arm, float] = {}
         for target in self._paths(arm, arms, junction):
-            reached[target] = self._angle(arm, target)
+            if not self._forbidden(arm, target, junction):
+                reached[target] = self._angle(arm, target)
         alone = len(reached) == 1
         kept = {
             target: angle
@@ -113,6 +114,17 @@ class Movements:
             Movement(source=arm, target=target, angle=angle)
             for target, angle in sorted(kept.items(), key=lambda entry: (entry[1], entry[0]))
         ]
+
+    def _forbidden(self, arm: Arm, target: Arm, junction: int) -> bool:
+        """Tell whether a turn between two ways is forbidden at the junction, on whatever path across it."""
+        source, goal = (self._graph.sections[name] for name, _ in (arm, target))
+        way = source.ways[-1] if arm[1] else source.ways[0]
+        onto = goal.ways[-1] if target[1] else goal.ways[0]
+        of = self._layout.junctions.of
+        return any(
+            not found.only and found.target == onto and any(of.get(node) == junction for node in found.via)
+            for found in self._restrictions.get(way, ())
+        )
 
     def _paths(self, arm: Arm, arms: set[Arm], junction: int) -> Iterator[Arm]:
         section = self._graph.sections[arm[0]]

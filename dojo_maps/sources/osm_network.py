@@ -141,23 +141,24 @@ def _warning_issue(warning: str, road_map: RoadMap) -> Issue:
     roads = {road.id: road for road in road_map.roads}
     junctions = {junction.id: junction for junction in road_map.junctions}
     lanes = {lane.id: lane for lane in road_map.lanes}
-    elements, position = [], (*road_map.origin, 0.0)
+    elements: list[Element] = []
+    x, y = road_map.origin
     for name, suffix in _QUOTED.findall(warning):
         key = name.removeprefix(":")
         if name + suffix in lanes:
             elements.append(Element(kind="lane", id=name + suffix))
-            position = tuple(map(float, lanes[name + suffix].shape[0]))
+            x, y, _ = map(float, lanes[name + suffix].shape[0])
         elif key in roads:
             elements.append(Element(kind="road", id=key))
-            position = tuple(map(float, lanes[roads[key].lanes[0]].shape[0]))
+            x, y, _ = map(float, lanes[roads[key].lanes[0]].shape[0])
         elif key in junctions:
             elements.append(Element(kind="junction", id=key))
-            position = junctions[key].position
+            x, y, _ = junctions[key].position
     return Issue(
         check="osm.netconvert_warning",
         severity=Severity.NOTE,
         elements=tuple(dict.fromkeys(elements)),
-        position=position,
+        position=(x, y, 0.0),
         message=f"netconvert: {warning}",
         hint="look at the place in netedit; correct the map data where it is wrong",
     )

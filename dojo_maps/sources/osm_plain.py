@@ -23,6 +23,10 @@ _CARS = 'disallow="pedestrian tram rail_urban rail rail_electric rail_fast ship 
 _BUSES = 'allow="bus coach taxi emergency"'
 
 
+_MAPPED_NEAR = 100.0
+"""Metres around a mapped crossing within which crossings are taken to be mapped completely."""
+
+
 @dataclass(slots=True, kw_only=True)
 class Plain:
     """What was written: by SUMO's ids, what of the extract it came from."""
@@ -191,12 +195,15 @@ def _connections(
     layout: Layout, arms: dict[int, list[Arm]], restrictions: list[Restriction], plain: Plain
 ) -> list[str]:
     finder = Movements(layout, restrictions)
+    mapped = [np.array(crossing.place) for crossing in layout.crossings]
     lines = []
     for junction in sorted(arms):
         movements = finder.at(junction, arms[junction])
         plain.movements += movements
         lines += _lane_links(layout, movements, plain)
         lines += _crossings(layout, junction, arms[junction], plain)
+        if not any(arm in layout.hosted for arm in arms[junction]):
+            lines += _guessed_crossings(layout, junction, arms[junction], plain, mapped)
     return lines
 
 
@@ -261,6 +268,27 @@ def _crossings(layout: Layout, junction: int, arms: list[Arm], plain: Plain) -> 
             f'<crossing node="{junction}" edges="{" ".join(sorted(names))}" '
             f'width="{CROSSING_WIDTH:.2f}" priority="{priority}"/>'
         )
+    return lines
+
+
+def _guessed_crossings(
+    layout: Layout, junction: int, arms: list[Arm], plain: Plain, mapped: list[Floats]
+) -> list[str]:
+    """Guess crossings of all arms where none is mapped: at signals, and where no one maps crossings."""
+    signalised = junction in layout.junctions.controllers
+    here = np.array(layout.graph.places[junction])
+    if len(arms) < 3 or (
+        not signalised and any(np.hypot(*(place - here)) < _MAPPED_NEAR for place in mapped)
+    ):
+        return []
+    lines = []
+    for arm in arms:
+        names = sorted(name for name in (incoming_name(arm), outgoing_name(arm)) if _drives(plain, name))
+        if all(plain.sidewalks[arm[0]]) and not layout.graph.sections[arm[0]].road.roundabout:
+            lines.append(
+                f'<crossing node="{junction}" edges="{" ".join(names)}" width="{CROSSING_WIDTH:.2f}" '
+                f'priority="{str(signalised).lower()}"/>'
+            )
     return lines
 
 
