@@ -74,7 +74,7 @@ def build_network(data: OsmData, *, path: Path, name: str, sha256: str) -> OsmNe
         layout = lay_out(data, build_graph(data, path), joined)
         with tempfile.TemporaryDirectory(prefix="dojo-maps-") as folder:
             plain = write_plain(data, layout, restrictions, Path(folder), paved)
-            built, warnings, dropped = _convert(Path(folder), path)
+            built, warnings, dropped = _convert(Path(folder), path, left_hand=layout.graph.left_hand)
         road_map, _ = read_network(built, path=path, name=name, sha256=sha256)
         short, unpaved = _too_short(road_map, plain), _unpaved(warnings)
         if set(short) <= set(joined) and unpaved <= paved:
@@ -97,13 +97,16 @@ def build_network(data: OsmData, *, path: Path, name: str, sha256: str) -> OsmNe
     )
 
 
-def _convert(folder: Path, path: Path) -> tuple[bytes, tuple[str, ...], list[tuple[str, str]]]:
+def _convert(
+    folder: Path, path: Path, *, left_hand: bool
+) -> tuple[bytes, tuple[str, ...], list[tuple[str, str]]]:
     """Run netconvert, with one option less after each failure."""
+    always = [*_ALWAYS, "--lefthand"] if left_hand else list(_ALWAYS)
     options = list(_DROPPED_IN_TURN)
     dropped: list[tuple[str, str]] = []
     while True:
         try:
-            result = run_netconvert([*_ALWAYS, *options], folder=folder, timeout=_TIMEOUT)
+            result = run_netconvert([*always, *options], folder=folder, timeout=_TIMEOUT)
             break
         except NetconvertError as error:
             if not options:
