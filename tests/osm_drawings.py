@@ -201,10 +201,21 @@ def parallel_ways() -> Drawing:
     return d
 
 
+def bridge() -> Drawing:
+    """A road over another without a common node, with ramps to the ground."""
+    d = Drawing()
+    d.way((-250, 0), (-40, 0), highway="secondary", lanes="2")
+    d.way((-40, 0), (40, 0), highway="secondary", lanes="2", bridge="yes", layer="1")
+    d.way((40, 0), (250, 0), highway="secondary", lanes="2")
+    d.way((0, -150), (0, 150), highway="secondary", lanes="2")
+    d.way((250, 0), (250, 150), (0, 150), highway="residential")
+    return d
+
+
 DRAWINGS: dict[str, Callable[[], Drawing]] = {
     drawing.__name__: drawing
     for drawing in (
         cross, dual_carriageways, dog_leg, slip_lane, triangle, roundabout, left_hand, approach_signals,
-        island_crossing, tram, sausage, parallel_ways,
+        island_crossing, tram, sausage, parallel_ways, bridge,
     )
 }  # fmt: skip

@@ -12,6 +12,7 @@ from dojo_maps.geometry.polylines import Floats, along
 from dojo_maps.sources.osm import OsmData
 from dojo_maps.sources.osm_crossings import MappedCrossing
 from dojo_maps.sources.osm_graph import Section
+from dojo_maps.sources.osm_heights import compute_heights
 from dojo_maps.sources.osm_lanes import connect_lanes
 from dojo_maps.sources.osm_layout import CROSSING_WIDTH, Arm, Layout
 from dojo_maps.sources.osm_movements import Movement, Movements, Restriction, directed
@@ -37,6 +38,7 @@ class Plain:
     sidewalks: dict[str, tuple[bool, bool]] = field(default_factory=dict)
     nodes: dict[int, str] = field(default_factory=dict)
     movements: list[Movement] = field(default_factory=list)
+    heights: dict[int, float] = field(default_factory=dict)
 
 
 def edge_name(section: Section, *, forward: bool) -> str:
@@ -70,7 +72,7 @@ def write_plain(
         folder: where the files go.
         paved: sections with pavement on both sides whatever is mapped, because crossings lead there.
     """
-    plain = Plain()
+    plain = Plain(heights=compute_heights(layout.graph))
     walks = Sidewalks(data, layout.graph)
     arms = layout.arms()
     plain.nodes = {junction: str(junction) for junction in arms}
@@ -78,7 +80,7 @@ def write_plain(
         if name not in layout.inner:
             section = layout.graph.sections[name]
             plain.sidewalks[name] = (True, True) if name in paved else walks.sides(section)
-    _write(folder / NODES, "nodes", [_location(layout), *_nodes(layout, arms)])
+    _write(folder / NODES, "nodes", [_location(layout), *_nodes(layout, arms, plain)])
     _write(folder / EDGES, "edges", _edges(layout, plain))
     _write(folder / CONNECTIONS, "connections", _connections(layout, arms, restrictions, plain))
     return plain
@@ -96,7 +98,7 @@ def _location(layout: Layout) -> str:
     )
 
 
-def _nodes(layout: Layout, arms: dict[int, list[Arm]]) -> list[str]:
+def _nodes(layout: Layout, arms: dict[int, list[Arm]], plain: Plain) -> list[str]:
     members = layout.junctions.members()
     lines = []
     for junction in sorted(arms):
@@ -104,7 +106,8 @@ def _nodes(layout: Layout, arms: dict[int, list[Arm]]) -> list[str]:
         x, y = (places.min(axis=0) + places.max(axis=0)) / 2
         controller = layout.junctions.controllers.get(junction)
         kind = f'type="traffic_light" tl="{controller}"' if controller is not None else 'type="priority"'
-        lines.append(f'<node id="{junction}" x="{x:.2f}" y="{y:.2f}" {kind}/>')
+        z = sum(plain.heights.get(vertex, 0.0) for vertex in members[junction]) / len(places)
+        lines.append(f'<node id="{junction}" x="{x:.2f}" y="{y:.2f}" z="{z:.2f}" {kind}/>')
     return lines
 
 
@@ -113,7 +116,7 @@ def _edges(layout: Layout, plain: Plain) -> list[str]:
     for name, (left, right) in sorted(plain.sidewalks.items()):
         section = layout.graph.sections[name]
         road = section.road
-        divider = _divider(layout, section)
+        divider = _divider(layout, section, plain.heights)
         near, far = (left, right) if layout.graph.left_hand else (right, left)
         for forward, lanes, walk in ((True, road.forward, near), (False, road.backward, far)):
             if not lanes and not walk:
@@ -137,7 +140,7 @@ def _edge(
     shape: Floats,
 ) -> list[str]:
     road = section.road
-    places = " ".join(f"{x:.2f},{y:.2f}" for x, y in shape)
+    places = " ".join(f"{x:.2f},{y:.2f},{z:.2f}" for x, y, z in shape)
     name = f"name={quoteattr(road.name)} " if road.name.strip() else ""
     lines = [
         f'<edge id="{edge}" from="{ends[0]}" to="{ends[1]}" {name}'
@@ -154,12 +157,12 @@ def _edge(
     return [*lines, "</edge>"]
 
 
-def _divider(layout: Layout, section: Section) -> Floats:
+def _divider(layout: Layout, section: Section, heights: dict[int, float]) -> Floats:
     """Find the line between the two directions, drawn back where a crossing lies at an end.
 
     The way is taken for the middle of the carriageway.
     """
-    line = layout.graph.line(section)
+    line = np.column_stack([layout.graph.line(section), [heights.get(node, 0.0) for node in section.nodes]])
     cuts = [layout.cuts.get((section.id, at_end), 0.0) for at_end in (False, True)]
     line = _trim(line, *cuts)
     road = section.road
@@ -182,13 +185,14 @@ def _shift(line: Floats, distance: float) -> Floats:
     """Move a line to its left, corners mitred."""
     if not distance:
         return line
-    step = np.diff(line, axis=0)
+    step = np.diff(line[:, :2], axis=0)
     step /= np.maximum(np.hypot(*step.T), 1e-9)[:, None]
     left = np.column_stack([-step[:, 1], step[:, 0]])
     before, after = np.vstack([left[:1], left]), np.vstack([left, left[-1:]])
     middle = before + after
     size = np.maximum((middle**2).sum(axis=1), 0.5)
-    return line + distance * 2 * middle / size[:, None]
+    aside = distance * 2 * middle / size[:, None]
+    return np.column_stack([line[:, :2] + aside, line[:, 2:]])
 
 
 def _connections(
