@@ -110,6 +110,8 @@ class Movements:
             if target[0] != arm[0] and (alone or abs(angle) < _UTURN)
         }
         kept = kept or {target: angle for target, angle in reached.items() if target[0] != arm[0]}
+        if not kept and directed(self._graph.sections[arm[0]], into_end=not arm[1]):
+            kept = {arm: 180.0}
         return [
             Movement(source=arm, target=target, angle=angle)
             for target, angle in sorted(kept.items(), key=lambda entry: (entry[1], entry[0]))

@@ -23,7 +23,7 @@ from dojo_maps.sources.sumo_net import read_network
 
 _ALWAYS = (
     *("-n", NODES, "-e", EDGES, "-x", CONNECTIONS, "-o", "output.net.xml"),
-    *("--no-internal-links", "false", "--offset.disable-normalization", "--no-turnarounds.except-deadend"),
+    *("--no-internal-links", "false", "--offset.disable-normalization", "--no-turnarounds"),
     *("--output.street-names", "--junctions.join", "false"),
 )
 _DROPPED_IN_TURN = ("--roundabouts.guess", "--walkingareas")
