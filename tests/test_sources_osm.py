@@ -68,7 +68,7 @@ HOSTILE = {
     "no XML": b"PK\x03\x04nonsense",
     "empty": b"  ",
     "another root": b"<net/>",
-    "entities": b'<!DOCTYPE osm [<!ENTITY a "aaaa"><!ENTITY b "&a;&a;">]><osm><node id="1" lat="1" lon="1"/></osm>',
+    "entities": b'<!DOCTYPE osm [<!ENTITY a "aaaa"><!ENTITY b "&a;&a;">]><osm><node id="1" lat="1" lon="1"/></osm>',  # noqa: E501
     "outside file": b'<!DOCTYPE osm SYSTEM "file:///etc/passwd"><osm/>',
     "huge coordinate": b'<osm><node id="1" lat="1e308" lon="1"/></osm>',
     "off the earth": b'<osm><node id="1" lat="95" lon="1"/></osm>',
@@ -77,12 +77,12 @@ HOSTILE = {
     "no position": b'<osm><node id="1"/></osm>',
     "no id": b'<osm><node lat="1" lon="1"/></osm>',
     "huge id": b'<osm><node id="99999999999999999999999" lat="1" lon="1"/></osm>',
-    "strange member": b'<osm><node id="1" lat="1" lon="1"/><relation id="1"><member type="x" ref="1"/></relation></osm>',
+    "strange member": b'<osm><node id="1" lat="1" lon="1"/><relation id="1"><member type="x" ref="1"/></relation></osm>',  # noqa: E501
     "no nodes": b"<osm/>",
     "truncated": b'<osm><node id="1" lat="1" lon="1"/><way id="1"><nd ref=',
     "deep": b"<osm>" + b"<a>" * 50 + b"</a>" * 50 + b"</osm>",
-    "timed out on the server": b'<osm><node id="1" lat="1" lon="1"/><remark>runtime error: Query timed out</remark></osm>',
-    "endless way": b'<osm><node id="1" lat="1" lon="1"/><way id="1">' + b'<nd ref="1"/>' * 50_000 + b"</way></osm>",
+    "timed out on the server": b'<osm><node id="1" lat="1" lon="1"/><remark>runtime error: Query timed out</remark></osm>',  # noqa: E501
+    "endless way": b'<osm><node id="1" lat="1" lon="1"/><way id="1">' + b'<nd ref="1"/>' * 50_000 + b"</way></osm>",  # noqa: E501
 }  # fmt: skip
 
 

@@ -24,6 +24,8 @@ _SIGNAL_NEAR = 20.0
 _ONE_SIGNAL = 30.0
 _BOTH_CARRIAGEWAYS = 28.0
 _BEYOND = 14.0
+_INNER, _ROUND = 80.0, 15.0
+"""Metres up to which a road inside a junction, or a part of a roundabout there, vanishes in it."""
 
 Arm = tuple[str, bool]
 """A section's id, and whether its end is meant rather than its start."""
@@ -79,15 +81,39 @@ def lay_out(data: OsmData, graph: RoadGraph, joined: Iterable[tuple[int, int]] =
         crossings = find_crossings(data, graph)
     joined = [*joined, *_over_both_carriageways(graph, crossings)]
     junctions = group_junctions(data, graph, crossings, joined)
+    while _split_loops(graph, junctions):
+        crossings = find_crossings(data, graph)
+        junctions = group_junctions(data, graph, crossings, joined)
     layout = Layout(graph=graph, junctions=junctions, crossings=crossings)
     for name, section in graph.sections.items():
-        same = junctions.of[section.start] == junctions.of[section.end]
-        if same and not section.road.roundabout and graph.length(section) < 80:
+        if junctions.of[section.start] == junctions.of[section.end] and _is_inner(graph, section):
             layout.inner.add(name)
     _signal_between(layout)
     _host(layout)
     _align_carriageways(layout)
     return layout
+
+
+def _is_inner(graph: RoadGraph, section: Section) -> bool:
+    """Tell whether a section between vertices of one junction vanishes in it."""
+    return graph.length(section) < (_ROUND if section.road.roundabout else _INNER)
+
+
+def _split_loops(graph: RoadGraph, junctions: Junctions) -> bool:
+    """Split roads that lead back to their junction; SUMO has none. Tell whether there was one."""
+    changed = False
+    for name, section in sorted(graph.sections.items()):
+        if junctions.of[section.start] != junctions.of[section.end] or _is_inner(graph, section):
+            continue
+        if len(section.nodes) == 2:
+            node = min(0, *graph.places) - 1
+            ends = [graph.places[vertex] for vertex in section.nodes]
+            graph.places[node] = ((ends[0][0] + ends[1][0]) / 2, (ends[0][1] + ends[1][1]) / 2)
+            nodes = (section.start, node, section.end)
+            graph.sections[name] = replace(section, nodes=nodes, ways=section.ways * 2)
+        graph.split(name, len(graph.sections[name].nodes) // 2)
+        changed = True
+    return changed
 
 
 def _extend_ends(graph: RoadGraph, crossed: set[int]) -> bool:

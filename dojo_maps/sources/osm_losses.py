@@ -124,7 +124,7 @@ def check_turn_lanes(network: OsmNetwork) -> tuple[Share, list[Issue]]:
             way = section.ways[-1]
             issues.append(
                 loss(
-                    "osm.turn_lane_lost", f"lanes of {edge} do not lead where their arrows say ({missing[0]})",
+                    "osm.turn_lane_lost", f"lanes of {edge} do not lead as their arrows say ({missing[0]})",
                     ("way", way), network.layout.graph.places[section.end],
                     "correct turn:lanes, or connect the lanes in netedit",
                     near=Element(kind="road", id=edge), severity=Severity.NOTE,

@@ -105,7 +105,7 @@ class Movements:
                 reached[target] = self._angle(arm, target)
         alone = len(reached) == 1
         kept = {
-            target: angle
+            target: angle + self._aside(arm, target)
             for target, angle in reached.items()
             if target[0] != arm[0] and (alone or abs(angle) < _UTURN)
         }
@@ -179,6 +179,19 @@ class Movements:
         arriving = self._outward(source) + 180.0
         turn = (self._outward(target) - arriving + 180.0) % 360.0 - 180.0
         return -turn if self._graph.left_hand else turn
+
+    def _aside(self, source: Arm, target: Arm) -> float:
+        """Give the degrees by which a road lies to the side, which tells parallel roads from each other."""
+        heading = math.radians(self._outward(source) + 180.0)
+        (x, y), (a, b) = (self._vertex(arm) for arm in (source, target))
+        ahead = (a - x) * math.cos(heading) + (b - y) * math.sin(heading)
+        aside = (b - y) * math.cos(heading) - (a - x) * math.sin(heading)
+        turn = math.degrees(math.atan2(aside, max(ahead, 0.0) + 30.0))
+        return -turn if self._graph.left_hand else turn
+
+    def _vertex(self, arm: Arm) -> tuple[float, float]:
+        section = self._graph.sections[arm[0]]
+        return self._graph.places[section.end if arm[1] else section.start]
 
     def _outward(self, arm: Arm) -> float:
         """Give the heading away from the junction, degrees counter-clockwise from east."""

@@ -100,7 +100,8 @@ def _vehicle(c: Connection, road: str, speed: float, turns: set[str], far: str) 
 def _walk(crossing: Crossing) -> SignalLink:
     return SignalLink(
         index=crossing.link_index or 0, road=crossing.id, walks=True, foes=frozenset(), yields_to=frozenset(),
-        length=float(along(crossing.shape)[-1]), speed=0.0, heading=0.0, direction="s", far=False, alone=False,
+        length=float(along(crossing.shape)[-1]), speed=0.0, heading=0.0, direction="s",
+        far=False, alone=False,
     )  # fmt: skip
 
 
@@ -169,9 +170,13 @@ def _with_walkers_stage(
 def letters_of(links: dict[int, SignalLink], stage: Stage) -> dict[int, str]:
     """Give the letter of each link that has green: g where it must let others of the stage go first."""
     green = stage.vehicles | stage.walks
-    return {
-        k: "g" if not links[k].walks and links[k].yields_to & (green - {k}) else "G" for k in sorted(green)
-    }
+    letters: dict[int, str] = {}
+    for k in sorted(green):
+        # Lanes of one road that cross each other leave neither the right of way.
+        crossed = any(letters.get(other) == "G" for other in links[k].foes)
+        yields = links[k].yields_to & green or crossed
+        letters[k] = "g" if yields and not links[k].walks else "G"
+    return letters
 
 
 def _groups(links: dict[int, SignalLink]) -> list[frozenset[int]]:
