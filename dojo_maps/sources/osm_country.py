@@ -40,11 +40,8 @@ _URBAN_OTHER = 50
 
 def drives_left(data: OsmData) -> bool:
     """Tell whether traffic keeps left in an extract."""
-    tagged = [
-        e.tags["driving_side"]
-        for e in (*data.ways.values(), *data.relations.values())
-        if "driving_side" in e.tags
-    ]
+    every = [way.tags for way in data.ways.values()] + [found.tags for found in data.relations.values()]
+    tagged = [tags["driving_side"] for tags in every if "driving_side" in tags]
     if tagged:
         return tagged.count("left") * 2 > len(tagged)
     turning = [_turning(data, way) for way in data.ways if _is_ring(data, way)]

@@ -18,6 +18,8 @@ _SIGNALS_APART = 25.0
 _CARRIAGEWAYS_APART = 28.0
 _WIDEST = 70.0
 """Metres across the vertices of one junction."""
+_WIDEST_JOINED = 110.0
+"""Metres across the vertices of a junction that would leave a road without length beside it otherwise."""
 _APPROACH = 45.0
 """Metres along an approach from a signal to its junction; stop lines stand back this far at most."""
 _CROSSING_NEAR = 22.0
@@ -64,14 +66,14 @@ class Groups:
             key = self._owner[key]
         return key
 
-    def join(self, one: int, other: int) -> bool:
+    def join(self, one: int, other: int, widest: float = 0.0) -> bool:
         """Join two groups unless the whole would be too wide; tell whether they are one now."""
         one, other = self.find(one), self.find(other)
         if one == other:
             return True
         a, b = self._boxes[one], self._boxes[other]
         box = (min(a[0], b[0]), min(a[1], b[1]), max(a[2], b[2]), max(a[3], b[3]))
-        if math.hypot(box[2] - box[0], box[3] - box[1]) > self._widest:
+        if math.hypot(box[2] - box[0], box[3] - box[1]) > max(self._widest, widest):
             return False
         low, high = sorted((one, other))
         self._owner[high] = low
@@ -102,7 +104,7 @@ def group_junctions(
         if not section.road.roundabout and lengths[name] <= _reach(graph, ends, section, strong):
             groups.join(section.start, section.end)
     for one, other in joined:
-        groups.join(one, other)
+        groups.join(one, other, widest=_WIDEST_JOINED)
     junctions = Junctions(of={vertex: groups.find(vertex) for vertex in sorted(ends)}, stray=stray)
     for vertex, nodes in sorted(strong.items()):
         junctions.signals.setdefault(junctions.of[vertex], []).extend(nodes)

@@ -73,8 +73,7 @@ def _painted(
     if not any(chosen.values()):
         return None
     main = min(range(len(angles)), key=lambda k: (abs(angles[k]), k))
-    for number in chosen:
-        chosen[number] = chosen[number] or {main}
+    chosen = {number: movements or {main} for number, movements in chosen.items()}
     for movement in range(len(angles)):
         if not any(movement in movements for movements in chosen.values()):
             chosen[0 if angles[movement] < angles[main] else len(lanes) - 1].add(movement)
@@ -87,8 +86,8 @@ def _expected(lanes: Sequence[LaneTags], angles: Sequence[float]) -> dict[int, s
     chosen: dict[int, set[int]] = {number: set() for number in range(len(lanes))}
     main = min(range(len(angles)), key=lambda k: (abs(angles[k]), k))
     if abs(angles[main]) <= _STRAIGHT or len(angles) == 1:
-        for number in chosen:
-            chosen[number].add(main)
+        for movements in chosen.values():
+            movements.add(main)
     else:
         for place, number in enumerate(cars):
             part = place * len(angles) // len(cars)
@@ -114,15 +113,11 @@ def _pair(
     """Pair a movement's lanes with its road's lanes, kept in order."""
     onto = [number for number, lane in enumerate(target) if not lane.bus] or list(range(len(target)))
     cars = [number for number in sources if not lanes[number].bus] or list(sources)
-    pairs = []
     inner = angle > _STRAIGHT or (abs(angle) <= _STRAIGHT and movements == 1 and len(cars) > len(onto))
     shift = len(onto) - len(cars) if inner else 0
-    for place, lane in enumerate(cars):
-        pairs.append((lane, onto[max(0, min(place + shift, len(onto) - 1))]))
+    pairs = [(lane, onto[max(0, min(place + shift, len(onto) - 1))]) for place, lane in enumerate(cars)]
     buses = [number for number, lane in enumerate(target) if lane.bus]
-    for lane in sources:
-        if lane not in cars:
-            pairs.append((lane, buses[0] if buses else onto[0]))
+    pairs += [(lane, buses[0] if buses else onto[0]) for lane in sources if lane not in cars]
     if len(onto) > len(cars) and movements == 1:
         used = {onto_lane for _, onto_lane in pairs}
         pairs += [(cars[-1], number) for number in onto if number not in used]

@@ -4,8 +4,11 @@ import itertools
 import math
 from collections import defaultdict
 from collections.abc import Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
+import numpy as np
+
+from dojo_maps.geometry.polylines import Floats, along
 from dojo_maps.sources.osm import OsmData
 from dojo_maps.sources.osm_crossings import MappedCrossing, find_crossings
 from dojo_maps.sources.osm_graph import RoadGraph, Section
@@ -20,6 +23,9 @@ _LEFT_OVER = 6.0
 _SIGNAL_NEAR = 20.0
 _ONE_SIGNAL = 30.0
 _BOTH_CARRIAGEWAYS = 28.0
+_BEYOND = 14.0
+_INNER, _ROUND = 80.0, 15.0
+"""Metres up to which a road inside a junction, or a part of a roundabout there, vanishes in it."""
 
 Arm = tuple[str, bool]
 """A section's id, and whether its end is meant rather than its start."""
@@ -68,19 +74,63 @@ def lay_out(data: OsmData, graph: RoadGraph, joined: Iterable[tuple[int, int]] =
         joined: vertices to join because a section between them came out too short before.
     """
     crossings = find_crossings(data, graph)
+    if _extend_ends(graph, {crossing.node for crossing in crossings}):
+        crossings = find_crossings(data, graph)
     junctions = group_junctions(data, graph, crossings)
     if _split_between(graph, junctions, crossings):
         crossings = find_crossings(data, graph)
     joined = [*joined, *_over_both_carriageways(graph, crossings)]
     junctions = group_junctions(data, graph, crossings, joined)
+    while _split_loops(graph, junctions):
+        crossings = find_crossings(data, graph)
+        junctions = group_junctions(data, graph, crossings, joined)
     layout = Layout(graph=graph, junctions=junctions, crossings=crossings)
     for name, section in graph.sections.items():
-        same = junctions.of[section.start] == junctions.of[section.end]
-        if same and not section.road.roundabout and graph.length(section) < 80:
+        if junctions.of[section.start] == junctions.of[section.end] and _is_inner(graph, section):
             layout.inner.add(name)
     _signal_between(layout)
     _host(layout)
+    _align_carriageways(layout)
     return layout
+
+
+def _is_inner(graph: RoadGraph, section: Section) -> bool:
+    """Tell whether a section between vertices of one junction vanishes in it."""
+    return graph.length(section) < (_ROUND if section.road.roundabout else _INNER)
+
+
+def _split_loops(graph: RoadGraph, junctions: Junctions) -> bool:
+    """Split roads that lead back to their junction; SUMO has none. Tell whether there was one."""
+    changed = False
+    for name, section in sorted(graph.sections.items()):
+        if junctions.of[section.start] != junctions.of[section.end] or _is_inner(graph, section):
+            continue
+        if len(section.nodes) == 2:
+            node = min(0, *graph.places) - 1
+            ends = [graph.places[vertex] for vertex in section.nodes]
+            graph.places[node] = ((ends[0][0] + ends[1][0]) / 2, (ends[0][1] + ends[1][1]) / 2)
+            nodes = (section.start, node, section.end)
+            graph.sections[name] = replace(section, nodes=nodes, ways=section.ways * 2)
+        graph.split(name, len(graph.sections[name].nodes) // 2)
+        changed = True
+    return changed
+
+
+def _extend_ends(graph: RoadGraph, crossed: set[int]) -> bool:
+    """Lead roads that end at a crossing a little farther, as they do beyond the extract's border."""
+    ends = [(vertex, at[0]) for vertex, at in sorted(graph.ends().items()) if len(at) == 1]
+    found = [(vertex, name) for vertex, name in ends if vertex in crossed]
+    for vertex, name in found:
+        section = graph.sections[name]
+        at_end = section.end == vertex
+        (x, y), (a, b) = (graph.places[n] for n in (section.nodes[-2:] if at_end else section.nodes[1::-1]))
+        share = _BEYOND / max(math.dist((x, y), (a, b)), 1e-3)
+        node = min(0, *graph.places) - 1
+        graph.places[node] = (round(a + (a - x) * share, 3), round(b + (b - y) * share, 3))
+        nodes = (*section.nodes, node) if at_end else (node, *section.nodes)
+        ways = (*section.ways, section.ways[-1]) if at_end else (section.ways[0], *section.ways)
+        graph.sections[name] = replace(section, nodes=nodes, ways=ways)
+    return bool(found)
 
 
 def _over_both_carriageways(graph: RoadGraph, crossings: list[MappedCrossing]) -> list[tuple[int, int]]:
@@ -110,11 +160,12 @@ def _split_between(graph: RoadGraph, junctions: Junctions, crossings: list[Mappe
         section = graph.sections[name]
         if junctions.of[section.start] == junctions.of[section.end]:
             continue
+        rest = name
         for node in _between(graph, junctions, degree, section, found):
-            index = graph.sections[name].nodes.index(node)
-            if 0 < index < len(graph.sections[name].nodes) - 1:
-                graph.split(name, index)
-                name += "b"
+            index = graph.sections[rest].nodes.index(node)
+            if 0 < index < len(graph.sections[rest].nodes) - 1:
+                graph.split(rest, index)
+                rest += "b"
                 changed = True
     return changed
 
@@ -137,8 +188,8 @@ def _between(
     low, high = border(section.start), length - border(section.end)
     near = min((c.along for c in found if c.along <= low), default=None)
     far = max((c.along for c in found if c.along >= high), default=None)
-    taken += [near] if near is not None else [8.0 - _ROOM]
-    taken += [far] if far is not None else [length - 8.0 + _ROOM]
+    taken += [near] if near is not None else []
+    taken += [far] if far is not None else []
     nodes = []
     for crossing in found:
         if crossing.along in (near, far) or any(abs(crossing.along - other) < _ROOM for other in taken):
@@ -201,6 +252,35 @@ def _host(layout: Layout) -> None:
             layout.lost.append((crossing, "another crossing or the road's end is too near"))
 
 
+def _align_carriageways(layout: Layout) -> None:
+    """Draw both carriageways of an arm back to one line; netconvert would pull the one to the other."""
+    graph = layout.graph
+    for arms in layout.arms().values():
+        rays = {arm: _ray(graph, arm) for arm in arms}
+        for arm, other in itertools.permutations(arms, 2):
+            (place, way), (twin, back) = rays[arm], rays[other]
+            apart = twin - place
+            ahead = float(apart @ way)
+            aside = abs(float(apart[0] * way[1] - apart[1] * way[0]))
+            if arm not in layout.hosted or float(way @ back) < 0.94 or not 0 < aside < _BOTH_CARRIAGEWAYS:
+                continue
+            wanted = layout.cuts[arm] - ahead
+            used = layout.cuts.get((other[0], not other[1]), 6.0)
+            room = graph.length(graph.sections[other[0]]) - used - _LEFT_OVER
+            if layout.cuts.get(other, 0.0) < wanted < room:
+                layout.cuts[other] = wanted
+
+
+def _ray(graph: RoadGraph, arm: Arm) -> tuple[Floats, Floats]:
+    """Give an arm's vertex and the unit vector away from it, along its first 20 m."""
+    line = graph.line(graph.sections[arm[0]])
+    line = line[::-1] if arm[1] else line
+    lengths = along(line)
+    ahead = np.array([np.interp(min(20.0, float(lengths[-1])), lengths, values) for values in line.T])
+    way = ahead - line[0]
+    return line[0], way / max(float(np.hypot(*way)), 1e-6)
+
+
 def _candidates(layout: Layout, arms: dict[int, list[Arm]], crossing: MappedCrossing) -> list[Arm]:
     """List the arms where a crossing may be built."""
     section = layout.graph.sections[crossing.section]
@@ -224,8 +304,4 @@ def _reach_of(graph: RoadGraph, arm: Arm, crossing: MappedCrossing) -> tuple[flo
 
 def _faces_back(graph: RoadGraph, first: Arm, arm: Arm) -> bool:
     """Tell whether an arm leads to the other side than the first, so that crossings line up on one side."""
-    ways = []
-    for name, at_end in (first, arm):
-        line = graph.line(graph.sections[name])
-        ways.append((line[-2] - line[-1]) if at_end else (line[1] - line[0]))
-    return float(ways[0] @ ways[1]) < 0
+    return float(_ray(graph, first)[1] @ _ray(graph, arm)[1]) < 0

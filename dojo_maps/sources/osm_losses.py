@@ -9,8 +9,10 @@ import shapely
 from dojo_maps.description import Connection, RoadMap
 from dojo_maps.issue import Element, Issue, Severity
 from dojo_maps.sources.osm import link_to
+from dojo_maps.sources.osm_lanes import arrow_targets
 from dojo_maps.sources.osm_movements import Restriction
 from dojo_maps.sources.osm_network import OsmNetwork
+from dojo_maps.sources.osm_plain import incoming_name
 
 CROSSING_WITHIN = 10.0
 _LETTERS = {
@@ -23,7 +25,7 @@ Share = tuple[int, int]
 """How many are kept, of how many."""
 
 
-def loss(
+def loss(  # noqa: PLR0913
     check: str,
     what: str,
     osm: tuple[str, int],
@@ -97,18 +99,17 @@ def check_signals(network: OsmNetwork) -> tuple[Share, list[Issue]]:
 
 
 def check_turn_lanes(network: OsmNetwork) -> tuple[Share, list[Issue]]:
-    """Compare the arrows painted on approaches with where their lanes lead."""
+    """Compare the arrows painted on approaches with where their lanes lead, for turns that exist."""
     roads = {road.id: road for road in network.road_map.roads}
     leaving = _by_lane(network.road_map.connections)
-    incoming = {junction.id: len(junction.incoming) for junction in network.road_map.junctions}
+    angles: dict[str, list[float]] = defaultdict(list)
+    for movement in network.plain.movements:
+        angles[incoming_name(movement.source)].append(movement.angle)
+    left_hand = network.road_map.left_hand
     total, issues = 0, []
     for edge, section in sorted(network.plain.sections.items()):
         lanes = section.road.forward
-        if (
-            edge not in roads
-            or incoming[roads[edge].to_junction] < 2
-            or not any(lane.turns for lane in lanes)
-        ):
+        if edge not in roads or len(angles[edge]) < 2 or not any(lane.turns for lane in lanes):
             continue
         total += 1
         names = roads[edge].lanes[len(roads[edge].lanes) - len(lanes) :]
@@ -116,13 +117,14 @@ def check_turn_lanes(network: OsmNetwork) -> tuple[Share, list[Issue]]:
             turn
             for lane, name in zip(lanes, names, strict=True)
             for turn in lane.turns
-            if not any(c.direction in _LETTERS.get(turn, "slrtLR") for c in leaving.get(name, ()))
+            if arrow_targets(turn, angles[edge], left_hand=left_hand) is not None
+            and not any(c.direction in _LETTERS.get(turn, "slrtLR") for c in leaving.get(name, ()))
         ]
         if missing:
             way = section.ways[-1]
             issues.append(
                 loss(
-                    "osm.turn_lane_lost", f"lanes of {edge} do not lead where their arrows say ({missing[0]})",
+                    "osm.turn_lane_lost", f"lanes of {edge} do not lead as their arrows say ({missing[0]})",
                     ("way", way), network.layout.graph.places[section.end],
                     "correct turn:lanes, or connect the lanes in netedit",
                     near=Element(kind="road", id=edge), severity=Severity.NOTE,

@@ -101,18 +101,32 @@ class Movements:
     def _from(self, arm: Arm, arms: set[Arm], junction: int) -> list[Movement]:
         reached: dict[Arm, float] = {}
         for target in self._paths(arm, arms, junction):
-            reached[target] = self._angle(arm, target)
+            if not self._forbidden(arm, target, junction):
+                reached[target] = self._angle(arm, target)
         alone = len(reached) == 1
         kept = {
-            target: angle
+            target: angle + self._aside(arm, target)
             for target, angle in reached.items()
             if target[0] != arm[0] and (alone or abs(angle) < _UTURN)
         }
         kept = kept or {target: angle for target, angle in reached.items() if target[0] != arm[0]}
+        if not kept and directed(self._graph.sections[arm[0]], into_end=not arm[1]):
+            kept = {arm: 180.0}
         return [
             Movement(source=arm, target=target, angle=angle)
             for target, angle in sorted(kept.items(), key=lambda entry: (entry[1], entry[0]))
         ]
+
+    def _forbidden(self, arm: Arm, target: Arm, junction: int) -> bool:
+        """Tell whether a turn between two ways is forbidden at the junction, on whatever path across it."""
+        source, goal = (self._graph.sections[name] for name, _ in (arm, target))
+        way = source.ways[-1] if arm[1] else source.ways[0]
+        onto = goal.ways[-1] if target[1] else goal.ways[0]
+        of = self._layout.junctions.of
+        return any(
+            not found.only and found.target == onto and any(of.get(node) == junction for node in found.via)
+            for found in self._restrictions.get(way, ())
+        )
 
     def _paths(self, arm: Arm, arms: set[Arm], junction: int) -> Iterator[Arm]:
         section = self._graph.sections[arm[0]]
@@ -165,6 +179,19 @@ class Movements:
         arriving = self._outward(source) + 180.0
         turn = (self._outward(target) - arriving + 180.0) % 360.0 - 180.0
         return -turn if self._graph.left_hand else turn
+
+    def _aside(self, source: Arm, target: Arm) -> float:
+        """Give the degrees by which a road lies to the side, which tells parallel roads from each other."""
+        heading = math.radians(self._outward(source) + 180.0)
+        (x, y), (a, b) = (self._vertex(arm) for arm in (source, target))
+        ahead = (a - x) * math.cos(heading) + (b - y) * math.sin(heading)
+        aside = (b - y) * math.cos(heading) - (a - x) * math.sin(heading)
+        turn = math.degrees(math.atan2(aside, max(ahead, 0.0) + 30.0))
+        return -turn if self._graph.left_hand else turn
+
+    def _vertex(self, arm: Arm) -> tuple[float, float]:
+        section = self._graph.sections[arm[0]]
+        return self._graph.places[section.end if arm[1] else section.start]
 
     def _outward(self, arm: Arm) -> float:
         """Give the heading away from the junction, degrees counter-clockwise from east."""

@@ -23,7 +23,7 @@ from dojo_maps.sources.sumo_net import read_network
 
 _ALWAYS = (
     *("-n", NODES, "-e", EDGES, "-x", CONNECTIONS, "-o", "output.net.xml"),
-    *("--no-internal-links", "false", "--offset.disable-normalization", "--no-turnarounds.except-deadend"),
+    *("--no-internal-links", "false", "--offset.disable-normalization", "--no-turnarounds"),
     *("--output.street-names", "--junctions.join", "false"),
 )
 _DROPPED_IN_TURN = ("--roundabouts.guess", "--walkingareas")
@@ -31,6 +31,7 @@ _DROPPED_IN_TURN = ("--roundabouts.guess", "--walkingareas")
 _SHORTEST = 5.0
 _ROUNDS = 4
 _TIMEOUT = 240.0
+_NO_PAVEMENT = re.compile(r"Discarding invalid crossing .* with edges \[([^]]*)\] \(no walkingarea")
 _QUOTED = re.compile(r"'(:?-?[\w#.]+?)(_[cw]?\d+)?'")
 
 
@@ -68,16 +69,18 @@ def build_network(data: OsmData, *, path: Path, name: str, sha256: str) -> OsmNe
     """
     restrictions, broken = read_restrictions(data)
     joined: list[tuple[int, int]] = []
-    for attempt in range(_ROUNDS):
+    paved: set[str] = set()
+    for _ in range(_ROUNDS):
         layout = lay_out(data, build_graph(data, path), joined)
         with tempfile.TemporaryDirectory(prefix="dojo-maps-") as folder:
-            plain = write_plain(data, layout, restrictions, Path(folder))
-            built, warnings, dropped = _convert(Path(folder), path)
+            plain = write_plain(data, layout, restrictions, Path(folder), paved)
+            built, warnings, dropped = _convert(Path(folder), path, left_hand=layout.graph.left_hand)
         road_map, _ = read_network(built, path=path, name=name, sha256=sha256)
-        short = _too_short(road_map, plain)
-        if not short or attempt == _ROUNDS - 1 or set(short) <= set(joined):
+        short, unpaved = _too_short(road_map, plain), _unpaved(warnings)
+        if set(short) <= set(joined) and unpaved <= paved:
             break
         joined += short
+        paved |= unpaved
     built = program_signals(built, road_map)
     road_map, issues = read_network(built, path=path, name=name, sha256=sha256)
     issues += tuple(_dropped_issue(option, reason, road_map) for option, reason in dropped)
@@ -94,13 +97,16 @@ def build_network(data: OsmData, *, path: Path, name: str, sha256: str) -> OsmNe
     )
 
 
-def _convert(folder: Path, path: Path) -> tuple[bytes, tuple[str, ...], list[tuple[str, str]]]:
+def _convert(
+    folder: Path, path: Path, *, left_hand: bool
+) -> tuple[bytes, tuple[str, ...], list[tuple[str, str]]]:
     """Run netconvert, with one option less after each failure."""
+    always = [*_ALWAYS, "--lefthand"] if left_hand else list(_ALWAYS)
     options = list(_DROPPED_IN_TURN)
     dropped: list[tuple[str, str]] = []
     while True:
         try:
-            result = run_netconvert([*_ALWAYS, *options], folder=folder, timeout=_TIMEOUT)
+            result = run_netconvert([*always, *options], folder=folder, timeout=_TIMEOUT)
             break
         except NetconvertError as error:
             if not options:
@@ -128,27 +134,34 @@ def _too_short(road_map: RoadMap, plain: Plain) -> list[tuple[int, int]]:
     return sorted(set(found))
 
 
+def _unpaved(warnings: tuple[str, ...]) -> set[str]:
+    """Find the sections whose crossings netconvert dropped because they lead to no pavement."""
+    found = (_NO_PAVEMENT.search(warning) for warning in warnings)
+    return {edge.removeprefix("-") for match in found if match for edge in match[1].split()}
+
+
 def _warning_issue(warning: str, road_map: RoadMap) -> Issue:
     roads = {road.id: road for road in road_map.roads}
     junctions = {junction.id: junction for junction in road_map.junctions}
     lanes = {lane.id: lane for lane in road_map.lanes}
-    elements, position = [], (*road_map.origin, 0.0)
+    elements: list[Element] = []
+    x, y = road_map.origin
     for name, suffix in _QUOTED.findall(warning):
         key = name.removeprefix(":")
         if name + suffix in lanes:
             elements.append(Element(kind="lane", id=name + suffix))
-            position = tuple(map(float, lanes[name + suffix].shape[0]))
+            x, y, _ = map(float, lanes[name + suffix].shape[0])
         elif key in roads:
             elements.append(Element(kind="road", id=key))
-            position = tuple(map(float, lanes[roads[key].lanes[0]].shape[0]))
+            x, y, _ = map(float, lanes[roads[key].lanes[0]].shape[0])
         elif key in junctions:
             elements.append(Element(kind="junction", id=key))
-            position = junctions[key].position
+            x, y, _ = junctions[key].position
     return Issue(
         check="osm.netconvert_warning",
         severity=Severity.NOTE,
         elements=tuple(dict.fromkeys(elements)),
-        position=position,
+        position=(x, y, 0.0),
         message=f"netconvert: {warning}",
         hint="look at the place in netedit; correct the map data where it is wrong",
     )

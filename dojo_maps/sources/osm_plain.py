@@ -1,6 +1,7 @@
 """Write a layout as SUMO's plain XML: nodes, edges with every lane, connections and crossings."""
 
 from collections import defaultdict
+from collections.abc import Set as AbstractSet
 from dataclasses import dataclass, field
 from pathlib import Path
 from xml.sax.saxutils import quoteattr
@@ -11,6 +12,7 @@ from dojo_maps.geometry.polylines import Floats, along
 from dojo_maps.sources.osm import OsmData
 from dojo_maps.sources.osm_crossings import MappedCrossing
 from dojo_maps.sources.osm_graph import Section
+from dojo_maps.sources.osm_heights import compute_heights
 from dojo_maps.sources.osm_lanes import connect_lanes
 from dojo_maps.sources.osm_layout import CROSSING_WIDTH, Arm, Layout
 from dojo_maps.sources.osm_movements import Movement, Movements, Restriction, directed
@@ -20,6 +22,10 @@ from dojo_maps.sources.osm_ways import KINDS, LaneTags
 NODES, EDGES, CONNECTIONS = "input.nod.xml", "input.edg.xml", "input.con.xml"
 _CARS = 'disallow="pedestrian tram rail_urban rail rail_electric rail_fast ship cable_car subway aircraft"'
 _BUSES = 'allow="bus coach taxi emergency"'
+
+
+_MAPPED_NEAR = 100.0
+"""Metres around a mapped crossing within which crossings are taken to be mapped completely."""
 
 
 @dataclass(slots=True, kw_only=True)
@@ -32,6 +38,7 @@ class Plain:
     sidewalks: dict[str, tuple[bool, bool]] = field(default_factory=dict)
     nodes: dict[int, str] = field(default_factory=dict)
     movements: list[Movement] = field(default_factory=list)
+    heights: dict[int, float] = field(default_factory=dict)
 
 
 def edge_name(section: Section, *, forward: bool) -> str:
@@ -49,17 +56,31 @@ def outgoing_name(arm: Arm) -> str:
     return f"-{arm[0]}" if arm[1] else arm[0]
 
 
-def write_plain(data: OsmData, layout: Layout, restrictions: list[Restriction], folder: Path) -> Plain:
-    """Write the three files that netconvert builds the network from."""
-    plain = Plain()
+def write_plain(
+    data: OsmData,
+    layout: Layout,
+    restrictions: list[Restriction],
+    folder: Path,
+    paved: AbstractSet[str] = frozenset(),
+) -> Plain:
+    """Write the three files that netconvert builds the network from.
+
+    Args:
+        data: the extract.
+        layout: what to build.
+        restrictions: turns that are forbidden.
+        folder: where the files go.
+        paved: sections with pavement on both sides whatever is mapped, because crossings lead there.
+    """
+    plain = Plain(heights=compute_heights(layout.graph))
     walks = Sidewalks(data, layout.graph)
     arms = layout.arms()
     plain.nodes = {junction: str(junction) for junction in arms}
     for name in sorted(layout.graph.sections):
         if name not in layout.inner:
             section = layout.graph.sections[name]
-            plain.sidewalks[name] = walks.sides(section)
-    _write(folder / NODES, "nodes", [_location(layout), *_nodes(layout, arms)])
+            plain.sidewalks[name] = (True, True) if name in paved else walks.sides(section)
+    _write(folder / NODES, "nodes", [_location(layout), *_nodes(layout, arms, plain)])
     _write(folder / EDGES, "edges", _edges(layout, plain))
     _write(folder / CONNECTIONS, "connections", _connections(layout, arms, restrictions, plain))
     return plain
@@ -77,7 +98,7 @@ def _location(layout: Layout) -> str:
     )
 
 
-def _nodes(layout: Layout, arms: dict[int, list[Arm]]) -> list[str]:
+def _nodes(layout: Layout, arms: dict[int, list[Arm]], plain: Plain) -> list[str]:
     members = layout.junctions.members()
     lines = []
     for junction in sorted(arms):
@@ -85,7 +106,8 @@ def _nodes(layout: Layout, arms: dict[int, list[Arm]]) -> list[str]:
         x, y = (places.min(axis=0) + places.max(axis=0)) / 2
         controller = layout.junctions.controllers.get(junction)
         kind = f'type="traffic_light" tl="{controller}"' if controller is not None else 'type="priority"'
-        lines.append(f'<node id="{junction}" x="{x:.2f}" y="{y:.2f}" {kind}/>')
+        z = sum(plain.heights.get(vertex, 0.0) for vertex in members[junction]) / len(places)
+        lines.append(f'<node id="{junction}" x="{x:.2f}" y="{y:.2f}" z="{z:.2f}" {kind}/>')
     return lines
 
 
@@ -94,7 +116,7 @@ def _edges(layout: Layout, plain: Plain) -> list[str]:
     for name, (left, right) in sorted(plain.sidewalks.items()):
         section = layout.graph.sections[name]
         road = section.road
-        divider = _divider(layout, section)
+        divider = _divider(layout, section, plain.heights)
         near, far = (left, right) if layout.graph.left_hand else (right, left)
         for forward, lanes, walk in ((True, road.forward, near), (False, road.backward, far)):
             if not lanes and not walk:
@@ -118,7 +140,7 @@ def _edge(
     shape: Floats,
 ) -> list[str]:
     road = section.road
-    places = " ".join(f"{x:.2f},{y:.2f}" for x, y in shape)
+    places = " ".join(f"{x:.2f},{y:.2f},{z:.2f}" for x, y, z in shape)
     name = f"name={quoteattr(road.name)} " if road.name.strip() else ""
     lines = [
         f'<edge id="{edge}" from="{ends[0]}" to="{ends[1]}" {name}'
@@ -135,12 +157,12 @@ def _edge(
     return [*lines, "</edge>"]
 
 
-def _divider(layout: Layout, section: Section) -> Floats:
+def _divider(layout: Layout, section: Section, heights: dict[int, float]) -> Floats:
     """Find the line between the two directions, drawn back where a crossing lies at an end.
 
     The way is taken for the middle of the carriageway.
     """
-    line = layout.graph.line(section)
+    line = np.column_stack([layout.graph.line(section), [heights.get(node, 0.0) for node in section.nodes]])
     cuts = [layout.cuts.get((section.id, at_end), 0.0) for at_end in (False, True)]
     line = _trim(line, *cuts)
     road = section.road
@@ -163,25 +185,29 @@ def _shift(line: Floats, distance: float) -> Floats:
     """Move a line to its left, corners mitred."""
     if not distance:
         return line
-    step = np.diff(line, axis=0)
+    step = np.diff(line[:, :2], axis=0)
     step /= np.maximum(np.hypot(*step.T), 1e-9)[:, None]
     left = np.column_stack([-step[:, 1], step[:, 0]])
     before, after = np.vstack([left[:1], left]), np.vstack([left, left[-1:]])
     middle = before + after
     size = np.maximum((middle**2).sum(axis=1), 0.5)
-    return line + distance * 2 * middle / size[:, None]
+    aside = distance * 2 * middle / size[:, None]
+    return np.column_stack([line[:, :2] + aside, line[:, 2:]])
 
 
 def _connections(
     layout: Layout, arms: dict[int, list[Arm]], restrictions: list[Restriction], plain: Plain
 ) -> list[str]:
     finder = Movements(layout, restrictions)
+    mapped = [np.array(crossing.place) for crossing in layout.crossings]
     lines = []
     for junction in sorted(arms):
         movements = finder.at(junction, arms[junction])
         plain.movements += movements
         lines += _lane_links(layout, movements, plain)
         lines += _crossings(layout, junction, arms[junction], plain)
+        if not any(arm in layout.hosted for arm in arms[junction]):
+            lines += _guessed_crossings(layout, junction, arms[junction], plain, mapped)
     return lines
 
 
@@ -190,19 +216,38 @@ def _lane_links(layout: Layout, movements: list[Movement], plain: Plain) -> list
     for movement in movements:
         by_source[movement.source].append(movement)
     lines = []
+    links: list[tuple[Arm, int, Movement, int]] = []
     for source, found in by_source.items():
         lanes = directed(layout.graph.sections[source[0]], into_end=source[1])
         targets = [directed(layout.graph.sections[m.target[0]], into_end=not m.target[1]) for m in found]
-        links = connect_lanes(lanes, targets, [m.angle for m in found], left_hand=layout.graph.left_hand)
-        origin = incoming_name(source)
-        for lane, number, onto in links:
-            goal = outgoing_name(found[number].target)
-            shifts = [_has_walk(layout, plain, edge) for edge in (origin, goal)]
-            lines.append(
-                f'<connection from="{origin}" to="{goal}" fromLane="{lane + shifts[0]}" '
-                f'toLane="{onto + shifts[1]}"/>'
-            )
+        pairs = connect_lanes(lanes, targets, [m.angle for m in found], left_hand=layout.graph.left_hand)
+        links += [(source, lane, found[number], onto) for lane, number, onto in pairs]
+    for source, lane, movement, onto in _with_entries(layout, links):
+        origin, goal = incoming_name(source), outgoing_name(movement.target)
+        shifts = [_has_walk(layout, plain, edge) for edge in (origin, goal)]
+        lines.append(
+            f'<connection from="{origin}" to="{goal}" fromLane="{lane + shifts[0]}" '
+            f'toLane="{onto + shifts[1]}"/>'
+        )
     return lines
+
+
+def _with_entries(
+    layout: Layout, links: list[tuple[Arm, int, Movement, int]]
+) -> list[tuple[Arm, int, Movement, int]]:
+    """Lead traffic into lanes that nothing leads to, from the straightest movement beside them."""
+    onto_road: dict[Arm, list[tuple[Arm, int, Movement, int]]] = defaultdict(list)
+    for link in links:
+        onto_road[link[2].target].append(link)
+    added = []
+    for target, found in onto_road.items():
+        lanes = directed(layout.graph.sections[target[0]], into_end=not target[1])
+        entered = {link[3] for link in found}
+        for number in range(len(lanes)):
+            if number not in entered:
+                best = min(found, key=lambda e: (abs(e[3] - number), abs(e[2].angle), e[0], e[1]))
+                added.append((best[0], best[1], best[2], number))
+    return [*links, *added]
 
 
 def _has_walk(layout: Layout, plain: Plain, edge: str) -> bool:
@@ -227,6 +272,27 @@ def _crossings(layout: Layout, junction: int, arms: list[Arm], plain: Plain) -> 
             f'<crossing node="{junction}" edges="{" ".join(sorted(names))}" '
             f'width="{CROSSING_WIDTH:.2f}" priority="{priority}"/>'
         )
+    return lines
+
+
+def _guessed_crossings(
+    layout: Layout, junction: int, arms: list[Arm], plain: Plain, mapped: list[Floats]
+) -> list[str]:
+    """Guess crossings of all arms where none is mapped: at signals, and where no one maps crossings."""
+    signalised = junction in layout.junctions.controllers
+    here = np.array(layout.graph.places[junction])
+    if len(arms) < 3 or (
+        not signalised and any(np.hypot(*(place - here)) < _MAPPED_NEAR for place in mapped)
+    ):
+        return []
+    lines = []
+    for arm in arms:
+        names = sorted(name for name in (incoming_name(arm), outgoing_name(arm)) if _drives(plain, name))
+        if all(plain.sidewalks[arm[0]]) and not layout.graph.sections[arm[0]].road.roundabout:
+            lines.append(
+                f'<crossing node="{junction}" edges="{" ".join(names)}" width="{CROSSING_WIDTH:.2f}" '
+                f'priority="{str(signalised).lower()}"/>'
+            )
     return lines
 
 

@@ -132,7 +132,7 @@ def _check_short(network: OsmNetwork) -> list[Issue]:
             issues.append(
                 loss(
                     "osm.short_edge", f"the road {road.id} is {length:.1f} m long between its junctions",
-                    ("way", section.ways[0]), (float(x), float(y)), "join the junctions at its ends in netedit",
+                    ("way", section.ways[0]), (float(x), float(y)), "join the junctions at its ends",
                     near=Element(kind="road", id=road.id), measured=length, limit=SHORT_EDGE,
                     severity=Severity.NOTE,
                 )

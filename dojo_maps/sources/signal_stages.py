@@ -57,7 +57,8 @@ def read_links(road_map: RoadMap, signal: Signal) -> dict[int, SignalLink]:
     """Collect the links of a signal by index."""
     connections = [c for c in road_map.connections if c.signal == signal.id and c.link_index is not None]
     crossings = [c for c in road_map.crossings if c.signal == signal.id and c.link_index is not None]
-    index = {thing.id: thing.link_index for thing in (*connections, *crossings)}
+    index = {connection.id: connection.link_index for connection in connections}
+    index |= {crossing.id: crossing.link_index for crossing in crossings}
     foes: dict[int, set[int]] = defaultdict(set)
     yields: dict[int, set[int]] = defaultdict(set)
     for junction in road_map.junctions:
@@ -66,8 +67,8 @@ def read_links(road_map: RoadMap, signal: Signal) -> dict[int, SignalLink]:
         numbers = [index.get(way.link) for way in junction.right_of_way]
         for number, way in zip(numbers, junction.right_of_way, strict=True):
             if number is not None:
-                foes[number] |= {numbers[k] for k in way.foes} - {None}
-                yields[number] |= {numbers[k] for k in way.response} - {None}
+                foes[number] |= {other for k in way.foes if (other := numbers[k]) is not None}
+                yields[number] |= {other for k in way.response if (other := numbers[k]) is not None}
     for number, others in list(foes.items()):
         for other in others:
             foes[other].add(number)
@@ -99,7 +100,8 @@ def _vehicle(c: Connection, road: str, speed: float, turns: set[str], far: str) 
 def _walk(crossing: Crossing) -> SignalLink:
     return SignalLink(
         index=crossing.link_index or 0, road=crossing.id, walks=True, foes=frozenset(), yields_to=frozenset(),
-        length=float(along(crossing.shape)[-1]), speed=0.0, heading=0.0, direction="s", far=False, alone=False,
+        length=float(along(crossing.shape)[-1]), speed=0.0, heading=0.0, direction="s",
+        far=False, alone=False,
     )  # fmt: skip
 
 
@@ -124,16 +126,29 @@ def build_stages(links: dict[int, SignalLink]) -> list[Stage]:
                 stage |= group
                 waiting.remove(group)
         stages.append(stage)
-    walks = [link for link in links.values() if link.walks]
-    built = []
-    for number, stage in enumerate(stages):
-        for group in groups:
-            if not group <= stage and not _is_far(links, group) and _compatible(links, stage, group):
-                stages[number] = stage = stage | group
-        allowed = frozenset(w.index for w in walks if all(_lets_walk(links[k], w) for k in stage))
-        protected = all(links[k].far and links[k].alone for k in stage)
-        built.append(Stage(vehicles=frozenset(stage), walks=allowed, protected=protected))
-    return _with_walkers_stage(links, groups, built)
+    filled = [_filled(links, groups, stage) for stage in stages]
+    return _with_walkers_stage(links, groups, [_stage(links, stage) for stage in filled])
+
+
+def _filled(
+    links: dict[int, SignalLink], groups: Sequence[frozenset[int]], stage: set[int]
+) -> frozenset[int]:
+    """Add what can go along besides."""
+    for group in groups:
+        if not group <= stage and not _is_far(links, group) and _compatible(links, stage, group):
+            stage |= group
+    return frozenset(stage)
+
+
+def _stage(links: dict[int, SignalLink], vehicles: frozenset[int]) -> Stage:
+    """Let people walk where a stage's vehicles let them."""
+    walks = frozenset(
+        link.index
+        for link in links.values()
+        if link.walks and all(_lets_walk(links[k], link) for k in vehicles)
+    )
+    protected = bool(vehicles) and all(links[k].far and links[k].alone for k in vehicles)
+    return Stage(vehicles=vehicles, walks=walks, protected=protected)
 
 
 def _with_walkers_stage(
@@ -146,22 +161,22 @@ def _with_walkers_stage(
         return stages
     stage: set[int] = set()
     for group in groups:
-        if all(_lets_walk(links[k], links[w]) for k in group for w in left) and _compatible(
-            links, stage, group
-        ):
+        passes = all(_lets_walk(links[k], links[w]) for k in group for w in left)
+        if passes and _compatible(links, stage, group):
             stage |= group
-    every = frozenset(
-        link.index for link in links.values() if link.walks and all(_lets_walk(links[k], link) for k in stage)
-    )
-    return [*stages, Stage(vehicles=frozenset(stage), walks=every, protected=False)]
+    return [*stages, _stage(links, frozenset(stage))]
 
 
 def letters_of(links: dict[int, SignalLink], stage: Stage) -> dict[int, str]:
     """Give the letter of each link that has green: g where it must let others of the stage go first."""
     green = stage.vehicles | stage.walks
-    return {
-        k: "g" if not links[k].walks and links[k].yields_to & (green - {k}) else "G" for k in sorted(green)
-    }
+    letters: dict[int, str] = {}
+    for k in sorted(green):
+        # Lanes of one road that cross each other leave neither the right of way.
+        crossed = any(letters.get(other) == "G" for other in links[k].foes)
+        yields = links[k].yields_to & green or crossed
+        letters[k] = "g" if yields and not links[k].walks else "G"
+    return letters
 
 
 def _groups(links: dict[int, SignalLink]) -> list[frozenset[int]]:
