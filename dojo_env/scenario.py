@@ -18,7 +18,7 @@ from dojo_env.cache import cache_folder
 from dojo_env.demand import write_two_way_demand
 from dojo_env.elements import read_elements
 from dojo_env.errors import ConfigError
-from dojo_maps.bundle import Bundle, read_bundle
+from dojo_maps.bundle import DEMAND, Bundle, read_bundle
 
 Files = str | Path | Sequence[str | Path]
 
@@ -108,7 +108,7 @@ _DURATION = 3600
 
 
 def find_scenario(value: str | Path | Scenario) -> Scenario:
-    """Find a scenario: itself, a packaged one by name, or a .sumocfg by path.
+    """Find a scenario: itself, a packaged one by name, a .sumocfg by path, or a bundle that holds its demand.
 
     Raises:
         ConfigError: there is none of that name, or the path alone names no demand.
@@ -120,6 +120,8 @@ def find_scenario(value: str | Path | Scenario) -> Scenario:
     path = Path(value)
     if path.name.endswith((".sumocfg", ".sumocfg.xml")):
         return _read_sumocfg(path)
+    if (path / DEMAND).is_file():
+        return Scenario(map=path, routes=(path / DEMAND,), end=float(_DURATION))
     if path.exists():
         raise ConfigError(
             f"{path}: a map alone has no demand; give scenario=Scenario(map={str(path)!r}, routes=...)"

@@ -23,8 +23,9 @@ REPORT = "report.json"
 REPORT_PAGE = "report.html"
 OVERVIEW = "overview.png"
 ENRICHMENT = "enrichment.json"
+DEMAND = "demand.rou.xml"
 EXPORTS = "exports"
-_OURS = {DESCRIPTION, SCENE, NETWORK, REPORT, REPORT_PAGE, OVERVIEW, ENRICHMENT, EXPORTS}
+_OURS = {DESCRIPTION, SCENE, NETWORK, REPORT, REPORT_PAGE, OVERVIEW, ENRICHMENT, DEMAND, EXPORTS}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from dojo_maps import interruption
+from dojo_maps.cli_area import add_area_options, find_source, join_signed
 from dojo_maps.errors import DojoError
 from dojo_maps.interruption import Interruption
 
@@ -20,7 +21,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """
     status = interruption.STATUS
     with Interruption() as interrupted:
-        status = _run(_parser().parse_args(arguments), interrupted)
+        given = sys.argv[1:] if arguments is None else arguments
+        status = _run(_parser().parse_args(join_signed(given)), interrupted)
     return interruption.STATUS if interrupted.happened else status
 
 
@@ -72,7 +74,13 @@ def _parser() -> argparse.ArgumentParser:
     convert.set_defaults(run=_convert)
 
     import_osm = commands.add_parser("import-osm", help="build a bundle from OpenStreetMap data")
-    import_osm.add_argument("source", metavar="FILE", help=".osm, .osm.xml, .osm.gz, .osm.bz2 or .osm.pbf")
+    add_area_options(import_osm)
+    import_osm.add_argument(
+        "--demand",
+        metavar="VEH_PER_HOUR",
+        type=_volume,
+        help="vehicles in all (default: what the junctions can take; 0 for none)",
+    )
     _add_bundle_options(import_osm)
     import_osm.set_defaults(run=_import_osm)
 
@@ -112,6 +120,13 @@ def _positive(text: str) -> int:
     return value
 
 
+def _volume(text: str) -> float:
+    value = float(text)
+    if not 0 <= value <= 1e6:
+        raise argparse.ArgumentTypeError("expected a number of vehicles per hour, 0 or more")
+    return value
+
+
 def _convert(options: argparse.Namespace, interrupted: Interruption) -> int:
     from dojo_maps.conversion import ConvertOptions, convert
     from dojo_maps.progress import Progress
@@ -122,6 +137,7 @@ def _convert(options: argparse.Namespace, interrupted: Interruption) -> int:
         enrich_net=options.enrich_net,
         exports=tuple(dict.fromkeys(options.export)),
         jobs=options.jobs,
+        demand=getattr(options, "demand", 0.0),
     )
     written, report = convert(options.source, options.output, wanted, on_stage=Progress(quiet=options.quiet))
     road_map, counts = written.road_map, report["counts"]
@@ -131,15 +147,14 @@ def _convert(options: argparse.Namespace, interrupted: Interruption) -> int:
         f"{len(road_map.crossings)} crossings; "
         f"{counts['error']} errors, {counts['warning']} warnings, {counts['note']} notes"
     )
+    if "demand" in report:
+        print("demand: {vehicles} vehicles and {walkers} walkers in an hour".format(**report["demand"]))
     return int(counts["error"] > 0 or (options.strict and counts["warning"] > 0))
 
 
 def _import_osm(options: argparse.Namespace, interrupted: Interruption) -> int:
-    from dojo_maps.errors import UsageError
-    from dojo_maps.sources.osm import is_osm
-
-    if not is_osm(options.source):
-        raise UsageError(f"{options.source}: not named as OpenStreetMap data is (.osm, .osm.gz, .osm.pbf)")
+    interrupted.raise_from_now_on()
+    options.source = find_source(options, lambda message: print(f"dojo-maps: {message}", file=sys.stderr))
     options.enrich_net = False
     return _convert(options, interrupted)
 

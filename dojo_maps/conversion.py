@@ -4,13 +4,14 @@ import contextlib
 import gc
 import os
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from shapely.errors import ShapelyError
 
 from dojo_maps import bundle
+from dojo_maps.demand import write_demand
 from dojo_maps.description import RoadMap
 from dojo_maps.enrichment import furnish
 from dojo_maps.errors import GeometryError
@@ -43,12 +44,14 @@ class ConvertOptions:
         enrich_net: add real sidewalks and crossings to the network itself.
         exports: further formats, by their names in `EXPORTERS`.
         jobs: threads for cutting triangles; None takes one per core.
+        demand: vehicles per hour to write beside the map, None for what its junctions can take, 0 for none.
     """
 
     generated: bool = True
     enrich_net: bool = False
     exports: tuple[str, ...] = ()
     jobs: int | None = None
+    demand: float | None = 0.0
 
 
 def convert(
@@ -114,7 +117,10 @@ def _convert(
         (fresh / bundle.NETWORK).write_bytes(data)
         if changes is not None:
             bundle.write_json(fresh / bundle.ENRICHMENT, changes)
-        report = _write(fresh, road_map, meshes, issues, quality)
+        extra = {} if quality is None else {"osm": quality}
+        if options.demand != 0:
+            extra |= _add_demand(fresh, road_map, options.demand)
+        report = _write(fresh, road_map, meshes, issues, extra)
         for export in options.exports:
             on_stage(f"Exporting {export}")
             target = fresh / bundle.EXPORTS / export
@@ -155,19 +161,24 @@ def furnish_and_build(
         ) from error
 
 
+def _add_demand(folder: Path, road_map: RoadMap, volume: float | None) -> dict[str, Any]:
+    """Write traffic beside the network, where there is a junction that it can cross."""
+    demand = write_demand(road_map, folder / bundle.NETWORK, folder / bundle.DEMAND, volume=volume)
+    return {} if demand is None else {"demand": asdict(demand)}
+
+
 def _write(
     folder: Path,
     road_map: RoadMap,
     meshes: tuple[Mesh, ...],
     issues: tuple[Issue, ...],
-    quality: dict[str, Any] | None,
+    extra: dict[str, Any],
 ) -> dict[str, Any]:
     bundle.write_json(folder / bundle.DESCRIPTION, to_json(road_map))
     write_scene(meshes, folder / bundle.SCENE)
     draw_overview(road_map, meshes, folder / bundle.OVERVIEW)
     report = run_checks(road_map, meshes, issues)
-    if quality is not None:
-        report["osm"] = quality
+    report |= extra
     bundle.write_json(folder / bundle.REPORT, report)
     write_page(report, folder / bundle.OVERVIEW, folder / bundle.REPORT_PAGE)
     return report

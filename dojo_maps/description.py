@@ -273,7 +273,7 @@ class StopLine:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Prop:
-    """A thing beside the road: a polygon (island, building, water) or a position (pole, tree), and its height."""
+    """A thing beside the road: a polygon (island, building) or a position (pole, tree), and its height."""
 
     id: str
     kind: str

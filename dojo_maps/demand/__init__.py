@@ -13,7 +13,6 @@ from dojo_maps.demand.route_file import write_route_file
 from dojo_maps.demand.volumes import fill_routes
 from dojo_maps.demand.walkers import find_walks
 from dojo_maps.description import RoadMap
-from dojo_maps.errors import DescriptionError
 
 DURATION = 3600
 """Seconds over which departures are spread."""
@@ -32,7 +31,8 @@ class Demand:
 
 
 def write_demand(
-    road_map: RoadMap, network: Path, path: Path, *, volume: float | None = None, seed: int = 0) -> Demand:
+    road_map: RoadMap, network: Path, path: Path, *, volume: float | None = None, seed: int = 0
+) -> Demand | None:
     """Write an hour of traffic for a map.
 
     Args:
@@ -42,12 +42,14 @@ def write_demand(
         volume: vehicles per hour in all; None for as many as use 70 % of the scarcest lanes' capacity.
         seed: the same one gives the same file.
 
-    Raises:
-        DescriptionError: no vehicle can drive across any junction of the map.
+    Returns:
+        What was written; None, and nothing written, where no car or bus can cross a junction.
     """
     routes = find_routes(road_map)
     if not routes:
-        raise DescriptionError(road_map.name, "no car or bus can cross a junction here, so there is no demand")
+        return None
     rates, saturation = fill_routes(road_map, routes, total=volume)
-    vehicles, walkers = write_route_file(routes, rates, find_walks(road_map, network), path, seed=seed, duration=DURATION)
+    vehicles, walkers = write_route_file(
+        routes, rates, find_walks(road_map, network), path, seed=seed, duration=DURATION
+    )
     return Demand(vehicles=vehicles, walkers=walkers, saturation=saturation)

@@ -92,9 +92,7 @@ class _Net:
         ahead = self._search(arc[1], self._after, seen - {self._ends[arc[1]]})
         return (*reversed(back), *ahead)
 
-    def _search(
-        self, start: str, following: dict[str, list[str]], barred: set[tuple[str, str]]
-    ) -> list[str]:
+    def _search(self, start: str, following: dict[str, list[str]], barred: set[tuple[str, str]]) -> list[str]:
         """Find the nearest road that nothing follows; from `start` to it, through no barred street."""
         queue: list[tuple[float, str]] = [(0.0, start)]
         came: dict[str, str | None] = {start: None}

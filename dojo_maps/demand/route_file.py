@@ -80,7 +80,8 @@ def _walkers(number: int, walk: Walk, departures: Floats) -> Iterator[_Departure
         yield (
             float(depart),
             f'<person id="p{number}.{k}" type="walker" depart="{depart:.2f}" '
-            f'departPos="{walk.start_place:.2f}"><walk edges={edges} arrivalPos="{walk.end_place:.2f}"/></person>',
+            f'departPos="{walk.start_place:.2f}"><walk edges={edges} '
+            f'arrivalPos="{walk.end_place:.2f}"/></person>',
         )
 
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from dojo_maps.demand.movements import Arc, Route
 from dojo_maps.description import Connection, Program, RoadMap
-from dojo_maps.geometry.polylines import Floats
+from dojo_maps.geometry.polylines import Flags, Floats
 
 SATURATION = 0.7
 """Share of its capacity that the scarcest lane of a route is used to. Above 0.85 to 0.9 queues grow without
@@ -58,7 +58,7 @@ def fill_routes(
     return rates, float((usage @ rates).max(initial=0.0))
 
 
-def _fill(usage: Floats, weights: Floats, rates: Floats, growing: Floats) -> Floats:
+def _fill(usage: Floats, weights: Floats, rates: Floats, growing: Flags) -> Floats:
     """Let routes grow by their weights until each has a resource that is used to `SATURATION`."""
     growing = growing.copy()
     while growing.any():

@@ -1,4 +1,4 @@
-"""People who walk: over every crossing of the network, from a sidewalk on its one side to one on the other."""
+"""People who walk over every crossing of the network, from a sidewalk on its one side to one on the other."""
 
 from collections import defaultdict
 from dataclasses import dataclass, replace
@@ -98,6 +98,6 @@ def _walk(start: _Door, end: _Door, *, rate: float) -> Walk:
     )
 
 
-def _place(lane: Lane, at_end: bool) -> float:  # noqa: FBT001 - a door's two parts
+def _place(lane: Lane, at_end: bool) -> float:
     reach = min(_WALK, lane.length * 0.9)
     return round(lane.length - reach if at_end else reach, 2)

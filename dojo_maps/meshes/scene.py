@@ -15,8 +15,8 @@ from dojo_maps.geometry.symbols import arrow_paint, crossing_paint, stop_line_pa
 from dojo_maps.meshes.decals import paint_mesh
 from dojo_maps.meshes.furniture import signal_meshes
 from dojo_maps.meshes.mesh import Mesh
-from dojo_maps.meshes.surroundings import surrounding_meshes
 from dojo_maps.meshes.surfaces import build_ground, surface_meshes
+from dojo_maps.meshes.surroundings import surrounding_meshes
 
 _RAMP = 1.5
 """How far a lowered kerb reaches into the pavement at each end of a crossing, metres."""

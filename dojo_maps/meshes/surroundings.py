@@ -1,4 +1,4 @@
-"""Buildings and trees as closed solids: walls that reach into the ground under flat roofs, trunks and crowns."""
+"""Buildings and trees as closed solids: walls from the ground to flat roofs, trunks and crowns."""
 
 import zlib
 from collections.abc import Iterator

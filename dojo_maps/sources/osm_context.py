@@ -84,11 +84,11 @@ def read_context(data: OsmData, road_map: RoadMap) -> tuple[tuple[Prop, ...], tu
     finder = _Finder(data, road_map)
     props: list[Prop] = []
     issues: list[Issue] = []
-    for kind in MOST:
+    for kind, most in MOST.items():
         things = sorted(finder.find(kind), key=lambda thing: (thing.distance, thing.id))
-        if len(things) > MOST[kind]:
+        if len(things) > most:
             issues.append(_left_out(kind, len(things), road_map))
-        kept = things[: MOST[kind]]
+        kept = things[:most]
         props += _tree_props(kept) if kind == "tree" else _area_props(kept, kind)
     return tuple(props), tuple(issues)
 

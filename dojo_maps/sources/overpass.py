@@ -25,7 +25,7 @@ MAX_SIDE = 5_000.0
 """Longest side of an area, metres: a large town's centre, some 50 MB."""
 _EARTH_RADIUS = 6_371_008.8
 _GEOCODING_SECONDS = 60.0
-_DATA, _REQUEST = "area.osm", "request.json"
+_REQUEST = "request.json"
 _REMARK = re.compile(rb"<remark>(.{0,2000}?)</remark>", re.DOTALL)
 _QUERY = """[out:xml][timeout:180][maxsize:268435456][bbox:{south:.7f},{west:.7f},{north:.7f},{east:.7f}];
 (
@@ -128,6 +128,7 @@ def find_place(name: str) -> tuple[float, float]:
 def download_area(
     area: Area,
     *,
+    name: str = "area",
     server: str = SERVER,
     patience: Patience | None = None,
     on_pause: Callable[[str], None] = lambda _message: None,
@@ -136,6 +137,7 @@ def download_area(
 
     Args:
         area: what to fetch.
+        name: of the file, without its suffix.
         server: address of an Overpass server's interpreter.
         patience: bounds on bytes and seconds.
         on_pause: told why and how long is waited.
@@ -146,8 +148,11 @@ def download_area(
     """
     server = check_url(server)
     query = _QUERY.format(west=area.west, south=area.south, east=area.east, north=area.north)
-    folder = cache_folder() / "overpass" / hashlib.sha256(f"{server}\n{query}".encode()).hexdigest()[:24]
-    kept = _kept(folder)
+    folder = (
+        cache_folder() / "overpass" / hashlib.sha256(f"{server}\n{name}\n{query}".encode()).hexdigest()[:24]
+    )
+    path = folder / f"{name}.osm"
+    kept = _kept(path)
     if kept is not None:
         return kept
     data = fetch(
@@ -157,7 +162,7 @@ def download_area(
         check=lambda answer: _check(answer, server),
         on_pause=on_pause,
     )
-    return _keep(folder, data, {"server": server, "query": query})
+    return _keep(path, data, {"server": server, "query": query})
 
 
 def _check(answer: bytes, server: str) -> None:
@@ -182,11 +187,10 @@ def _check(answer: bytes, server: str) -> None:
         raise SourceError(server, "OpenStreetMap has no roads in this area; check the coordinates' order")
 
 
-def _kept(folder: Path) -> Download | None:
+def _kept(path: Path) -> Download | None:
     """Find an earlier download; one that was changed since is not trusted."""
-    path = folder / _DATA
     try:
-        request = json.loads((folder / _REQUEST).read_bytes())
+        request = json.loads(path.with_name(_REQUEST).read_bytes())
         with path.open("rb") as file:
             same = hashlib.file_digest(file, "sha256").hexdigest() == request["sha256"]
         return Download(path=path, date=str(request["date"])[:10]) if same else None
@@ -194,8 +198,9 @@ def _kept(folder: Path) -> Download | None:
         return None
 
 
-def _keep(folder: Path, data: bytes, request: dict[str, str]) -> Download:
+def _keep(path: Path, data: bytes, request: dict[str, str]) -> Download:
     """Write a download beside its place and move it there whole."""
+    folder = path.parent
     date = time.strftime("%Y-%m-%d", time.gmtime())
     request = {**request, "date": date, "sha256": hashlib.sha256(data).hexdigest()}
     try:
@@ -203,11 +208,11 @@ def _keep(folder: Path, data: bytes, request: dict[str, str]) -> Download:
         with tempfile.TemporaryDirectory(dir=folder.parent, prefix=".new-") as work:
             fresh = Path(work) / "new"
             fresh.mkdir()
-            (fresh / _DATA).write_bytes(data)
+            (fresh / path.name).write_bytes(data)
             (fresh / _REQUEST).write_text(json.dumps(request, indent=1) + "\n", encoding="utf-8")
             if folder.exists():
                 folder.rename(Path(work) / "old")
             fresh.rename(folder)
     except OSError as error:
         raise UsageError(f"cache {folder}: {error.strerror}; name another folder in DOJO_CACHE") from error
-    return Download(path=folder / _DATA, date=date)
+    return Download(path=path, date=date)
