@@ -3,8 +3,9 @@
 import itertools
 import math
 from collections import defaultdict
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
+from types import MappingProxyType
 
 import numpy as np
 
@@ -65,13 +66,19 @@ class Layout:
         return dict(found)
 
 
-def lay_out(data: OsmData, graph: RoadGraph, joined: Iterable[tuple[int, int]] = ()) -> Layout:
+def lay_out(
+    data: OsmData,
+    graph: RoadGraph,
+    joined: Iterable[tuple[int, int]] = (),
+    moved: Mapping[int, tuple[int, float]] = MappingProxyType({}),
+) -> Layout:
     """Group junctions and place crossings.
 
     Args:
         data: the extract.
         graph: its roads; sections are split where a crossing lies between junctions.
         joined: vertices to join because a section between them came out too short before.
+        moved: crossings to move for the same reason, by node: towards which node, and how far.
     """
     crossings = find_crossings(data, graph)
     if _extend_ends(graph, {crossing.node for crossing in crossings}):
@@ -84,6 +91,8 @@ def lay_out(data: OsmData, graph: RoadGraph, joined: Iterable[tuple[int, int]] =
     while _split_loops(graph, junctions):
         crossings = find_crossings(data, graph)
         junctions = group_junctions(data, graph, crossings, joined)
+    for node, (towards, metres) in moved.items():
+        _move(graph, node, towards, metres)
     layout = Layout(graph=graph, junctions=junctions, crossings=crossings)
     for name, section in graph.sections.items():
         if junctions.of[section.start] == junctions.of[section.end] and _is_inner(graph, section):
@@ -92,6 +101,12 @@ def lay_out(data: OsmData, graph: RoadGraph, joined: Iterable[tuple[int, int]] =
     _host(layout)
     _align_carriageways(layout)
     return layout
+
+
+def _move(graph: RoadGraph, node: int, towards: int, metres: float) -> None:
+    (x, y), (a, b) = graph.places[node], graph.places[towards]
+    share = min(metres / max(math.dist((x, y), (a, b)), 1e-3), 0.8)
+    graph.places[node] = (x + (a - x) * share, y + (b - y) * share)
 
 
 def _is_inner(graph: RoadGraph, section: Section) -> bool:

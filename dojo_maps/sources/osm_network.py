@@ -29,9 +29,11 @@ _ALWAYS = (
 _DROPPED_IN_TURN = ("--roundabouts.guess", "--walkingareas")
 """Given first, and left out one more at each attempt after a failure."""
 _SHORTEST = 5.0
-_ROUNDS = 4
+_ROUNDS = 5
 _TIMEOUT = 240.0
-_NO_PAVEMENT = re.compile(r"Discarding invalid crossing .* with edges \[([^]]*)\] \(no walkingarea")
+_NO_PAVEMENT = re.compile(
+    r"(?:invalid crossing .* with edges|crossing .* across) \[([^]]*)\] (?:\(no walkingarea|has no target)"
+)
 _QUOTED = re.compile(r"'(:?-?[\w#.]+?)(_[cw]?\d+)?'")
 
 
@@ -69,17 +71,21 @@ def build_network(data: OsmData, *, path: Path, name: str, sha256: str) -> OsmNe
     """
     restrictions, broken = read_restrictions(data)
     joined: list[tuple[int, int]] = []
+    moved: dict[int, tuple[int, float]] = {}
     paved: set[str] = set()
     for _ in range(_ROUNDS):
-        layout = lay_out(data, build_graph(data, path), joined)
+        layout = lay_out(data, build_graph(data, path), joined, moved)
         with tempfile.TemporaryDirectory(prefix="dojo-maps-") as folder:
             plain = write_plain(data, layout, restrictions, Path(folder), paved)
             built, warnings, dropped = _convert(Path(folder), path, left_hand=layout.graph.left_hand)
         road_map, _ = read_network(built, path=path, name=name, sha256=sha256)
         short, unpaved = _too_short(road_map, plain), _unpaved(warnings)
-        if set(short) <= set(joined) and unpaved <= paved:
+        moves = _moves(layout, short)
+        pairs = [(one, other) for one, other in short if not {one, other} & (moves.keys() - moved.keys())]
+        if moves.keys() <= moved.keys() and set(pairs) <= set(joined) and unpaved <= paved:
             break
-        joined += short
+        joined += pairs
+        moved = moves | moved
         paved |= unpaved
     built = program_signals(built, road_map)
     road_map, issues = read_network(built, path=path, name=name, sha256=sha256)
@@ -123,15 +129,36 @@ def _without_header(data: bytes) -> bytes:
     return re.sub(rb"<!--.*?-->\s*", b"", data, count=1, flags=re.DOTALL)
 
 
-def _too_short(road_map: RoadMap, plain: Plain) -> list[tuple[int, int]]:
-    """Find the vertices of sections that came out shorter than a car."""
+def _moves(layout: Layout, short: dict[tuple[int, int], float]) -> dict[int, tuple[int, float]]:
+    """Find the crossings between junctions that a few metres would give room: where to, and how far."""
+    graph = layout.graph
+    ends = graph.ends()
+    crossed = {crossing.node for crossing in layout.crossings}
+    found = {}
+    for pair, length in short.items():
+        for node, other in (pair, pair[::-1]):
+            if node not in crossed or len(ends[node]) != 2 or len(ends[other]) == 2:
+                continue
+            sections = [graph.sections[name] for name in ends[node]]
+            onward = [s for s in sections if {s.start, s.end} != {node, other}]
+            room = _SHORTEST + 1.0 - length
+            if len(onward) == 1 and graph.length(onward[0]) > 25:
+                towards = onward[0].nodes[1] if onward[0].start == node else onward[0].nodes[-2]
+                found[node] = (towards, room)
+    return found
+
+
+def _too_short(road_map: RoadMap, plain: Plain) -> dict[tuple[int, int], float]:
+    """Find the vertices of sections that came out shorter than a car, and how short."""
     lanes = {lane.id: lane for lane in road_map.lanes}
-    found = []
+    found: dict[tuple[int, int], float] = {}
     for road in road_map.roads:
-        if min(lanes[lane].length for lane in road.lanes) < _SHORTEST and road.id in plain.sections:
+        length = min(lanes[lane].length for lane in road.lanes)
+        if length < _SHORTEST and road.id in plain.sections:
             section = plain.sections[road.id]
-            found.append((min(section.start, section.end), max(section.start, section.end)))
-    return sorted(set(found))
+            pair = (min(section.start, section.end), max(section.start, section.end))
+            found[pair] = min(length, found.get(pair, length))
+    return dict(sorted(found.items()))
 
 
 def _unpaved(warnings: tuple[str, ...]) -> set[str]:

@@ -24,6 +24,7 @@ _CARS = 'disallow="pedestrian tram rail_urban rail rail_electric rail_fast ship 
 _BUSES = 'allow="bus coach taxi emergency"'
 
 
+_BUSY = KINDS["tertiary"]
 _MAPPED_NEAR = 100.0
 """Metres around a mapped crossing within which crossings are taken to be mapped completely."""
 
@@ -281,9 +282,10 @@ def _guessed_crossings(
     """Guess crossings of all arms where none is mapped: at signals, and where no one maps crossings."""
     signalised = junction in layout.junctions.controllers
     here = np.array(layout.graph.places[junction])
-    if len(arms) < 3 or (
-        not signalised and any(np.hypot(*(place - here)) < _MAPPED_NEAR for place in mapped)
-    ):
+    ranks = [KINDS[layout.graph.sections[name].road.kind] for name, _ in arms]
+    busy = signalised or max(ranks) >= _BUSY
+    known = not signalised and any(np.hypot(*(place - here)) < _MAPPED_NEAR for place in mapped)
+    if len(arms) < 3 or not busy or known:
         return []
     lines = []
     for arm in arms:
