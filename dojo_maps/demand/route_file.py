@@ -75,12 +75,12 @@ def _vehicles(number: int, route: Route, departures: Floats) -> Iterator[_Depart
 
 
 def _walkers(number: int, walk: Walk, departures: Floats) -> Iterator[_Departure]:
-    edges = quoteattr(f"{walk.start} {walk.end}")
+    start, end = quoteattr(walk.start), quoteattr(walk.end)
     for k, depart in enumerate(departures):
         yield (
             float(depart),
             f'<person id="p{number}.{k}" type="walker" depart="{depart:.2f}" '
-            f'departPos="{walk.start_place:.2f}"><walk edges={edges} '
+            f'departPos="{walk.start_place:.2f}"><walk from={start} to={end} '
             f'arrivalPos="{walk.end_place:.2f}"/></person>',
         )
 

@@ -74,6 +74,8 @@ def _cut_buildings(road_map: RoadMap, paved: shapely.Geometry) -> Iterator[Prop]
 
 def _free_trees(road_map: RoadMap, buildings: tuple[Prop, ...]) -> tuple[Prop, ...]:
     trees = tuple(prop for prop in road_map.props if prop.kind == "tree" and prop.position is not None)
+    if not trees:
+        return ()
     places = shapely.points([prop.position[:2] for prop in trees if prop.position is not None])
     driven = lane_strips([lane for lane in road_map.lanes if lane.kind not in _NOT_DRIVEN])
     crossed = np.concatenate([driven, _paths(road_map), prop_shapes(buildings)])
@@ -85,5 +87,5 @@ def _free_trees(road_map: RoadMap, buildings: tuple[Prop, ...]) -> tuple[Prop, .
 
 def _paths(road_map: RoadMap) -> Shapes:
     """Outline what is driven on inside of junctions, 4 m wide; map frame."""
-    lines = [c.shape[:, :2] for c in road_map.connections if len(c.shape) > 1]
-    return shapely.buffer(np.array([shapely.linestrings(line) for line in lines], dtype=object), 2.0)
+    lines = [shapely.linestrings(c.shape[:, :2]) for c in road_map.connections if len(c.shape) > 1]
+    return shapely.buffer(np.array(lines, dtype=object), 2.0)
