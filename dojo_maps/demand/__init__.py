@@ -39,7 +39,7 @@ def write_demand(
         road_map: with signals, or at least with junctions.
         network: the SUMO network that it describes.
         path: the route file to write.
-        volume: vehicles per hour in all; None for as many as use 70 % of the scarcest lanes' capacity.
+        volume: vehicles per hour in all; None for as many as use 60 % of the scarcest lanes' capacity.
         seed: the same one gives the same file.
 
     Returns:

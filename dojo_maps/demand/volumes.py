@@ -16,9 +16,9 @@ from dojo_maps.demand.movements import CLASSES, Arc, Route
 from dojo_maps.description import Connection, Program, RoadMap
 from dojo_maps.geometry.polylines import Flags, Floats
 
-SATURATION = 0.7
+SATURATION = 0.6
 """Share of its capacity that the scarcest lane of a route is used to. Above 0.85 to 0.9 queues grow without
-end in some cycles (same manual, section on sustained spillback); half of that leaves junctions empty."""
+end in some cycles (same manual, section on sustained spillback); well below, junctions are empty."""
 SATURATION_FLOW = 1_800.0
 """Vehicles per hour of green and lane; the manual's base is 1,900 passenger cars."""
 _YIELDING = 0.5
