@@ -15,7 +15,7 @@ from dojo_maps.sources.osm_graph import Section
 from dojo_maps.sources.osm_heights import compute_heights
 from dojo_maps.sources.osm_lanes import connect_lanes
 from dojo_maps.sources.osm_layout import CROSSING_WIDTH, Arm, Layout
-from dojo_maps.sources.osm_movements import Movement, Movements, Restriction, directed
+from dojo_maps.sources.osm_movements import Movement, Movements, Restriction, directed, leads_through
 from dojo_maps.sources.osm_sidewalks import ISLAND_WIDTH, SIDEWALK_WIDTH, Sidewalks
 from dojo_maps.sources.osm_ways import KINDS, LaneTags
 
@@ -77,6 +77,9 @@ def write_plain(
     plain = Plain(heights=compute_heights(layout.graph))
     walks = Sidewalks(data, layout.graph)
     arms = layout.arms()
+    for junction in sorted(layout.junctions.controllers):
+        if not leads_through(layout, arms.get(junction, [])):
+            del layout.junctions.controllers[junction], layout.junctions.signals[junction]
     plain.nodes = {junction: str(junction) for junction in arms}
     for name in sorted(layout.graph.sections):
         if name not in layout.inner:
@@ -84,8 +87,8 @@ def write_plain(
             left, right = (SIDEWALK_WIDTH * side for side in walks.sides(section))
             least = ISLAND_WIDTH if name in paved else 0.0
             plain.sidewalks[name] = (max(left, least), max(right, least))
-    _write(folder / NODES, "nodes", [_location(layout), *_nodes(layout, arms, plain)])
     _write(folder / EDGES, "edges", _edges(layout, plain))
+    _write(folder / NODES, "nodes", [_location(layout), *_nodes(layout, arms, plain)])
     _write(folder / CONNECTIONS, "connections", _connections(layout, arms, restrictions, plain))
     return plain
 
@@ -109,7 +112,11 @@ def _nodes(layout: Layout, arms: dict[int, list[Arm]], plain: Plain) -> list[str
         places = np.array([layout.graph.places[vertex] for vertex in members[junction]])
         x, y = (places.min(axis=0) + places.max(axis=0)) / 2
         controller = layout.junctions.controllers.get(junction)
-        kind = f'type="traffic_light" tl="{controller}"' if controller is not None else 'type="priority"'
+        kind = 'type="priority"'
+        if controller is not None:
+            kind = f'type="traffic_light" tl="{controller}"'
+        elif not any(_drives(plain, outgoing_name(arm)) for arm in arms[junction]):
+            kind = 'type="dead_end"'
         z = sum(plain.heights.get(vertex, 0.0) for vertex in members[junction]) / len(places)
         lines.append(f'<node id="{junction}" x="{x:.2f}" y="{y:.2f}" z="{z:.2f}" {kind}/>')
     return lines
