@@ -104,6 +104,8 @@ def group_junctions(
         if not section.road.roundabout and lengths[name] <= _reach(graph, ends, section, strong):
             groups.join(section.start, section.end)
     for one, other in joined:
+        if one not in ends or other not in ends:
+            continue
         groups.join(one, other, widest=_WIDEST_JOINED)
     junctions = Junctions(of={vertex: groups.find(vertex) for vertex in sorted(ends)}, stray=stray)
     for vertex, nodes in sorted(strong.items()):

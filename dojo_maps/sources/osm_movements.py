@@ -79,6 +79,13 @@ def directed(section: Section, *, into_end: bool) -> tuple[LaneTags, ...]:
     return section.road.forward if into_end else section.road.backward
 
 
+def leads_through(layout: Layout, arms: Sequence[Arm]) -> bool:
+    """Tell whether traffic passes a junction from one road to another."""
+    arriving = {name for name, at_end in arms if directed(layout.graph.sections[name], into_end=at_end)}
+    leaving = {name for name, at_end in arms if directed(layout.graph.sections[name], into_end=not at_end)}
+    return bool(arriving and leaving) and len(arriving | leaving) > 1
+
+
 class Movements:
     """Finds movements at the junctions of a layout."""
 
@@ -103,6 +110,8 @@ class Movements:
         for target in self._paths(arm, arms, junction):
             if not self._forbidden(arm, target, junction):
                 reached[target] = self._angle(arm, target)
+        if not reached.keys() - {arm}:
+            reached = {target: self._angle(arm, target) for target in self._open(arm, arms, junction)}
         alone = len(reached) == 1
         kept = {
             target: angle + self._aside(arm, target)
@@ -115,6 +124,16 @@ class Movements:
         return [
             Movement(source=arm, target=target, angle=angle)
             for target, angle in sorted(kept.items(), key=lambda entry: (entry[1], entry[0]))
+        ]
+
+    def _open(self, arm: Arm, arms: set[Arm], junction: int) -> list[Arm]:
+        """List all roads out of a junction that no restriction closes, where its ways lead nowhere."""
+        return [
+            other
+            for other in sorted(arms)
+            if other[0] != arm[0]
+            and directed(self._graph.sections[other[0]], into_end=not other[1])
+            and not self._forbidden(arm, other, junction)
         ]
 
     def _forbidden(self, arm: Arm, target: Arm, junction: int) -> bool:

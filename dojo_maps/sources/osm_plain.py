@@ -15,8 +15,8 @@ from dojo_maps.sources.osm_graph import Section
 from dojo_maps.sources.osm_heights import compute_heights
 from dojo_maps.sources.osm_lanes import connect_lanes
 from dojo_maps.sources.osm_layout import CROSSING_WIDTH, Arm, Layout
-from dojo_maps.sources.osm_movements import Movement, Movements, Restriction, directed
-from dojo_maps.sources.osm_sidewalks import SIDEWALK_WIDTH, Sidewalks
+from dojo_maps.sources.osm_movements import Movement, Movements, Restriction, directed, leads_through
+from dojo_maps.sources.osm_sidewalks import ISLAND_WIDTH, SIDEWALK_WIDTH, Sidewalks
 from dojo_maps.sources.osm_ways import KINDS, LaneTags
 
 NODES, EDGES, CONNECTIONS = "input.nod.xml", "input.edg.xml", "input.con.xml"
@@ -36,7 +36,8 @@ class Plain:
     sections: dict[str, Section] = field(default_factory=dict)
     """Directed: an edge's section as it is driven."""
     crossings: list[tuple[str, frozenset[str], MappedCrossing]] = field(default_factory=list)
-    sidewalks: dict[str, tuple[bool, bool]] = field(default_factory=dict)
+    sidewalks: dict[str, tuple[float, float]] = field(default_factory=dict)
+    """Widths on the left and the right of a section, metres; 0 for none."""
     nodes: dict[int, str] = field(default_factory=dict)
     movements: list[Movement] = field(default_factory=list)
     heights: dict[int, float] = field(default_factory=dict)
@@ -76,13 +77,18 @@ def write_plain(
     plain = Plain(heights=compute_heights(layout.graph))
     walks = Sidewalks(data, layout.graph)
     arms = layout.arms()
+    for junction in sorted(layout.junctions.controllers):
+        if not leads_through(layout, arms.get(junction, [])):
+            del layout.junctions.controllers[junction], layout.junctions.signals[junction]
     plain.nodes = {junction: str(junction) for junction in arms}
     for name in sorted(layout.graph.sections):
         if name not in layout.inner:
             section = layout.graph.sections[name]
-            plain.sidewalks[name] = (True, True) if name in paved else walks.sides(section)
-    _write(folder / NODES, "nodes", [_location(layout), *_nodes(layout, arms, plain)])
+            left, right = (SIDEWALK_WIDTH * side for side in walks.sides(section))
+            least = ISLAND_WIDTH if name in paved else 0.0
+            plain.sidewalks[name] = (max(left, least), max(right, least))
     _write(folder / EDGES, "edges", _edges(layout, plain))
+    _write(folder / NODES, "nodes", [_location(layout), *_nodes(layout, arms, plain)])
     _write(folder / CONNECTIONS, "connections", _connections(layout, arms, restrictions, plain))
     return plain
 
@@ -106,7 +112,11 @@ def _nodes(layout: Layout, arms: dict[int, list[Arm]], plain: Plain) -> list[str
         places = np.array([layout.graph.places[vertex] for vertex in members[junction]])
         x, y = (places.min(axis=0) + places.max(axis=0)) / 2
         controller = layout.junctions.controllers.get(junction)
-        kind = f'type="traffic_light" tl="{controller}"' if controller is not None else 'type="priority"'
+        kind = 'type="priority"'
+        if controller is not None:
+            kind = f'type="traffic_light" tl="{controller}"'
+        elif not any(_drives(plain, outgoing_name(arm)) for arm in arms[junction]):
+            kind = 'type="dead_end"'
         z = sum(plain.heights.get(vertex, 0.0) for vertex in members[junction]) / len(places)
         lines.append(f'<node id="{junction}" x="{x:.2f}" y="{y:.2f}" z="{z:.2f}" {kind}/>')
     return lines
@@ -137,7 +147,7 @@ def _edge(
     section: Section,
     lanes: tuple[LaneTags, ...],
     *,
-    walk: bool,
+    walk: float,
     shape: Floats,
 ) -> list[str]:
     road = section.road
@@ -145,16 +155,14 @@ def _edge(
     name = f"name={quoteattr(road.name)} " if road.name.strip() else ""
     lines = [
         f'<edge id="{edge}" from="{ends[0]}" to="{ends[1]}" {name}'
-        f'type="highway.{road.kind}" priority="{KINDS[road.kind]}" numLanes="{len(lanes) + walk}" '
+        f'type="highway.{road.kind}" priority="{KINDS[road.kind]}" numLanes="{len(lanes) + bool(walk)}" '
         f'speed="{road.speed:.2f}" spreadType="right" shape="{places}">'
     ]
     if walk:
-        lines.append(
-            f'<lane index="0" allow="pedestrian" width="{SIDEWALK_WIDTH:.2f}" speed="{road.speed:.2f}"/>'
-        )
+        lines.append(f'<lane index="0" allow="pedestrian" width="{walk:.2f}" speed="{road.speed:.2f}"/>')
     for number, lane in enumerate(lanes):
         who = _BUSES if lane.bus else _CARS
-        lines.append(f'<lane index="{number + walk}" {who} width="{road.width:.2f}"/>')
+        lines.append(f'<lane index="{number + bool(walk)}" {who} width="{road.width:.2f}"/>')
     return [*lines, "</edge>"]
 
 
@@ -253,7 +261,7 @@ def _with_entries(
 
 def _has_walk(layout: Layout, plain: Plain, edge: str) -> bool:
     left, right = plain.sidewalks[edge.removeprefix("-")]
-    return (left if layout.graph.left_hand else right) != edge.startswith("-") if left != right else left
+    return bool(left if layout.graph.left_hand != edge.startswith("-") else right)
 
 
 def _crossings(layout: Layout, junction: int, arms: list[Arm], plain: Plain) -> list[str]:

@@ -8,6 +8,8 @@ from dojo_maps.sources.osm_graph import RoadGraph, Section
 from dojo_maps.sources.osm_ways import may_have_sidewalk
 
 SIDEWALK_WIDTH = 2.5
+ISLAND_WIDTH = 1.0
+"""Metres of pavement where a crossing leads to a side without a sidewalk: an island or a kerb."""
 _BESIDE = 9.0
 """Metres from the carriageway's border within which a mapped sidewalk belongs to the road."""
 _MEDIAN = 25.0
@@ -49,7 +51,8 @@ class Sidewalks:
         sign = 1 if side == 0 else -1
         if self._share_beside(section, sign) >= _SHARE:
             return True
-        return may_have_sidewalk(section.road) and not self._is_median(section, sign)
+        inner = section.road.kind.endswith("_link") and side == self._graph.left_hand
+        return may_have_sidewalk(section.road) and not inner and not self._is_median(section, sign)
 
     def _samples(self, section: Section) -> tuple[np.ndarray, np.ndarray]:
         """Take places along a section and the unit vectors to their left."""
