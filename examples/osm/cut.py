@@ -38,9 +38,7 @@ def cut_around(source: Path, target: Path, latitude: float, longitude: float, ra
                 writer.add_relation(thing)
 
 
-def find_nodes(
-    source: Path, latitude: float, longitude: float, radius: float
-) -> tuple[set[int], set[int]]:
+def find_nodes(source: Path, latitude: float, longitude: float, radius: float) -> tuple[set[int], set[int]]:
     """List the nodes within the circle, and all others."""
     inside, outside = set(), set()
     metres = math.radians(1) * 6_371_000

@@ -1,0 +1,184 @@
+"""Generated traffic, judged by SUMO: an hour without a jam, every movement used, people on the crossings."""
+
+import subprocess
+import xml.etree.ElementTree as ET
+from collections import Counter
+from dataclasses import dataclass
+from pathlib import Path
+
+import gymnasium
+import numpy as np
+import osm_drawings
+import pytest
+from test_sources_osm import helsinki
+
+from dojo_env.errors import ConfigError
+from dojo_maps.bundle import Bundle
+from dojo_maps.conversion import ConvertOptions, convert
+from dojo_maps.demand import write_demand
+from dojo_maps.demand.movements import find_routes
+from dojo_maps.demand.volumes import SATURATION, fill_routes
+from dojo_maps.sources.netconvert import find_netconvert
+
+WITH_DEMAND = ConvertOptions(demand=None)
+
+
+@dataclass(frozen=True)
+class Hour:
+    """What SUMO counted."""
+
+    loaded: int
+    inserted: int
+    waiting: int
+    teleports: int
+    walkers: int
+    stopped: float
+    running: float
+    complaints: str
+
+
+def simulate(bundle: Bundle, folder: Path, seed: int = 3) -> Hour:
+    """Run an hour of a bundle's demand in SUMO itself."""
+    statistics, summary = folder / "statistics.xml", folder / "summary.xml"
+    sumo = find_netconvert().with_name("sumo")
+    command = [sumo, "-n", bundle.network, "-r", bundle.folder / "demand.rou.xml", "--end", "3600", "--seed", seed,
+               "--statistic-output", statistics, "--summary", summary, "--no-step-log", "--xml-validation", "never",
+               "--max-depart-delay", "-1", "--duration-log.statistics"]  # fmt: skip
+    done = subprocess.run([str(part) for part in command], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    root = ET.parse(statistics).getroot()
+
+    def count(element: str, name: str) -> int:
+        found = root.find(element)
+        assert found is not None
+        return int(float(found.get(name, "0")))
+
+    steps = [step.attrib for step in ET.parse(summary).getroot()][600:]
+    return Hour(
+        loaded=count("vehicles", "loaded"),
+        inserted=count("vehicles", "inserted"),
+        waiting=count("vehicles", "waiting"),
+        teleports=count("teleports", "total"),
+        walkers=count("pedestrianStatistics", "number"),
+        stopped=float(np.mean([float(step["halting"]) for step in steps])),
+        running=float(np.mean([float(step["running"]) for step in steps])),
+        complaints=done.stderr,
+    )
+
+
+def used_movements(bundle: Bundle) -> Counter[tuple[str, str]]:
+    """Count the vehicles of each movement in the route file."""
+    root = ET.parse(bundle.folder / "demand.rou.xml").getroot()
+    roads = {route.get("id"): route.get("edges", "").split() for route in root.findall("route")}
+    return Counter(
+        arc
+        for vehicle in root.findall("vehicle")
+        for arc in zip(roads[vehicle.get("route")], roads[vehicle.get("route")][1:], strict=False)
+    )
+
+
+def wanted_movements(bundle: Bundle) -> set[tuple[str, str]]:
+    """List the signalled movements that cars may make, without turnarounds, from the network itself."""
+    root = ET.parse(bundle.network).getroot()
+    allowed = {
+        lane.get("id"): "passenger" in lane.get("allow", "passenger").split()
+        and "passenger" not in lane.get("disallow", "").split()
+        for lane in root.iter("lane")
+    }
+    return {
+        (c.get("from", ""), c.get("to", ""))
+        for c in root.findall("connection")
+        if c.get("tl") is not None and c.get("dir") != "t" and not c.get("from", "").startswith(":")
+        and allowed[f"{c.get('from')}_{c.get('fromLane')}"] and allowed.get(f"{c.get('to')}_{c.get('toLane')}")
+    }  # fmt: skip
+
+
+def assert_flows(bundle: Bundle, hour: Hour) -> None:
+    assert hour.teleports == 0, hour.complaints
+    assert hour.waiting <= 0.05 * hour.loaded
+    assert hour.inserted >= 0.95 * hour.loaded
+    assert hour.stopped >= 1, "a junction that is never waited at is empty"
+    assert hour.stopped <= 0.75 * hour.running
+    assert wanted_movements(bundle) <= set(used_movements(bundle))
+
+
+def test_cologne1_is_neither_empty_nor_jammed(tmp_path: Path) -> None:
+    bundle, report = convert("cologne1", tmp_path / "cologne1.dojo", WITH_DEMAND)
+    hour = simulate(bundle, tmp_path)
+    assert_flows(bundle, hour)
+    assert report["demand"]["vehicles"] == hour.loaded
+    assert 1500 < hour.loaded < 3500, "its recorded hour has 2,015"
+
+
+@pytest.mark.parametrize("shape", ["cross", "dual_carriageways", "dog_leg", "slip_lane", "left_hand"])
+def test_drawn_junction_flows(shape: str, tmp_path: Path) -> None:
+    path = getattr(osm_drawings, shape)().write(tmp_path / f"{shape}.osm")
+    bundle, _ = convert(str(path), tmp_path / f"{shape}.dojo", WITH_DEMAND)
+    hour = simulate(bundle, tmp_path)
+    assert_flows(bundle, hour)
+    assert hour.walkers > 0
+
+
+def test_city_flows(tmp_path: Path) -> None:
+    bundle, report = convert(str(helsinki()), tmp_path / "city.dojo", WITH_DEMAND)
+    hour = simulate(bundle, tmp_path)
+    assert wanted_movements(bundle) <= set(used_movements(bundle))
+    assert hour.teleports <= 0.005 * hour.loaded
+    assert hour.waiting <= 0.05 * hour.loaded
+    assert hour.walkers > 0.9 * report["demand"]["walkers"]
+
+
+def test_demand_is_the_same_for_a_seed_and_differs_between_seeds(tmp_path: Path) -> None:
+    bundle, _ = convert("cologne1", tmp_path / "cologne1.dojo", WITH_DEMAND)
+    files = [tmp_path / f"{k}.rou.xml" for k in range(3)]
+    for path, seed in zip(files, (0, 0, 1), strict=True):
+        write_demand(bundle.road_map, bundle.network, path, seed=seed)
+    texts = [path.read_text() for path in files]
+    assert texts[0] == texts[1] == (bundle.folder / "demand.rou.xml").read_text()
+    assert texts[0] != texts[2]
+
+
+def test_demand_has_the_volume_that_is_asked_for(tmp_path: Path) -> None:
+    bundle, report = convert("cologne1", tmp_path / "cologne1.dojo", ConvertOptions(demand=900.0))
+    assert report["demand"]["vehicles"] == pytest.approx(900, rel=0.03)
+    assert wanted_movements(bundle) <= set(used_movements(bundle))
+
+
+def test_filling_saturates_each_route_somewhere(tmp_path: Path) -> None:
+    bundle, _ = convert("cologne3", tmp_path / "cologne3.dojo")
+    routes = find_routes(bundle.road_map)
+    rates, fullest = fill_routes(bundle.road_map, routes)
+    assert fullest == pytest.approx(SATURATION)
+    assert (rates > 0).all()
+    for route in routes:
+        assert len(set(route.roads)) == len(route.roads)
+        assert route.movement in route.arcs
+
+
+def test_bundle_with_demand_is_a_scenario(tmp_path: Path) -> None:
+    path = osm_drawings.cross().write(tmp_path / "my_junction.osm")
+    bundle, _ = convert(str(path), tmp_path / "my_junction.dojo", WITH_DEMAND)
+    env = gymnasium.make("dojo_env/TrafficSignal-v0", scenario=str(bundle.folder))
+    env.reset(seed=1)
+    over = False
+    while not over:
+        *_, over, _ = env.step(env.action_space.sample())
+    metrics = env.unwrapped.metrics()  # type: ignore[attr-defined]
+    assert metrics["throughput"] > 300
+    assert metrics["pedestrians"] > 0
+    env.close()
+
+
+def test_bundle_without_demand_is_none(tmp_path: Path) -> None:
+    bundle, report = convert("cologne1", tmp_path / "cologne1.dojo")
+    assert "demand" not in report
+    with pytest.raises(ConfigError, match="no demand"):
+        gymnasium.make("dojo_env/TrafficSignal-v0", scenario=str(bundle.folder))
+
+
+def test_map_that_no_car_can_cross_has_no_demand(tmp_path: Path) -> None:
+    drawing = osm_drawings.Drawing()
+    drawing.way((0, 0), (100, 0), highway="residential")
+    bundle, report = convert(str(drawing.write(tmp_path / "one.osm")), tmp_path / "one.dojo", WITH_DEMAND)
+    assert "demand" not in report
+    assert not (bundle.folder / "demand.rou.xml").exists()
