@@ -62,12 +62,17 @@ def find_source(options: argparse.Namespace, say: Callable[[str], None]) -> str:
         area, name = Area(west=west, south=south, east=east, north=north), "box"
     else:
         latitude, longitude = options.point if options.place is None else find_place(options.place)
-        name = options.place or f"{latitude:.5f} {longitude:.5f}"
+        name = options.place or _point_name(latitude, longitude)
         radius = _RADIUS if options.radius is None else options.radius
         area = area_around(latitude, longitude, radius)
     found = download_area(area, name=_file_name(name), server=options.overpass_url or SERVER, on_pause=say)
     say(f"data of {found.date}: {found.path}")
     return str(found.path)
+
+
+def _point_name(latitude: float, longitude: float) -> str:
+    north, east = "SN"[latitude >= 0], "WE"[longitude >= 0]
+    return f"{abs(latitude):.5f}{north}-{abs(longitude):.5f}{east}"
 
 
 def _file_name(name: str) -> str:
