@@ -240,6 +240,8 @@ def test_import_osm_command_writes_a_bundle(tmp_path: Path, capsys: pytest.Captu
 
 def test_import_osm_command_refuses_other_files(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["import-osm", "cologne1"]) == 2
+    drawn = cross().write(tmp_path / "a.osm")
+    assert main(["convert", str(drawn), "--enrich-net", "-o", str(tmp_path / "a.dojo")]) == 2
     assert main(["import-osm", str(tmp_path / "missing.osm")]) == 3
     assert all(line.startswith("dojo-maps: ") for line in capsys.readouterr().err.splitlines())
 
