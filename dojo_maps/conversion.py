@@ -14,7 +14,7 @@ from dojo_maps import bundle
 from dojo_maps.demand import write_demand
 from dojo_maps.description import RoadMap
 from dojo_maps.enrichment import furnish
-from dojo_maps.errors import GeometryError
+from dojo_maps.errors import GeometryError, UsageError
 from dojo_maps.exports import EXPORTERS
 from dojo_maps.geometry.arrangement import paved_ground
 from dojo_maps.geometry.pieces import build_pieces
@@ -82,6 +82,10 @@ def convert(
     path, name = find_network(source)
     folder = Path(folder) if folder is not None else Path(f"{name}.dojo")
     bundle.check_replaceable(folder)
+    if options.enrich_net and is_osm(path):
+        raise UsageError(
+            "--enrich-net is for SUMO networks; an import has sidewalks and crossings of its own"
+        )
     with _without_cycle_search():
         return _convert(path, name, folder, options, on_stage)
 

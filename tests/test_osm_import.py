@@ -17,6 +17,7 @@ from test_sources_osm import helsinki
 from dojo_maps.bundle import Bundle, read_bundle
 from dojo_maps.cli import main
 from dojo_maps.conversion import convert
+from dojo_maps.description import Phase
 from dojo_maps.sources import osm_network
 from dojo_maps.sources.netconvert import NetconvertError, NetconvertResult, run_netconvert
 from dojo_maps.sources.osm import read_osm
@@ -100,6 +101,38 @@ def test_city_is_the_same_every_time(city: tuple[Bundle, dict[str, Any], float],
 
 def test_city_signals_never_show_conflicting_greens(city: tuple[Bundle, dict[str, Any], float]) -> None:
     check_programs(city[0].network)
+
+
+def test_city_leaves_walkers_time_to_cross(city: tuple[Bundle, dict[str, Any], float]) -> None:
+    """From the end of a crossing's green to the next unyielding green across it: its length at 1.2 m/s."""
+    road_map = city[0].road_map
+    rows = {way.link: (way, j) for j in road_map.junctions for way in j.right_of_way}
+    index = {c.id: (c.signal, c.link_index) for c in (*road_map.connections, *road_map.crossings)}
+    programs = {signal.id: signal.programs[0].phases for signal in road_map.signals}
+    walks = [crossing for crossing in road_map.crossings if crossing.signal in programs]
+    assert len(walks) > 100
+    for crossing in walks:
+        way, junction = rows[crossing.id]
+        foes = {index.get(junction.right_of_way[k].link, (None, None))[1] for k in way.foes} - {None}
+        phases = programs[crossing.signal or ""]
+        here = crossing.link_index or 0
+        greens = [phase.duration for phase in phases if phase.state[here] == "G"]
+        assert sum(greens) >= 7
+        for number, phase in enumerate(phases):
+            if phase.state[here] == "G" and phases[(number + 1) % len(phases)].state[here] != "G":
+                left = _seconds_to_green(phases, number + 1, {int(k) for k in foes if k is not None})
+                walked = float(sum(((crossing.shape[1:] - crossing.shape[:-1]) ** 2).sum(axis=1) ** 0.5))
+                assert left >= walked / 1.2 - 1e-6, crossing.id
+
+
+def _seconds_to_green(phases: tuple[Phase, ...], start: int, links: set[int]) -> float:
+    passed = 0.0
+    for step in range(len(phases)):
+        phase = phases[(start + step) % len(phases)]
+        if any(phase.state[link] == "G" for link in links):
+            return passed
+        passed += phase.duration
+    return float("inf")
 
 
 def test_city_runs_in_sumo_without_a_word(city: tuple[Bundle, dict[str, Any], float], tmp_path: Path) -> None:
@@ -207,6 +240,8 @@ def test_import_osm_command_writes_a_bundle(tmp_path: Path, capsys: pytest.Captu
 
 def test_import_osm_command_refuses_other_files(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["import-osm", "cologne1"]) == 2
+    drawn = cross().write(tmp_path / "a.osm")
+    assert main(["convert", str(drawn), "--enrich-net", "-o", str(tmp_path / "a.dojo")]) == 2
     assert main(["import-osm", str(tmp_path / "missing.osm")]) == 3
     assert all(line.startswith("dojo-maps: ") for line in capsys.readouterr().err.splitlines())
 

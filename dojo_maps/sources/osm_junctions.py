@@ -18,7 +18,7 @@ _SIGNALS_APART = 25.0
 _CARRIAGEWAYS_APART = 28.0
 _WIDEST = 70.0
 """Metres across the vertices of one junction."""
-_WIDEST_JOINED = 110.0
+_WIDEST_JOINED = 150.0
 """Metres across the vertices of a junction that would leave a road without length beside it otherwise."""
 _APPROACH = 45.0
 """Metres along an approach from a signal to its junction; stop lines stand back this far at most."""

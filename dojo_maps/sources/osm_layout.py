@@ -91,12 +91,12 @@ def lay_out(
     while _split_loops(graph, junctions):
         crossings = find_crossings(data, graph)
         junctions = group_junctions(data, graph, crossings, joined)
-    for node, (towards, metres) in moved.items():
-        _move(graph, node, towards, metres)
     layout = Layout(graph=graph, junctions=junctions, crossings=crossings)
     for name, section in graph.sections.items():
         if junctions.of[section.start] == junctions.of[section.end] and _is_inner(graph, section):
             layout.inner.add(name)
+    for node, (towards, metres) in moved.items():
+        _move(graph, node, towards, metres)
     _signal_between(layout)
     _host(layout)
     _align_carriageways(layout)

@@ -63,7 +63,7 @@ def check_crossings(network: OsmNetwork) -> tuple[Share, list[Issue]]:
         nearest = tree.nearest(place) if built else None
         distance = built[nearest].distance(place) if nearest is not None else np.inf
         if distance > CROSSING_WITHIN:
-            reason = why.get(id(crossing), "the road's sides there have no pavement to lead to")
+            reason = why.get(id(crossing), f"the nearest is {distance:.0f} m away")
             issues.append(
                 loss(
                     "osm.missing_crossing", f"a mapped crossing was not built ({reason})",

@@ -29,7 +29,7 @@ _ALWAYS = (
 _DROPPED_IN_TURN = ("--roundabouts.guess", "--walkingareas")
 """Given first, and left out one more at each attempt after a failure."""
 _SHORTEST = 5.0
-_ROUNDS = 5
+_ROUNDS = 6
 _TIMEOUT = 240.0
 _NO_PAVEMENT = re.compile(
     r"(?:invalid crossing .* with edges|crossing .* across) \[([^]]*)\] (?:\(no walkingarea|has no target)"

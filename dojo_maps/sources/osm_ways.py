@@ -144,7 +144,7 @@ def _lane_counts(tags: Tags, direction: int) -> tuple[int, int]:
     backward = _count(tags, "lanes:backward") or _listed(tags, "backward")
     if total:
         total -= min(_count(tags, "lanes:both_ways") or 0, total - 1)
-    total = total or (forward or 1) + (backward or forward or 1)
+    total = total or (forward or 1) + (backward or 1)
     if forward is None and backward is None:
         forward = (total + 1) // 2
     forward = forward if forward is not None else total - (backward or 1)
