@@ -212,19 +212,33 @@ def test_import_never_doubles_a_sidewalk(tmp_path: Path) -> None:
         assert [kinds[lane] for lane in lanes].count("sidewalk") <= 1
 
 
-def test_import_drops_the_option_that_netconvert_fails_on(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize(("fatal", "attempts"), [("--walkingareas", 1), ("<crossing ", 3)])
+def test_import_leaves_out_what_netconvert_fails_on(
+    fatal: str, attempts: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def crash_with_walks(arguments: list[str], **named: Any) -> NetconvertResult:
-        if "--walkingareas" in arguments:
+    def crash(arguments: list[str], *, folder: Path, timeout: float) -> NetconvertResult:
+        if fatal in arguments or fatal in (folder / "input.con.xml").read_text():
             raise NetconvertError("netconvert crashed (SIGSEGV); it gave no reason")
-        return run_netconvert(arguments, **named)
+        return run_netconvert(arguments, folder=folder, timeout=timeout)
 
-    monkeypatch.setattr(osm_network, "run_netconvert", crash_with_walks)
+    monkeypatch.setattr(osm_network, "run_netconvert", crash)
     _, report = convert(str(cross().write(tmp_path / "a.osm")), tmp_path / "a.dojo")
-    (issue,) = [issue for issue in report["issues"] if issue["check"] == "osm.netconvert_failed"]
-    assert "--walkingareas" in issue["message"]
-    assert "SIGSEGV" in issue["message"]
+    issues = [issue for issue in report["issues"] if issue["check"] == "osm.netconvert_failed"]
+    assert len(issues) == attempts
+    assert all("SIGSEGV" in issue["message"] for issue in issues)
+
+
+def test_import_says_so_when_netconvert_fails_whatever_is_left_out(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def crash(arguments: list[str], **_: Any) -> NetconvertResult:
+        raise NetconvertError("netconvert crashed (SIGSEGV); it gave no reason")
+
+    monkeypatch.setattr(osm_network, "run_netconvert", crash)
+    path = cross().write(tmp_path / "a.osm")
+    assert main(["import-osm", str(path), "-o", str(tmp_path / "a.dojo")]) == 4
+    assert "SIGSEGV" in capsys.readouterr().err
+    assert [entry.name for entry in tmp_path.iterdir()] == ["a.osm"]
 
 
 def test_import_osm_command_writes_a_bundle(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -24,7 +24,8 @@ _APPROACH = 45.0
 """Metres along an approach from a signal to its junction; stop lines stand back this far at most."""
 _CROSSING_NEAR = 22.0
 """Metres from a junction within which a signalised crossing belongs to its signals."""
-_ONE_CONTROLLER = 35.0
+_ONE_CONTROLLER, _SIDE_BY_SIDE = 35.0, 31.0
+"""Metres along a road, and in a straight line, between signalised junctions that share a controller."""
 _CONTROLLER_WIDEST = 130.0
 
 
@@ -111,7 +112,6 @@ def group_junctions(
     for vertex, nodes in sorted(strong.items()):
         junctions.signals.setdefault(junctions.of[vertex], []).extend(nodes)
     _add_crossing_signals(graph, junctions, crossings, ends)
-    _share_controllers(graph, junctions, lengths)
     return junctions
 
 
@@ -223,12 +223,24 @@ def _add_crossing_signals(
             junctions.signals[junction] = nodes
 
 
-def _share_controllers(graph: RoadGraph, junctions: Junctions, lengths: dict[str, float]) -> None:
+def share_controllers(graph: RoadGraph, junctions: Junctions) -> None:
     """Give one controller to signalised junctions with little room between them."""
     groups = Groups({junction: graph.places[junction] for junction in junctions.signals}, _CONTROLLER_WIDEST)
-    for name in sorted(lengths, key=lambda name: (lengths[name], name)):
-        section = graph.sections[name]
-        pair = junctions.of[section.start], junctions.of[section.end]
-        if lengths[name] <= _ONE_CONTROLLER and all(junction in junctions.signals for junction in pair):
-            groups.join(*pair)
+    pairs = [
+        (graph.length(section), junctions.of[section.start], junctions.of[section.end], _ONE_CONTROLLER)
+        for section in graph.sections.values()
+    ]
+    vertices = [vertex for vertex, junction in junctions.of.items() if junction in junctions.signals]
+    pairs += [
+        (
+            math.dist(graph.places[one], graph.places[other]),
+            junctions.of[one],
+            junctions.of[other],
+            _SIDE_BY_SIDE,
+        )
+        for one, other in itertools.combinations(vertices, 2)
+    ]
+    for length, one, other, farthest in sorted(pairs):
+        if length <= farthest and one in junctions.signals and other in junctions.signals:
+            groups.join(one, other)
     junctions.controllers = {junction: groups.find(junction) for junction in sorted(junctions.signals)}

@@ -60,7 +60,9 @@ def connect_lanes(
 def _fits(wanted: float, angle: float) -> bool:
     if abs(wanted) < 1:
         return abs(angle) <= 60
-    return angle * wanted > 0 and abs(angle) >= 12 if abs(wanted) < 180 else abs(angle) > 140
+    if abs(wanted) >= 180:
+        return abs(angle) > 140
+    return angle * wanted > 0 and abs(angle) >= (20 if abs(wanted) > 50 else 8)
 
 
 def _painted(

@@ -13,7 +13,7 @@ from dojo_maps.geometry.polylines import Floats, along
 from dojo_maps.sources.osm import OsmData
 from dojo_maps.sources.osm_crossings import MappedCrossing, find_crossings
 from dojo_maps.sources.osm_graph import RoadGraph, Section
-from dojo_maps.sources.osm_junctions import Junctions, group_junctions
+from dojo_maps.sources.osm_junctions import Junctions, group_junctions, share_controllers
 
 CROSSING_WIDTH = 4.0
 _REACH, _SIGNAL_REACH = 14.0, 30.0
@@ -22,7 +22,6 @@ _ROOM = 11.0
 """Metres between two crossings of a section that leave an edge of 5 m between them, and a little."""
 _LEFT_OVER = 6.0
 _SIGNAL_NEAR = 20.0
-_ONE_SIGNAL = 30.0
 _BOTH_CARRIAGEWAYS = 28.0
 _BEYOND = 14.0
 _INNER, _ROUND = 80.0, 15.0
@@ -220,7 +219,6 @@ def _signal_between(layout: Layout) -> None:
     degree = {vertex: len(at) for vertex, at in graph.ends().items()}
     members = junctions.members()
     stray = [graph.places[node] for node in junctions.stray]
-    signalised: list[int] = []
     for crossing in layout.crossings:
         junction = junctions.of.get(crossing.node)
         alone = junction is not None and all(degree[vertex] == 2 for vertex in members[junction])
@@ -229,15 +227,7 @@ def _signal_between(layout: Layout) -> None:
         near = any(math.dist(place, crossing.place) < _SIGNAL_NEAR for place in stray)
         if crossing.signalised or near:
             junctions.signals[junction] = [crossing.node]
-            signalised.append(junction)
-    for junction in signalised:
-        here = graph.places[junction]
-        others = sorted(
-            (math.dist(here, graph.places[other]), other)
-            for other in junctions.controllers
-            if other != junction and math.dist(here, graph.places[other]) < _ONE_SIGNAL
-        )
-        junctions.controllers[junction] = junctions.controllers[others[0][1]] if others else junction
+    share_controllers(graph, junctions)
 
 
 def _host(layout: Layout) -> None:

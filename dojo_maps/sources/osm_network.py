@@ -115,13 +115,24 @@ def _convert(
             result = run_netconvert([*always, *options], folder=folder, timeout=_TIMEOUT)
             break
         except NetconvertError as error:
-            if not options:
+            what = options.pop() if options else _drop_crossings(folder)
+            if what is None:
                 raise
-            dropped.append((options.pop(), str(error)))
+            dropped.append((what, str(error)))
     output = folder / "output.net.xml"
     if not output.is_file():
         raise SourceError(path, "netconvert built no network from its roads; choose a larger area")
     return _without_header(output.read_bytes()), result.warnings, dropped
+
+
+def _drop_crossings(folder: Path) -> str | None:
+    """Take the crossings out of netconvert's input; None where there are none to take."""
+    lines = (folder / CONNECTIONS).read_text(encoding="utf-8").splitlines(keepends=True)
+    kept = [line for line in lines if not line.startswith("<crossing ")]
+    if len(kept) == len(lines):
+        return None
+    (folder / CONNECTIONS).write_text("".join(kept), encoding="utf-8")
+    return "crossings"
 
 
 def _without_header(data: bytes) -> bytes:
