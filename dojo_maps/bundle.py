@@ -24,8 +24,23 @@ REPORT_PAGE = "report.html"
 OVERVIEW = "overview.png"
 ENRICHMENT = "enrichment.json"
 DEMAND = "demand.rou.xml"
+BASE_NETWORK = "base.net.xml"
+"""The network as it was imported, where edits that the bundle keeps have changed it."""
+EDITS = "edits"
+"""The kept edits, which move along when the bundle is made anew."""
 EXPORTS = "exports"
-_OURS = {DESCRIPTION, SCENE, NETWORK, REPORT, REPORT_PAGE, OVERVIEW, ENRICHMENT, DEMAND, EXPORTS}
+_OURS = {
+    DESCRIPTION,
+    SCENE,
+    NETWORK,
+    REPORT,
+    REPORT_PAGE,
+    OVERVIEW,
+    ENRICHMENT,
+    DEMAND,
+    BASE_NETWORK,
+    EXPORTS,
+}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -84,6 +84,11 @@ def _parser() -> argparse.ArgumentParser:
     _add_bundle_options(import_osm)
     import_osm.set_defaults(run=_import_osm)
 
+    keep = commands.add_parser("keep", help="keep what was changed in netedit for the next import")
+    keep.add_argument("bundle", metavar="BUNDLE", type=Path)
+    keep.add_argument("edited", metavar="NET", type=Path, help="the bundle's network as netedit saved it")
+    keep.set_defaults(run=_keep)
+
     view = commands.add_parser("view", help="show a bundle's 3D scene in the browser")
     view.add_argument("bundle", metavar="BUNDLE", type=Path)
     view.add_argument(
@@ -157,6 +162,15 @@ def _import_osm(options: argparse.Namespace, interrupted: Interruption) -> int:
     options.source = find_source(options, lambda message: print(f"dojo-maps: {message}", file=sys.stderr))
     options.enrich_net = False
     return _convert(options, interrupted)
+
+
+def _keep(options: argparse.Namespace, interrupted: Interruption) -> int:
+    from dojo_maps.edits import keep_edits
+
+    interrupted.raise_from_now_on()
+    count = keep_edits(options.bundle, options.edited)
+    print(f"{options.bundle}: {count} edits kept; the next import into this bundle applies them")
+    return 0
 
 
 def _view(options: argparse.Namespace, interrupted: Interruption) -> int:

@@ -13,6 +13,7 @@ from shapely.errors import ShapelyError
 from dojo_maps import bundle
 from dojo_maps.demand import write_demand
 from dojo_maps.description import RoadMap
+from dojo_maps.edits import reapply_edits
 from dojo_maps.enrichment import furnish
 from dojo_maps.errors import GeometryError, UsageError
 from dojo_maps.exports import EXPORTERS
@@ -106,9 +107,14 @@ def _convert(
     path: Path, name: str, folder: Path, options: ConvertOptions, on_stage: Callable[[str], None]
 ) -> tuple[bundle.Bundle, dict[str, Any]]:
     on_stage("Reading")
-    changes, quality = None, None
+    changes, quality, base = None, None, None
     if is_osm(path):
-        data, described, issues, quality = _import_osm(path, name, on_stage)
+        base, described, issues, quality = _import_osm(path, name, on_stage)
+        data, lost = reapply_edits(base, folder, (*described.origin, 0.0))
+        if data is not base:
+            edited, _ = read_network(data, path=path, name=name, sha256=described.source.sha256)
+            described = replace(edited, source=described.source, props=described.props)
+        issues += lost
     else:
         data, sha256 = read_bytes(path), sha256_of(path)
         if options.enrich_net:
@@ -119,6 +125,8 @@ def _convert(
     with bundle.replace_bundle(folder) as fresh:
         on_stage("Writing")
         (fresh / bundle.NETWORK).write_bytes(data)
+        if base not in (None, data):
+            (fresh / bundle.BASE_NETWORK).write_bytes(base)
         if changes is not None:
             bundle.write_json(fresh / bundle.ENRICHMENT, changes)
         extra = {} if quality is None else {"osm": quality}

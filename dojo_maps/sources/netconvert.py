@@ -50,7 +50,7 @@ def run_netconvert(
     command = [str(program), *arguments]
     if _AGGREGATE not in arguments:
         command += [_AGGREGATE, "1000000"]
-    status, diagnostics = _run(command, folder, _environment(program), timeout)
+    status, diagnostics = _run(command, folder, sumo_environment(program), timeout)
     lines = diagnostics.splitlines()
     if status < 0:
         raise NetconvertError(f"netconvert crashed ({_signal_name(-status)}); {_last_words(lines)}")
@@ -85,7 +85,7 @@ def find_netconvert() -> Path:
     return Path(found)
 
 
-def _environment(program: Path) -> dict[str, str]:
+def sumo_environment(program: Path) -> dict[str, str]:
     """Name SUMO's own data for the child; the wheel's PROJ reads PROJ_LIB, later ones PROJ_DATA."""
     environment = dict(os.environ)
     home = program.parent.parent

@@ -15,6 +15,7 @@ OSM_CHECKS = (
     ("osm.missing_node", "Roads have all their nodes", Severity.NOTE, "none missing"),
     ("osm.netconvert_warning", "netconvert has nothing to object", Severity.NOTE, "none"),
     ("osm.context_left_out", "Buildings, trees and areas are all kept", Severity.NOTE, "thousands of each"),
+    ("edits.no_longer_fits", "Kept edits fit the new network", Severity.WARNING, "all"),
     ("osm.netconvert_failed", "netconvert takes all options", Severity.WARNING, "none"),
 )
 """Id, title, severity and limit."""
