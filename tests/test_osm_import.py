@@ -160,6 +160,34 @@ def test_drawn_junction_is_whole(drawn: tuple[str, Bundle, dict[str, Any]]) -> N
     check_programs(bundle.network)
 
 
+def cut(lon: float, lat: float, path: Path) -> Path:
+    """Cut the ways within 150 m of a place out of the real extract, with all their nodes."""
+    osmium = pytest.importorskip("osmium")
+    with osmium.BackReferenceWriter(str(path), ref_src=str(helsinki()), remove_tags=False) as writer:
+        near = set()
+        for element in osmium.FileProcessor(str(helsinki())):
+            if element.is_node():
+                if abs(element.lon - lon) < 0.0027 and abs(element.lat - lat) < 0.00135:
+                    near.add(element.id)
+            elif element.is_way() and any(node.ref in near for node in element.nodes):
+                writer.add(element)
+    return path
+
+
+@pytest.mark.parametrize(
+    ("lon", "lat"), [(24.94276, 60.17053), (24.93874, 60.16987), (24.94218, 60.16758), (24.94996, 60.17821)]
+)
+def test_import_of_a_cut_junction_is_whole(lon: float, lat: float, tmp_path: Path) -> None:
+    bundle, report = convert(str(cut(lon, lat, tmp_path / "cut.osm.pbf")), tmp_path / "cut.dojo")
+    quality = report["osm"]
+    assert report["counts"]["error"] == 0
+    assert quality["crossings"]["share"] >= 0.85
+    assert quality["signalised_junctions"]["share"] == 1.0
+    assert quality["edges_under_5_m"] == 0
+    check_no_dead_ends(bundle)
+    check_programs(bundle.network)
+
+
 def test_import_gives_a_junction_one_controller_however_its_signals_are_mapped(tmp_path: Path) -> None:
     for name in ("cross", "approach_signals", "dual_carriageways", "parallel_ways"):
         path = DRAWINGS[name]().write(tmp_path / f"{name}.osm")
