@@ -53,9 +53,9 @@ class WorldProcess:
         found: Answer = self._call("step", dict(actions))
         return found
 
-    def draw(self) -> Frame:
+    def draw(self, signal: str | None = None) -> Frame:
         """See `World`."""
-        found: Frame = self._call("draw")
+        found: Frame = self._call("draw", signal)
         return found
 
     def metrics(self) -> dict[str, Any]:

@@ -133,10 +133,10 @@ class World:
             self.simulation.is_over = True
         return answer
 
-    def draw(self) -> Frame:
-        """Draw what there is to see of the present decision, with its figures."""
+    def draw(self, signal: str | None = None) -> Frame:
+        """Draw what there is to see of the present decision, or of one signal, with the figures of all."""
         now = self.instant
-        cameras = choose_cameras(self.eyes, self.signals)
+        cameras = choose_cameras(self.eyes, self.signals if signal is None else (signal,))
         return Frame(board=read_board(now), views=draw_views(self.eyes, cameras, now.snapshot))
 
     def watch(self, on_second: Callable[[Snapshot], None]) -> None:

@@ -42,7 +42,7 @@ def draw_poster(frame: Frame, *, title: str, history: Sequence[Board] = ()) -> I
         view = frame.views[name]
         top, left = _HEAD + row, column
         poster[top : top + view.shape[0], left : left + view.shape[1]] = view
-        _label(poster, name, left, top)
+        _label(poster, name, left, top, next((lamp for lamp in frame.board.lamps if lamp.signal == name), None))
     _write_head(poster, frame.board, title)
     _write_foot(poster, frame.board, [*history[-_POINTS:], frame.board], _HEAD + height)
     return np.ascontiguousarray(poster[: len(poster) // 2 * 2, : width // 2 * 2])
@@ -145,11 +145,14 @@ def _draw_card(poster: Image, left: int, top: int, width: int) -> None:
     cv2.rectangle(poster, (left, top), corner, _LINE, 1)
 
 
-def _label(poster: Image, text: str, left: int, top: int) -> None:
-    """Write a view's name on a dark strip in its corner."""
-    strip = poster[top : top + 22, left : left + _width(text, 0.42) + 14]
+def _label(poster: Image, name: str, left: int, top: int, lamp: Lamp | None) -> None:
+    """Write a view's name on a dark strip in its corner, and below it the phase of the signal it shows."""
+    lines = [name] if lamp is None else [name, f"{_words(lamp)}, queue {lamp.queue}"]
+    width = max(_width(line, 0.42) for line in lines) + 14
+    strip = poster[top : top + 4 + 18 * len(lines), left : left + width]
     strip[:] = (strip * 0.35 + np.array(_BACK) * 0.65).astype(np.uint8)
-    _write(poster, text, (left + 7, top + 15), 0.42, _WHITE)
+    for k, line in enumerate(lines):
+        _write(poster, line, (left + 7, top + 15 + 18 * k), 0.42, _WHITE)
 
 
 def _write(poster: Image, text: str, at: tuple[int, int], size: float, colour: tuple[int, ...]) -> None:
