@@ -193,7 +193,15 @@ class World:
         if episode.record_name is None:
             return ()
         end = self.config.begin + episode.num_seconds
-        return (RecorderManager(self.simulation, episode.record_name, end=end),)
+        return (
+            RecorderManager(
+                self.simulation,
+                episode.record_name,
+                end=end,
+                scenario=self.config.scenario.name,
+                map_sha256=self.map.bundle.road_map.source.sha256,
+            ),
+        )
 
     def _advance(self, turn: Turn) -> None:
         for manager in self.managers:
