@@ -2,14 +2,20 @@
 
 import sys
 import webbrowser
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import closing
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
-from dojo_env.config import build_config
+from dojo_env.config import SignalConfig, build_config
 from dojo_env.controllers import make_controller
+from dojo_env.errors import ConfigError
 from dojo_env.eyes import Eyes
+from dojo_env.managers.map import MapManager
+from dojo_env.metadrive import export_recording
+from dojo_env.recording import Recording, read_recording
+from dojo_env.replay import find_map, open_eyes
+from dojo_env.sensors.camera import read_cameras
 from dojo_env.signals.plan import SignalPlan
 from dojo_env.snapshot import Snapshot
 from dojo_env.watching.board import Board, Scoreboard
@@ -20,6 +26,7 @@ from dojo_env.watching.server import LiveServer
 from dojo_env.watching.video import Video
 from dojo_env.watching.views import Frame, choose_cameras, draw_views
 from dojo_env.world import World
+from dojo_maps.bundle import Bundle
 
 Plans = Mapping[str, SignalPlan]
 
@@ -120,36 +127,76 @@ def watch(controller: str, *, seed: int = 0, port: int = 0, browser: bool = True
             show.hold()
 
 
-def watch_snapshots(
-    snapshots: Iterable[Snapshot],
-    eyes: Eyes,
-    plans: Plans,
-    title: str,
-    *,
-    port: int = 0,
-    browser: bool = True,
-) -> None:
-    """Show recorded seconds on a live page, until interrupted.
+class Rerun:
+    """A recording ready to be looked at: its map, its signals and what draws it."""
 
-    Raises:
-        ConfigError: the port is taken.
-    """
-    with closing(LiveShow(eyes, plans, title, port=port, browser=browser)) as show:
-        for snapshot in snapshots:
-            show.add(snapshot)
-        show.hold()
+    def __init__(self, recording: Recording, bundle: Bundle, eyes: Eyes, plans: Plans) -> None:
+        """Take all that belongs together; `open` finds it."""
+        self._recording, self._bundle, self._eyes, self._plans = recording, bundle, eyes, plans
+        self._title = f"{recording.scenario or bundle.road_map.name}, recorded, seed {recording.seed}"
 
+    @classmethod
+    def open(
+        cls,
+        path: Path,
+        *,
+        map: str | None = None,  # noqa: A002 - as in `Scenario`
+        signals: Sequence[str] | None = None,
+        cameras: Path | None = None,
+        **sensing: Any,
+    ) -> Self:
+        """Open a recording and its map.
 
-def film_snapshots(
-    snapshots: Iterable[Snapshot], eyes: Eyes, plans: Plans, title: str, path: Path | str
-) -> None:
-    """Write a video of recorded seconds.
+        Args:
+            path: the recording.
+            map: see `replay.find_map`.
+            signals: ids of those to look at; None for all.
+            cameras: a file of cameras for a single signal, instead of those placed from the map.
+            sensing: as an environment takes them.
 
-    Raises:
-        ConfigError: the path cannot be written.
-        ToolMissingError: no codec for it is installed.
-    """
-    with Video(path) as video:
-        show = FilmShow(eyes, plans, title, video)
-        for snapshot in snapshots:
-            show.add(snapshot)
+        Raises:
+            RecordingError: the file is damaged, or its map cannot be found.
+            ConfigError: a setting cannot work.
+        """
+        recording = read_recording(path)
+        bundle = find_map(recording, map)
+        chosen = tuple(signals) if signals else None
+        plans = MapManager(bundle, SignalConfig(ts_ids=chosen)).plans
+        if cameras is not None:
+            if len(plans) > 1:
+                raise ConfigError(f"{cameras}: cameras are for one signal; name it, of {', '.join(plans)}")
+            sensing["cameras"] = dict.fromkeys(plans, read_cameras(cameras))
+        eyes = open_eyes(recording, bundle, **{"show_links": True, **sensing})
+        return cls(recording, bundle, eyes, plans)
+
+    def watch(self, *, port: int = 0, browser: bool = True) -> None:
+        """Show it on a live page, until interrupted.
+
+        Raises:
+            ConfigError: the port is taken.
+        """
+        with closing(LiveShow(self._eyes, self._plans, self._title, port=port, browser=browser)) as show:
+            for snapshot in self._recording:
+                show.add(snapshot)
+            show.hold()
+
+    def film(self, path: Path) -> None:
+        """Write a video, a frame per recorded second.
+
+        Raises:
+            ConfigError: the path cannot be written.
+            ToolMissingError: no codec for it is installed.
+        """
+        with Video(path) as video:
+            show = FilmShow(self._eyes, self._plans, self._title, video)
+            for snapshot in self._recording:
+                show.add(snapshot)
+
+    def export(self, folder: Path) -> int:
+        """Write MetaDrive's format; returns how many scenarios it makes.
+
+        Raises:
+            ConfigError: the folder is there already.
+            ExportError: no vehicle was recorded.
+        """
+        return export_recording(self._recording, self._bundle, folder)

@@ -1,4 +1,4 @@
-"""The figures beside the views: of a decision, or counted from snapshots second by second, live or replayed."""
+"""The figures beside the views: of a decision, or counted second by second from snapshots."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass

@@ -85,9 +85,7 @@ class PageState:
         Raises:
             ValueError: no such order.
         """
-        if not isinstance(order, dict):
-            raise ValueError("not an order")
-        action, value = order.get("action"), order.get("value")
+        action, value = (order.get("action"), order.get("value")) if isinstance(order, dict) else (None, None)
         if action == "signal" and value in self._signals:
             self.signal = str(value)
             with self._news:
@@ -140,4 +138,4 @@ class PageState:
 
 def _jpeg(view: Image) -> str:
     _, data = cv2.imencode(".jpg", view[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, _QUALITY])
-    return base64.b64encode(data).decode("ascii")
+    return base64.b64encode(data.tobytes()).decode("ascii")

@@ -42,7 +42,9 @@ def draw_poster(frame: Frame, *, title: str, history: Sequence[Board] = ()) -> I
         view = frame.views[name]
         top, left = _HEAD + row, column
         poster[top : top + view.shape[0], left : left + view.shape[1]] = view
-        _label(poster, name, left, top, next((lamp for lamp in frame.board.lamps if lamp.signal == name), None))
+        _label(
+            poster, name, left, top, next((lamp for lamp in frame.board.lamps if lamp.signal == name), None)
+        )
     _write_head(poster, frame.board, title)
     _write_foot(poster, frame.board, [*history[-_POINTS:], frame.board], _HEAD + height)
     return np.ascontiguousarray(poster[: len(poster) // 2 * 2, : width // 2 * 2])
@@ -119,7 +121,10 @@ def _write_foot(poster: Image, board: Board, history: Sequence[Board], top: int)
         _write(poster, value, (left + 10, top + 54), 0.62, _WHITE)
     left = _GAP + len(figures) * card
     half = (poster.shape[1] - _GAP - left - _GAP) // 2
-    charts = (("queue", [b.queue for b in history], _BLUE), ("waiting", [b.waiting for b in history], _ORANGE))
+    charts = (
+        ("queue", [b.queue for b in history], _BLUE),
+        ("waiting", [b.waiting for b in history], _ORANGE),
+    )
     for k, (name, values, colour) in enumerate(charts):
         _draw_chart(poster, (left + k * (half + _GAP), top, half), name, values, colour)
 

@@ -106,7 +106,7 @@ class _Handler(BaseHTTPRequestHandler):
     server_version, sys_version = "TrafficDojo", ""
     timeout = _PATIENCE
 
-    def do_GET(self) -> None:  # noqa: N802 - the base class's name
+    def do_GET(self) -> None:
         """Send the page, or the next frame."""
         if not self._is_welcome():
             return
@@ -122,7 +122,7 @@ class _Handler(BaseHTTPRequestHandler):
         else:
             self.send_error(HTTPStatus.NOT_FOUND)
 
-    def do_POST(self) -> None:  # noqa: N802 - the base class's name
+    def do_POST(self) -> None:
         """Take an order of the page's."""
         if not self._is_welcome():
             return
@@ -132,7 +132,9 @@ class _Handler(BaseHTTPRequestHandler):
             self.send_error(HTTPStatus.NOT_FOUND)
         elif not secrets.compare_digest(given, self.server.token.encode()):
             self.send_error(HTTPStatus.FORBIDDEN)
-        elif not (length.isascii() and length.isdigit() and len(length) < 6 and int(length) <= _LONGEST_ORDER):
+        elif not (
+            length.isascii() and length.isdigit() and len(length) < 6 and int(length) <= _LONGEST_ORDER
+        ):
             self.send_error(HTTPStatus.BAD_REQUEST)
         else:
             self._obey(self.rfile.read(int(length)))

@@ -36,7 +36,9 @@ class Video:
         try:
             self._work = tempfile.TemporaryDirectory(dir=self._path.parent, prefix=".video-")
         except OSError as error:
-            raise ConfigError(f"{path}: cannot be written ({error.strerror}); choose another folder") from error
+            raise ConfigError(
+                f"{path}: cannot be written ({error.strerror}); choose another folder"
+            ) from error
         self._fresh = Path(self._work.name) / f"video{self._path.suffix.lower()}"
         self._writer: Any = None
 

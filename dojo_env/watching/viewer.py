@@ -1,4 +1,4 @@
-"""An environment's render modes: `rgb_array` returns a picture, `human` shows each decision on a live page."""
+"""An environment's render modes: `rgb_array` returns a picture, `human` serves a live page."""
 
 import sys
 from collections.abc import Callable
@@ -45,7 +45,7 @@ class Viewer:
     def render(self, draw: Draw) -> Image | None:
         """Make the picture that `rgb_array` asks for."""
         if self._mode is None:
-            gymnasium.logger.warn('render() has nothing to do; make the environment with render_mode="rgb_array"')
+            gymnasium.logger.warn('render() draws nothing without render_mode="rgb_array"')
         if self._mode != "rgb_array":
             return None
         frame = draw(None)
