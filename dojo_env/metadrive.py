@@ -49,9 +49,7 @@ def export_recording(recording: Recording, bundle: Bundle, folder: Path) -> int:
     folder.parent.mkdir(parents=True, exist_ok=True)
     scenarios = dict(_build_scenarios(recording, bundle.road_map))
     if not scenarios:
-        raise ExportError(
-            "no vehicle was recorded, and MetaDrive needs one to follow; record a longer episode"
-        )
+        raise ExportError("no vehicle was recorded, and MetaDrive follows one; record a longer episode")
     with tempfile.TemporaryDirectory(dir=folder.parent, prefix=".exporting-") as work:
         fresh = Path(work) / folder.name
         fresh.mkdir()

@@ -11,7 +11,8 @@ from dojo_env.watching.views import Frame, Image
 
 _GAP, _HEAD, _FOOT = 8, 46, 84
 _BACK, _CARD, _LINE = (17, 22, 29), (26, 33, 43), (52, 62, 76)
-_WHITE, _GREY, _BLUE, _ORANGE = (236, 240, 245), (140, 152, 168), (88, 166, 255), (240, 160, 75)
+_WHITE, _GREY = (236, 240, 245), (140, 152, 168)
+_COLOURS = {"queue": (88, 166, 255), "waiting": (240, 160, 75)}
 _FONT = cv2.FONT_HERSHEY_SIMPLEX
 _LAMPS = {
     "G": (46, 204, 113), "g": (33, 145, 80), "y": (241, 196, 15), "Y": (241, 196, 15),
@@ -42,9 +43,8 @@ def draw_poster(frame: Frame, *, title: str, history: Sequence[Board] = ()) -> I
         view = frame.views[name]
         top, left = _HEAD + row, column
         poster[top : top + view.shape[0], left : left + view.shape[1]] = view
-        _label(
-            poster, name, left, top, next((lamp for lamp in frame.board.lamps if lamp.signal == name), None)
-        )
+        shown = [lamp for lamp in frame.board.lamps if lamp.signal == name]
+        _label(poster, (left, top), [name, *(f"{_words(lamp)}, queue {lamp.queue}" for lamp in shown)])
     _write_head(poster, frame.board, title)
     _write_foot(poster, frame.board, [*history[-_POINTS:], frame.board], _HEAD + height)
     return np.ascontiguousarray(poster[: len(poster) // 2 * 2, : width // 2 * 2])
@@ -121,26 +121,20 @@ def _write_foot(poster: Image, board: Board, history: Sequence[Board], top: int)
         _write(poster, value, (left + 10, top + 54), 0.62, _WHITE)
     left = _GAP + len(figures) * card
     half = (poster.shape[1] - _GAP - left - _GAP) // 2
-    charts = (
-        ("queue", [b.queue for b in history], _BLUE),
-        ("waiting", [b.waiting for b in history], _ORANGE),
-    )
-    for k, (name, values, colour) in enumerate(charts):
-        _draw_chart(poster, (left + k * (half + _GAP), top, half), name, values, colour)
+    for k, name in enumerate(("queue", "waiting")):
+        _draw_chart(poster, (left + k * (half + _GAP), top, half), name, history)
 
 
-def _draw_chart(
-    poster: Image, place: tuple[int, int, int], name: str, values: Sequence[float], colour: tuple[int, ...]
-) -> None:
-    """Draw a line of the last values on a card at (left, top, width)."""
+def _draw_chart(poster: Image, place: tuple[int, int, int], name: str, history: Sequence[Board]) -> None:
+    """Draw a line of a figure's last values on a card at (left, top, width)."""
     left, top, width = place
     _draw_card(poster, left, top, width)
-    height = _FOOT - _GAP
-    highest = max(*values, 1.0) if len(values) > 1 else 1.0
+    values = np.array([getattr(board, name) for board in history], dtype=np.float64)
+    highest = max(float(values.max()), 1.0)
     x = left + 6 + np.linspace(0, width - 12, _POINTS + 1)[: len(values)]
-    y = top + height - 6 - np.asarray(values, dtype=np.float64) / highest * (height - 30)
+    y = top + _FOOT - _GAP - 6 - values / highest * (_FOOT - _GAP - 30)
     line = np.rint(np.column_stack([x, y]) * 16).astype(np.int32)
-    cv2.polylines(poster, [line], False, colour, 1, cv2.LINE_AA, 4)
+    cv2.polylines(poster, [line], False, _COLOURS[name], 1, cv2.LINE_AA, 4)
     _write(poster, f"{name}, at most {highest:,.0f}", (left + 8, top + 17), 0.38, _GREY)
 
 
@@ -150,9 +144,9 @@ def _draw_card(poster: Image, left: int, top: int, width: int) -> None:
     cv2.rectangle(poster, (left, top), corner, _LINE, 1)
 
 
-def _label(poster: Image, name: str, left: int, top: int, lamp: Lamp | None) -> None:
-    """Write a view's name on a dark strip in its corner, and below it the phase of the signal it shows."""
-    lines = [name] if lamp is None else [name, f"{_words(lamp)}, queue {lamp.queue}"]
+def _label(poster: Image, at: tuple[int, int], lines: Sequence[str]) -> None:
+    """Write a view's name on a dark strip in its corner, and what is to be said of it below."""
+    left, top = at
     width = max(_width(line, 0.42) for line in lines) + 14
     strip = poster[top : top + 4 + 18 * len(lines), left : left + width]
     strip[:] = (strip * 0.35 + np.array(_BACK) * 0.65).astype(np.uint8)

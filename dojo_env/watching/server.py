@@ -114,11 +114,11 @@ class _Handler(BaseHTTPRequestHandler):
         if address.path == "/":
             self._send_page()
         elif address.path == "/frame":
-            after = parse_qs(address.query).get("after", [""])[0]
-            if not (after.isascii() and after.isdigit() and len(after) < 18):
+            after = _number(parse_qs(address.query).get("after", [""])[0])
+            if after is None:
                 self.send_error(HTTPStatus.BAD_REQUEST)
                 return
-            self._send(self.server.page.wait(int(after), _PATIENCE), "application/json")
+            self._send(self.server.page.wait(after, _PATIENCE), "application/json")
         else:
             self.send_error(HTTPStatus.NOT_FOUND)
 
@@ -126,18 +126,16 @@ class _Handler(BaseHTTPRequestHandler):
         """Take an order of the page's."""
         if not self._is_welcome():
             return
-        length = self.headers.get("Content-Length", "")
+        length = _number(self.headers.get("Content-Length", ""))
         given = self.headers.get("X-Dojo-Token", "").encode("utf-8", "replace")
         if urlsplit(self.path).path != "/control":
             self.send_error(HTTPStatus.NOT_FOUND)
         elif not secrets.compare_digest(given, self.server.token.encode()):
             self.send_error(HTTPStatus.FORBIDDEN)
-        elif not (
-            length.isascii() and length.isdigit() and len(length) < 6 and int(length) <= _LONGEST_ORDER
-        ):
+        elif length is None or length > _LONGEST_ORDER:
             self.send_error(HTTPStatus.BAD_REQUEST)
         else:
-            self._obey(self.rfile.read(int(length)))
+            self._obey(self.rfile.read(length))
 
     def _obey(self, order: bytes) -> None:
         try:
@@ -159,8 +157,9 @@ class _Handler(BaseHTTPRequestHandler):
     def _send_page(self) -> None:
         page = resources.files("dojo_env.watching").joinpath("page.html").read_text(encoding="utf-8")
         page = page.replace("{nonce}", self.server.nonce).replace("{token}", self.server.token)
+        trusted = f"'nonce-{self.server.nonce}'"
         policy = (
-            f"default-src 'none'; script-src 'nonce-{self.server.nonce}'; style-src 'nonce-{self.server.nonce}'; "
+            f"default-src 'none'; script-src {trusted}; style-src {trusted}; "
             "img-src data:; connect-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
         )
         self._send(page.encode(), "text/html; charset=utf-8", policy)
@@ -179,3 +178,8 @@ class _Handler(BaseHTTPRequestHandler):
 
     def log_message(self, format: str, *args: Any) -> None:  # noqa: A002 - the base class's name
         """Keep quiet: a page asks ten times a second."""
+
+
+def _number(text: str) -> int | None:
+    """Read a whole number of a stranger's."""
+    return int(text) if text.isascii() and text.isdigit() and len(text) < 18 else None
