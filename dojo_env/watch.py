@@ -29,6 +29,8 @@ from dojo_env.world import World
 from dojo_maps.bundle import Bundle
 
 Plans = Mapping[str, SignalPlan]
+_LOOKS: Mapping[str, Any] = {"show_links": True, "smooth": True, "width": 480, "height": 344}
+"""How people see it, rather than agents."""
 
 
 class LiveShow:
@@ -113,7 +115,7 @@ def watch(controller: str, *, seed: int = 0, port: int = 0, browser: bool = True
         SimulationError: SUMO refuses the scenario.
     """
     acts = make_controller(controller)
-    config = build_config(**{"show_links": True, **keywords, **acts.settings})
+    config = build_config(**{**_LOOKS, **keywords, **acts.settings})
     title = f"{config.scenario.name}, {controller}, seed {seed}"
     with closing(World(config)) as world:
         show = LiveShow(world.eyes, world.map.plans, title, port=port, browser=browser)
@@ -166,7 +168,7 @@ class Rerun:
             if len(plans) > 1:
                 raise ConfigError(f"{cameras}: cameras are for one signal; name it, of {', '.join(plans)}")
             sensing["cameras"] = dict.fromkeys(plans, read_cameras(cameras))
-        eyes = open_eyes(recording, bundle, **{"show_links": True, **sensing})
+        eyes = open_eyes(recording, bundle, **{**_LOOKS, **sensing})
         return cls(recording, bundle, eyes, plans)
 
     def watch(self, *, port: int = 0, browser: bool = True) -> None:
