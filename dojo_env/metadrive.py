@@ -68,11 +68,11 @@ def _build_scenarios(recording: Recording, road_map: RoadMap) -> Iterator[tuple[
         first = next((k for k, snapshot in enumerate(snapshots) if _find_cars(snapshot)), None)
         if first is not None and first < len(snapshots) - 1:
             name = f"{file_stem(road_map)}_{snapshots[first].time:.0f}"
-            yield name, build_recorded_scenario(road_map, snapshots[first:], features)
+            yield name, build_recorded_scenario(road_map, snapshots[first:], features, name=name)
 
 
 def build_recorded_scenario(
-    road_map: RoadMap, snapshots: list[Snapshot], features: dict[str, Feature]
+    road_map: RoadMap, snapshots: list[Snapshot], features: dict[str, Feature], *, name: str
 ) -> dict[str, Any]:
     """Build a scenario from at least two seconds; the first has a vehicle that MetaDrive may follow."""
     count = (len(snapshots) - 1) * _PER_SECOND + 1
@@ -81,9 +81,9 @@ def build_recorded_scenario(
     states = build_signal_states(road_map, features, times)
     for light in states.values():
         light["state"]["object_state"] = _recorded_lights(light["metadata"], snapshots, count)
-    present = {name: int(tracks[name]["state"]["valid"].sum()) for name in _find_cars(snapshots[0])}
-    ego = max(present, key=lambda name: present[name])
-    return assemble_scenario(road_map, times, features, states, tracks, ego=ego)
+    present = {car: int(tracks[car]["state"]["valid"].sum()) for car in _find_cars(snapshots[0])}
+    ego = max(present, key=lambda car: present[car])
+    return assemble_scenario(road_map, times, features, states, tracks, name=name, ego=ego)
 
 
 def _find_cars(snapshot: Snapshot) -> list[str]:

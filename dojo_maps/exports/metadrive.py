@@ -54,7 +54,7 @@ def build_scenario(road_map: RoadMap) -> dict[str, Any]:
     features = build_features(road_map)
     states = build_signal_states(road_map, features, times)
     tracks = {EGO: build_ego_track(features, times)}
-    return assemble_scenario(road_map, times, features, states, tracks, ego=EGO)
+    return assemble_scenario(road_map, times, features, states, tracks, name=road_map.name, ego=EGO)
 
 
 def assemble_scenario(
@@ -64,17 +64,18 @@ def assemble_scenario(
     states: dict[str, Any],
     tracks: dict[str, Any],
     *,
+    name: str,
     ego: str,
 ) -> dict[str, Any]:
-    """Put together what a scenario consists of, with its summaries; `ego` names the track that is driven."""
-    summaries = {name: _summarize_track(name, track) for name, track in tracks.items()}
+    """Put together what a scenario consists of, with its summaries; `ego` is the track that is followed."""
+    summaries = {key: _summarize_track(key, track) for key, track in tracks.items()}
     metadata = {
         "metadrive_processed": False,
         "coordinate": "metadrive",
         "ts": times,
         "sample_rate": STEP,
         "dataset": _DATASET,
-        "scenario_id": road_map.name,
+        "scenario_id": name,
         "source_file": road_map.source.file,
         "sdc_id": ego,
         "map_origin": list(road_map.origin),
@@ -84,7 +85,7 @@ def assemble_scenario(
         "number_summary": _count(summaries, states, features),
     }
     return {
-        "id": road_map.name,
+        "id": name,
         "version": f"{_DATASET} v{VERSION}",
         "length": len(times),
         "metadata": metadata,
