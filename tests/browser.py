@@ -1,6 +1,7 @@
 """A headless browser for tests, told what to do over a pipe in Chromium's own protocol."""
 
 import base64
+import contextlib
 import json
 import os
 import shutil
@@ -25,7 +26,7 @@ class Browser:
         ours_in, theirs_out = os.pipe()
         command = [str(CHROMIUM), *_FLAGS, f"--window-size={size[0]},{size[1]}", f"--user-data-dir={profile}"]
         # Chromium reads orders from descriptor 3 and answers on 4.
-        shell = ["sh", "-c", f'exec "$@" 3<&{theirs_in} 4>&{theirs_out}', "sh", *command, "about:blank"]
+        shell = ["bash", "-c", f'exec "$@" 3<&{theirs_in} 4>&{theirs_out}', "bash", *command, "about:blank"]
         self._process = subprocess.Popen(
             shell, pass_fds=(theirs_in, theirs_out), stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
         )
@@ -45,10 +46,8 @@ class Browser:
 
     def __exit__(self, *_: object) -> None:
         self._session = ""
-        try:
+        with contextlib.suppress(OSError, EOFError):
             self._call("Browser.close")
-        except (OSError, EOFError):
-            pass
         self._in.close()
         self._out.close()
         self._process.wait(20)

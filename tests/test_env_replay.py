@@ -122,7 +122,7 @@ def test_a_recording_is_only_replayed_on_its_own_map(
     recorder = Recorder(scenario="mine", map_sha256="0")
     recorder.add(recording[0])
     recorder.write(tmp_path / "mine.npz")
-    with pytest.raises(RecordingError, match="'mine'.*give the map"):
+    with pytest.raises(RecordingError, match=r"'mine'.*give the map"):
         find_map(Recording.open(tmp_path / "mine.npz"))
     with pytest.raises(ConfigError, match="every=0"):
         next(replay(recording, every=0))
@@ -332,7 +332,7 @@ def test_exported_lights_are_those_that_were_shown(exported: tuple[Recording, An
     colours = {"r": "STOP", "y": "CAUTION", "g": "GO", "G": "GO"}
     assert len(scenario["dynamic_map_states"]) == 20
     seen = set()
-    for second in range(0, 100):
+    for second in range(100):
         shown = recording[first + second].signals
         for light in scenario["dynamic_map_states"].values():
             about, states = light["metadata"], light["state"]["object_state"]

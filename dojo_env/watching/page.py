@@ -28,7 +28,7 @@ class PageState:
         self._version = 0
         self._frame: Frame | None = None
         self._encoded: tuple[Frame | None, list[dict[str, str]]] = (None, [])
-        self._second = 0
+        self._second = self._shown = 0
         self._history: list[tuple[float, int, float]] = []
         self._every = 1
         self._asked = self._ended = self._closed = False
@@ -55,7 +55,7 @@ class PageState:
     def publish(self, frame: Frame) -> None:
         """Show a frame."""
         with self._news:
-            self._frame, self._asked = frame, False
+            self._frame, self._shown, self._asked = frame, self._second, False
             self._tell()
 
     def end(self) -> None:
@@ -115,7 +115,7 @@ class PageState:
         return {
             "version": self._version,
             "title": self._title,
-            "second": self._second,
+            "second": self._shown,
             "clock": format_clock(board.time) if board else "",
             "board": asdict(board) if board else None,
             "history": self._history,
