@@ -1,15 +1,20 @@
-"""An environment's render modes: `rgb_array` returns a picture, `human` serves a live page."""
+"""An environment's render modes: `rgb_array` returns a picture, `human` serves a live page.
+
+Who renders nothing loads nothing of it.
+"""
 
 import sys
 from collections.abc import Callable
+from typing import TYPE_CHECKING
 
 import gymnasium
 
 from dojo_env.watching.board import Board
-from dojo_env.watching.page import PageState
-from dojo_env.watching.poster import draw_poster
-from dojo_env.watching.server import LiveServer
 from dojo_env.watching.views import Frame, Image
+
+if TYPE_CHECKING:
+    from dojo_env.watching.page import PageState
+    from dojo_env.watching.server import LiveServer
 
 Draw = Callable[[str | None], Frame]
 """Draws the present decision: all signals, or the cameras of the one that is named."""
@@ -29,6 +34,9 @@ class Viewer:
         self._page: PageState | None = None
         self._server: LiveServer | None = None
         if mode == "human":
+            from dojo_env.watching.page import PageState
+            from dojo_env.watching.server import LiveServer
+
             self._page = PageState(title, signals, None)
             self._server = LiveServer(self._page, port=port)
             print(f"watch at {self._server.url}", file=sys.stderr)  # noqa: T201 - the page has to be found
@@ -48,6 +56,8 @@ class Viewer:
             gymnasium.logger.warn('render() draws nothing without render_mode="rgb_array"')
         if self._mode != "rgb_array":
             return None
+        from dojo_env.watching.poster import draw_poster
+
         frame = draw(None)
         if self._history and frame.board.time <= self._history[-1].time:
             self._history = [board for board in self._history if board.time < frame.board.time]

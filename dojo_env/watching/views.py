@@ -8,8 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dojo_env.eyes import Eyes
-from dojo_env.sensors.camera import Camera
-from dojo_env.sensors.placement import BEV
+from dojo_env.sensors.camera import BEV, Camera
 from dojo_env.snapshot import Snapshot
 from dojo_env.watching.board import Board
 
