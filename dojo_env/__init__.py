@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from dojo_env.errors import ConfigError, EpisodeOverError, SimulationError
     from dojo_env.parallel_env import TrafficSignalsEnv, parallel_env
     from dojo_env.recording import Recording
-    from dojo_env.replay import replay
+    from dojo_env.replaying import replay
     from dojo_env.scenario import Scenario
     from dojo_env.snapshot import Snapshot
 
@@ -49,7 +49,7 @@ _HOMES = {
     "TrafficSignalEnv": "env",
     "TrafficSignalsEnv": "parallel_env",
     "parallel_env": "parallel_env",
-    "replay": "replay",
+    "replay": "replaying",
 }
 
 gymnasium.register("dojo_env/TrafficSignal-v0", entry_point="dojo_env.env:TrafficSignalEnv")

@@ -14,7 +14,7 @@ from dojo_env.eyes import Eyes
 from dojo_env.managers.map import MapManager
 from dojo_env.metadrive import export_recording
 from dojo_env.recording import Recording, read_recording
-from dojo_env.replay import find_map, open_eyes
+from dojo_env.replaying import find_map, open_eyes
 from dojo_env.sensors.camera import read_cameras
 from dojo_env.signals.plan import SignalPlan
 from dojo_env.snapshot import Snapshot
@@ -151,7 +151,7 @@ class Rerun:
 
         Args:
             path: the recording.
-            map: see `replay.find_map`.
+            map: see `replaying.find_map`.
             signals: ids of those to look at; None for all.
             cameras: a file of cameras for a single signal, instead of those placed from the map.
             sensing: as an environment takes them.

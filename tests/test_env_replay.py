@@ -22,7 +22,7 @@ from dojo_env.config import build_config
 from dojo_env.env import TrafficSignalEnv
 from dojo_env.errors import ConfigError, RecordingError
 from dojo_env.recording import Recorder, Recording
-from dojo_env.replay import find_map, replay
+from dojo_env.replaying import find_map, replay
 from dojo_env.sensors.camera import Camera, write_cameras
 from dojo_env.sensors.lidar import Lidar
 from dojo_env.world import World
@@ -33,7 +33,7 @@ _WITHOUT_SUMO = """
 import hashlib, json, sys
 from dojo_env.conditions import Conditions
 from dojo_env.recording import Recording
-from dojo_env.replay import replay
+from dojo_env.replaying import replay
 path, conditions = sys.argv[1], Conditions(**json.loads(sys.argv[2]))
 digests = [
     [hashlib.sha256(picture.rgb.tobytes()).hexdigest() for picture in seen.pictures]

@@ -31,8 +31,8 @@ class Viewer:
         """
         self._mode, self._title = mode, title
         self._history: list[Board] = []
-        self._page: PageState | None = None
-        self._server: LiveServer | None = None
+        self._page: "PageState | None" = None
+        self._server: "LiveServer | None" = None
         if mode == "human":
             from dojo_env.watching.page import PageState
             from dojo_env.watching.server import LiveServer
