@@ -47,15 +47,14 @@ def export_recording(recording: Recording, bundle: Bundle, folder: Path) -> int:
     if folder.exists():
         raise ConfigError(f"{folder}: is there already; remove it, or choose another with -o")
     folder.parent.mkdir(parents=True, exist_ok=True)
-    scenarios = dict(_build_scenarios(recording, bundle.road_map))
-    if not scenarios:
-        raise ExportError("no vehicle was recorded, and MetaDrive follows one; record a longer episode")
     with tempfile.TemporaryDirectory(dir=folder.parent, prefix=".exporting-") as work:
         fresh = Path(work) / folder.name
         fresh.mkdir()
-        write_data_set(fresh, scenarios)
+        count = write_data_set(fresh, _build_scenarios(recording, bundle.road_map))
+        if not count:
+            raise ExportError("no vehicle was recorded, and MetaDrive follows one; record a longer episode")
         fresh.rename(folder)
-    return len(scenarios)
+    return count
 
 
 def _build_scenarios(recording: Recording, road_map: RoadMap) -> Iterator[tuple[str, dict[str, Any]]]:

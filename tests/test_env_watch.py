@@ -209,6 +209,7 @@ def test_a_page_s_charts_stay_small_and_keep_the_whole_episode() -> None:
     for second in range(5000):
         page.note(board(float(second)))
     page.publish(Frame(board=board(4999.0), views={}))
+    page.note(board(5000.0))
     history = json.loads(page.wait(0, 1))["history"]
     assert len(history) <= 401
     assert history[0][0] == 0

@@ -30,6 +30,7 @@ class PageState:
         self._encoded: tuple[Frame | None, list[dict[str, str]]] = (None, [])
         self._second = self._shown = 0
         self._history: list[tuple[float, int, float]] = []
+        self._shown_history: list[tuple[float, int, float]] = []
         self._every = 1
         self._asked = self._ended = self._closed = False
         self.signal = signals[0]
@@ -55,7 +56,9 @@ class PageState:
     def publish(self, frame: Frame) -> None:
         """Show a frame."""
         with self._news:
-            self._frame, self._shown, self._asked = frame, self._second, False
+            self._frame, self._asked = frame, False
+            # At full speed the simulation is far ahead when the frame is fetched.
+            self._shown, self._shown_history = self._second, list(self._history)
             self._tell()
 
     def end(self) -> None:
@@ -118,7 +121,7 @@ class PageState:
             "second": self._shown,
             "clock": format_clock(board.time) if board else "",
             "board": asdict(board) if board else None,
-            "history": self._history,
+            "history": self._shown_history,
             "signal": self.signal,
             "controls": self._pace is not None,
             "paused": self._pace is not None and self._pace.paused,

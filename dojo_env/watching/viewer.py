@@ -31,14 +31,10 @@ class Viewer:
         """
         self._mode, self._title = mode, title
         self._history: list[Board] = []
-        self._page: "PageState | None" = None
-        self._server: "LiveServer | None" = None
+        self._page: PageState | None = None
+        self._server: LiveServer | None = None
         if mode == "human":
-            from dojo_env.watching.page import PageState
-            from dojo_env.watching.server import LiveServer
-
-            self._page = PageState(title, signals, None)
-            self._server = LiveServer(self._page, port=port)
+            self._page, self._server = _serve(title, signals, port)
             print(f"watch at {self._server.url}", file=sys.stderr)  # noqa: T201 - the page has to be found
 
     def follow(self, draw: Draw, *, ended: bool = False) -> None:
@@ -69,3 +65,11 @@ class Viewer:
         server, self._server, self._page = self._server, None, None
         if server is not None:
             server.close()
+
+
+def _serve(title: str, signals: tuple[str, ...], port: int) -> "tuple[PageState, LiveServer]":
+    from dojo_env.watching.page import PageState
+    from dojo_env.watching.server import LiveServer
+
+    page = PageState(title, signals, None)
+    return page, LiveServer(page, port=port)

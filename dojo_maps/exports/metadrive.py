@@ -10,7 +10,7 @@ import io
 import pickle
 import sys
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -31,17 +31,24 @@ def write_metadrive(road_map: RoadMap, _network: Path, folder: Path) -> None:
     Raises:
         ExportError: the map has no lane for cars.
     """
-    write_data_set(folder, {file_stem(road_map): build_scenario(road_map)})
+    write_data_set(folder, [(file_stem(road_map), build_scenario(road_map))])
 
 
-def write_data_set(folder: Path, scenarios: Mapping[str, dict[str, Any]]) -> None:
-    """Write scenarios by name, and the data set's summary and mapping, into an existing empty folder."""
-    names = {f"sd_{_DATASET}_v{VERSION}_{stem}.pkl": scenario for stem, scenario in scenarios.items()}
-    for name, scenario in names.items():
+def write_data_set(folder: Path, scenarios: Iterable[tuple[str, dict[str, Any]]]) -> int:
+    """Write named scenarios one by one, and the data set's summary and mapping; returns how many there are.
+
+    Args:
+        folder: exists, and is empty.
+        scenarios: names that are safe as a file's, and what `build_scenario` and the like make.
+    """
+    summaries: dict[str, Any] = {}
+    for stem, scenario in scenarios:
+        name = f"sd_{_DATASET}_v{VERSION}_{stem}.pkl"
         _write_pickle(folder / name, scenario)
-    summaries = {name: _without_arrays(scenario["metadata"]) for name, scenario in names.items()}
+        summaries[name] = _without_arrays(scenario["metadata"])
     _write_pickle(folder / "dataset_summary.pkl", summaries)
-    _write_pickle(folder / "dataset_mapping.pkl", dict.fromkeys(names, ""))
+    _write_pickle(folder / "dataset_mapping.pkl", dict.fromkeys(summaries, ""))
+    return len(summaries)
 
 
 def build_scenario(road_map: RoadMap) -> dict[str, Any]:
