@@ -104,8 +104,8 @@ def _type(kind: Kind) -> str | None:
 
 def _recorded_lights(metadata: dict[str, Any], snapshots: list[Snapshot], count: int) -> list[str]:
     """Give a link's light at each instant; it changes on the second."""
-    index = metadata["link_index"]
-    letters = [s.signals.get(metadata["signal"], "")[index : index + 1] for s in snapshots]
+    signal, index = metadata["signal"], metadata["link_index"]
+    letters = ["" if index is None else s.signals.get(signal, "")[index : index + 1] for s in snapshots]
     shown = [LIGHTS.get(letter, "LANE_STATE_UNKNOWN") for letter in letters]
     return [shown[k // _PER_SECOND] for k in range(count)]
 

@@ -193,6 +193,10 @@ class Recording(Sequence[Snapshot]):
         ]
         if a["seed"].dtype.kind not in "iu":
             wrong.append("seed")
+        if not (instants and np.isfinite(a["times"]).all() and (np.diff(a["times"]) > 0).all()):
+            wrong.append("times")
+        if not np.isfinite(a["speeds"]).all():
+            wrong.append("speeds")
         if a["shown"].ndim != 2 or len(a["shown"]) != instants or (a["counts"] < 0).any():
             wrong.append("shown")
         elif a["shown"].size and a["signals"].shape != a["shown"].shape[1:]:

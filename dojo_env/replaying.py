@@ -63,6 +63,8 @@ def replay(
         raise ConfigError(f"every={every}: expected a number of seconds above 0")
     eyes = open_eyes(recording, find_map(recording, map), **sensing)
     try:
+        if cameras is None and not recording.signals:
+            raise RecordingError(recording.path, "has no signals to look at; give cameras")
         chosen = eyes.cameras(recording.signals[0]) if cameras is None else tuple(cameras)
         for number in range(0, len(recording), every):
             snapshot = recording[number]

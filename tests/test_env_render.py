@@ -12,7 +12,7 @@ from pettingzoo.test import parallel_api_test
 
 import dojo_env
 from dojo_env.conditions import Conditions
-from dojo_env.errors import ConfigError, SimulationError
+from dojo_env.errors import ConfigError, EpisodeOverError, SimulationError
 
 
 def make(scenario: str = "cologne1", **keywords: object) -> dojo_env.TrafficSignalEnv:
@@ -78,6 +78,13 @@ def test_rendering_changes_nothing_that_the_agent_sees() -> None:
         return seen
 
     assert play(None) == play("rgb_array") == play("human")
+
+
+def test_there_is_nothing_to_render_before_the_first_reset() -> None:
+    env = make("two-way", render_mode="rgb_array")
+    with pytest.raises(EpisodeOverError, match="reset"):
+        env.render()
+    env.close()
 
 
 def test_several_signals_are_shown_from_above() -> None:
