@@ -6,6 +6,7 @@ import json
 import pickle
 import subprocess
 import sys
+import warnings
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -350,6 +351,24 @@ def test_the_car_that_metadrive_follows_is_there_from_the_begin(exported: tuple[
             assert track["state"]["valid"][0]
             about = scenario["metadata"]["object_summary"][scenario["metadata"]["sdc_id"]]
             assert about["continuous_valid_length"] > 100
+
+
+@pytest.mark.filterwarnings("ignore")
+def test_exported_scenarios_are_read_by_metadrive_itself(record: Callable[..., Path], tmp_path: Path) -> None:
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        reader = pytest.importorskip("metadrive.scenario.utils", exc_type=ImportError)
+        from metadrive.scenario import ScenarioDescription  # noqa: PLC0415
+    target = tmp_path / "out"
+    arguments = ["replay", str(record("cologne1")), "--export", "metadrive", "-o", str(target)]
+    assert main(arguments) == 0
+    _, files, mapping = reader.read_dataset_summary(target)
+    scenario = reader.read_scenario_data(target / mapping[files[0]] / files[0])
+    ScenarioDescription.sanity_check(scenario.to_dict(), check_self_type=True, valid_check=True)
+    written = dict(scenario["metadata"]["number_summary"])
+    counted = ScenarioDescription.update_summaries(scenario)["metadata"]["number_summary"]
+    for key in ("num_objects", "num_moving_objects", "num_traffic_lights", "num_map_features"):
+        assert written[key] == counted[key]
 
 
 def test_a_recording_without_vehicles_exports_nothing(record: Callable[..., Path], tmp_path: Path) -> None:
