@@ -65,7 +65,10 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def _yellow(text: str) -> float | str:
-    return text if text == "speed" else float(text)
+    try:
+        return text if text == "speed" else float(text)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f'{text!r} is neither a number of seconds nor "speed"') from None
 
 
 def _run(options: argparse.Namespace) -> int:
@@ -73,6 +76,9 @@ def _run(options: argparse.Namespace) -> int:
 
     if options.seeds < 1:
         print("dojo-env: --seeds: expected a number above 0", file=sys.stderr)
+        return 2
+    if options.json and not options.json.absolute().parent.is_dir():
+        print(f"dojo-env: --json {options.json}: no such folder; make it first", file=sys.stderr)
         return 2
 
     def tell(figures: dict[str, Any]) -> None:
