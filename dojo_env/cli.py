@@ -2,7 +2,6 @@
 
 import argparse
 import json
-import re
 import signal
 import sys
 from collections.abc import Sequence
@@ -109,7 +108,10 @@ def _sensing(options: argparse.Namespace) -> dict[str, Any]:
 
 
 def _yellow(text: str) -> float | str:
-    return text if text == "speed" else float(text)
+    try:
+        return text if text == "speed" else float(text)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f'{text!r} is neither a number of seconds nor "speed"') from None
 
 
 def _run(options: argparse.Namespace) -> int:
@@ -117,6 +119,9 @@ def _run(options: argparse.Namespace) -> int:
 
     if options.seeds < 1:
         print("dojo-env: --seeds: expected a number above 0", file=sys.stderr)
+        return 2
+    if options.json and not options.json.absolute().parent.is_dir():
+        print(f"dojo-env: --json {options.json}: no such folder; make it first", file=sys.stderr)
         return 2
 
     def tell(figures: dict[str, Any]) -> None:
@@ -199,19 +204,30 @@ def _list_scenarios(_options: argparse.Namespace) -> int:
     print(f"{'name':14}{'signals':>8}{'demand':>8}{'begin':>8}  licence")
     for name in PACKAGED:
         found = packaged_scenario(name)
-        signals = len(set(re.findall(r'<tlLogic [^>]*?id="([^"]*)"', found.map.read_text(encoding="utf-8"))))
+        elements = _list_elements(found.map)
+        signals = len({attributes["id"] for kind, attributes in elements if kind == "tlLogic"})
         demand = sum(_count_departures(path, found.end or 0) for path in found.routes)
         print(f"{name:14}{signals:8d}{demand:8d}{found.begin:8.0f}  {found.licence}")
     return 0
 
 
+def _list_elements(path: Path) -> list[tuple[str, dict[str, str]]]:
+    from dojo_env.elements import read_elements
+
+    found: list[tuple[str, dict[str, str]]] = []
+    read_elements(path, lambda kind, attributes: found.append((kind, attributes)))
+    return found
+
+
 def _count_departures(routes: Path, end: float) -> int:
     """Count the vehicles that a route file lets depart until the scenario's end."""
-    text = routes.read_text(encoding="utf-8")
-    departs = re.findall(r'<(?:trip|vehicle)\b[^>]*?depart="([\d.]+)"', text)
-    flows = re.findall(r'<flow\b[^>]*?begin="([\d.]+)" end="([\d.]+)" vehsPerHour="([\d.]+)"', text)
-    hourly = sum(float(rate) * (float(stop) - float(start)) / 3600 for start, stop, rate in flows)
-    return sum(float(depart) < end for depart in departs) + round(hourly)
+    count = 0.0
+    for kind, a in _list_elements(routes):
+        if kind in ("trip", "vehicle"):
+            count += float(a["depart"]) < end
+        elif kind == "flow":
+            count += float(a["vehsPerHour"]) * (float(a["end"]) - float(a["begin"])) / 3600
+    return round(count)
 
 
 if __name__ == "__main__":

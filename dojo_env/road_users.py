@@ -5,6 +5,7 @@ subscription spends longer than that on building its dicts.
 """
 
 from itertools import compress
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -33,6 +34,7 @@ _SHAPES = {
 """SUMO's guiShape says more than the vehicle class where it is one of these."""
 _RIGHT, _LEFT, _BOTH, _BRAKE, _BLUE = 1, 2, 4, 8, 2048 | 4096 | 8192
 """Bits of SUMO's vehicle signals."""
+_BITS = 1 << 14
 _SPARE = 1000
 
 
@@ -76,7 +78,7 @@ class RoadUsers:
             "slopes": slopes,
             "sizes": looks[:, 2:5],
             "colours": looks[:, 5:8].astype(np.uint8),
-            "lights": _read_lights(bits),
+            "lights": _LIGHTS[bits % _BITS],
             "speeds": np.array(column("getSpeed"), dtype=np.float64),
         }
         lanes = tuple(column("getLaneID"))
@@ -85,7 +87,9 @@ class RoadUsers:
             snapshot = {name: values[there] for name, values in snapshot.items()}
             names, lanes = (tuple(compress(values, there.tolist())) for values in (names, lanes))
         signals = {name: get.trafficlight_getRedYellowGreenState(name) for name in self._signals}
-        return Snapshot(time=time, ids=names, lanes=lanes, signals=signals, **snapshot)
+        return Snapshot.trusted(
+            time=time, ids=names, lanes=lanes, signals=MappingProxyType(signals), **snapshot
+        )
 
     def _find(self, ids: tuple[str, ...], people: tuple[str, ...]) -> list[int]:
         """Find the row of each road user's number, kind, size and colour; SUMO is asked for new ones."""
@@ -128,9 +132,14 @@ def _read_look(get: Any, domain: str, name: str) -> tuple[float, ...]:
     return (kind, *sizes, *colour)
 
 
-def _read_lights(bits: NDArray[np.int64]) -> NDArray[np.uint8]:
+def _tabulate_lights() -> NDArray[np.uint8]:
+    bits = np.arange(_BITS)
     lights = np.where(bits & _BRAKE, Lights.BRAKE, 0)
     lights |= np.where(bits & (_LEFT | _BOTH), Lights.LEFT, 0)
     lights |= np.where(bits & (_RIGHT | _BOTH), Lights.RIGHT, 0)
     lights |= np.where(bits & _BLUE, Lights.BLUE, 0)
     return lights.astype(np.uint8)
+
+
+_LIGHTS = _tabulate_lights()
+"""`Lights` by SUMO's vehicle signals."""

@@ -12,11 +12,11 @@ from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
-from xml.parsers import expat
 
 import dojo_maps
 from dojo_env.cache import cache_folder
 from dojo_env.demand import write_two_way_demand
+from dojo_env.elements import read_elements
 from dojo_env.errors import ConfigError
 from dojo_maps.bundle import Bundle, read_bundle
 
@@ -218,8 +218,10 @@ def _read_sumocfg(path: Path) -> Scenario:
         end = float(options.get("end") or options.get("e") or -1)
     except ValueError:
         raise ConfigError(f"{path}: begin and end must be numbers of seconds") from None
+    additional = options.get("additional-files") or options.get("additional") or options.get("a") or ""
     return Scenario(
         map=path.parent / network,
+        additional=tuple(path.parent / file for file in _paths(additional)),
         begin=begin,
         end=end if end >= 0 else None,
         config=path,
@@ -229,17 +231,5 @@ def _read_sumocfg(path: Path) -> Scenario:
 
 def _read_options(path: Path) -> dict[str, str]:
     options: dict[str, str] = {}
-
-    def refuse(*_: object) -> None:
-        raise ConfigError(f"{path}: has a document type, which no SUMO configuration has; refused as unsafe")
-
-    parser = expat.ParserCreate()
-    parser.StartElementHandler = lambda name, a: options.update({name: a["value"]} if "value" in a else {})
-    parser.StartDoctypeDeclHandler = refuse
-    try:
-        parser.Parse(path.read_bytes(), True)
-    except OSError as error:
-        raise ConfigError(f"{path}: cannot be read ({error.strerror}); correct the path") from error
-    except (expat.ExpatError, ValueError, LookupError) as error:
-        raise ConfigError(f"{path}: not a SUMO configuration ({error})") from error
+    read_elements(path, lambda name, a: options.update({name: a["value"]} if "value" in a else {}))
     return options

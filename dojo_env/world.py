@@ -42,7 +42,7 @@ class World:
         """Open the map and plan the signals; the simulation starts with `reset`."""
         self.config = config
         bundle = open_map(config.scenario)
-        self.map = MapManager(bundle, config.signals)
+        self.map = MapManager(bundle, config.signals, additional=config.scenario.additional)
         self.signals: tuple[str, ...] = tuple(self.map.plans)
         self.simulation = Simulation(bundle.network, config.scenario, config.traffic, begin=config.begin)
         traffic = TrafficManager(self.simulation)

@@ -49,6 +49,7 @@ def test_scenarios_lists_signals_demand_and_licence(capsys: pytest.CaptureFixtur
         (["run", "--scenario", "two-way", "--controller", "random", "--seeds", "0"], 2, "--seeds"),
         (["run", "--scenario", "two-way", "--controller", "random", "--min-green", "0"], 2, "min_green"),
         (["run", "--scenario", "missing.sumocfg", "--controller", "random"], 2, "missing.sumocfg"),
+        (["run", "--scenario", "two-way", "--controller", "random", "--json", "none/x.json"], 2, "--json"),
     ],
 )
 def test_wrong_usage_is_one_line_and_a_status(

@@ -63,11 +63,6 @@ def test_gymnasium_accepts_the_environment(scenario: str) -> None:
     env.close()
 
 
-def test_stable_baselines3_accepts_the_environment(make: Make) -> None:
-    checker = pytest.importorskip("stable_baselines3.common.env_checker")
-    checker.check_env(make(), warn=True)
-
-
 def test_spaces_are_those_that_users_of_sumo_rl_know(make: Make) -> None:
     env = make()
     assert env.observation_space.shape == (21,)
@@ -317,3 +312,34 @@ def test_a_sumocfg_and_plain_files_work_without_code(make: Make) -> None:
     )
     assert digest(plain, 1) == wanted
     plain.close()
+
+
+PROGRAM = """<additional><tlLogic id="{signal}" programID="mine" type="static" offset="0">
+{phases}</tlLogic></additional>"""
+
+
+def test_a_program_from_an_additional_file_is_what_agents_and_sumo_run(make: Make, tmp_path: Path) -> None:
+    found = packaged_scenario("cologne1")
+    (own,) = make("cologne1").world.map.plans.values()
+    first, second = own.phases[0], own.phases[2]
+    states = [
+        (30, first),
+        (3, first.replace("G", "y").replace("g", "y")),
+        (20, second),
+        (3, "r" * len(first)),
+    ]
+    phases = "".join(f'<phase duration="{seconds}" state="{state}"/>' for seconds, state in states)
+    path = tmp_path / "mine.add.xml"
+    path.write_text(PROGRAM.format(phases=phases, signal=own.signal))
+    scenario = dojo_env.Scenario(map=found.map, routes=found.routes, additional=path, begin=25200)
+    env = make(scenario, fixed_ts=True, num_seconds=60)
+    assert env.world.map.plans[own.signal].phases == (first, second)
+    env.reset(seed=1)
+    shown = set()
+    for _ in range(12):
+        shown.add(env.instant.signals[own.signal].state)
+        env.step(0)
+    assert {first, second} <= shown
+    path.write_text(path.read_text().replace(first, first[1:]))
+    with pytest.raises(ConfigError, match=r"letters.*links"):
+        make(scenario)

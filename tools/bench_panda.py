@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from dojo_env.rendering.lighting import srgb_table
+from dojo_env.rendering.lighting import SRGB
 from dojo_env.rendering.scene import Scene
 from dojo_env.rendering.traffic import library, place_users
 from dojo_env.sensors.camera import Camera
@@ -35,8 +35,7 @@ class PandaWorld:
         self._root = core.NodePath("scene")
         self._views: dict[Camera, tuple[Any, Any]] = {}
         self._users: dict[str, Any] = {}
-        table = srgb_table()
-        colours = table[np.clip(scene.colours * 4095, 0, 4095).astype(int)]
+        colours = SRGB[np.clip(scene.colours * 4095, 0, 4095).astype(int)]
         self._root.attach_new_node(
             self._node(scene.vertices[scene.faces].reshape(-1, 3), np.repeat(colours, 3, axis=0))
         )
@@ -66,7 +65,7 @@ class PandaWorld:
         models = library()
         first, _, face, end = models.spans[users.models[k], 0]
         corners = models.vertices[first + models.faces[face:end]].reshape(-1, 3)
-        colour = srgb_table()[(users.colours[k] * 4095).astype(int)]
+        colour = SRGB[(users.colours[k] * 4095).astype(int)]
         return self._node(corners, np.tile(colour, (len(corners), 1)))
 
     def _node(self, corners: np.ndarray, colours: np.ndarray) -> Any:

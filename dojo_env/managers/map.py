@@ -1,11 +1,13 @@
 """The map of the episode: the bundle, and what there is to control on it."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from pathlib import Path
 
 from dojo_env.config import SignalConfig
 from dojo_env.errors import ConfigError
 from dojo_env.managers.base import Manager
 from dojo_env.signals.plan import SignalPlan, build_plan
+from dojo_env.signals.programs import add_programs
 from dojo_maps.bundle import Bundle
 from dojo_maps.description import LinkKind, Signal
 
@@ -13,14 +15,19 @@ from dojo_maps.description import LinkKind, Signal
 class MapManager(Manager):
     """Holds the bundle and a plan for each signal that agents control. A map never changes in an episode."""
 
-    def __init__(self, bundle: Bundle, config: SignalConfig) -> None:
+    def __init__(self, bundle: Bundle, config: SignalConfig, *, additional: Sequence[Path] = ()) -> None:
         """Plan the signals.
+
+        Args:
+            bundle: the map.
+            config: which signals to control, and how.
+            additional: files that may hold other programs for them.
 
         Raises:
             ConfigError: the map has no signal to control, or lacks one that is named.
         """
         self.bundle = bundle
-        wanted = _choose_signals(bundle, config.ts_ids)
+        wanted = add_programs(_choose_signals(bundle, config.ts_ids), additional)
         self.plans: Mapping[str, SignalPlan] = {
             signal.id: build_plan(bundle.road_map, signal, config) for signal in wanted
         }

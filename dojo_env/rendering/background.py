@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dojo_env.rendering.classes import Semantic
-from dojo_env.rendering.lighting import Light, srgb_table
+from dojo_env.rendering.lighting import Light
 from dojo_env.rendering.raster import draw_from_above, draw_mesh
 from dojo_env.rendering.scene import Scene
 from dojo_env.rendering.shading import LAMP_HEIGHT, HeightMap, Surroundings, shade
@@ -65,7 +65,7 @@ def draw_background(scene: Scene, view: View, light: Light, samples: int = SAMPL
     draw_mesh(scene.vertices, scene.faces, fine.axes, fine.eye, fine.lens, depths, tags)
     world = _surroundings(scene, light, *_extent(fine, depths))
     pictures = _scratch((3, view.height, view.width, 3), np.uint8)
-    shade(depths, tags, fine, world, srgb_table(), samples, pictures)
+    shade(depths, tags, fine, world, samples, pictures)
     lit, shaded, headlit = pictures if light.headlights > 0 else (*pictures[:2], pictures[0])
     own = (slice(samples // 2, None, samples),) * 2
     return Background(

@@ -3,10 +3,12 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from dojo_env.rendering import drawing, lights
-from dojo_env.rendering.lighting import Light, srgb_table
+from dojo_env.rendering.compiling import kernel
+from dojo_env.rendering.drawing import WEATHER, count_alone, draw_shadows, draw_users, users_in_view
+from dojo_env.rendering.lighting import Light
+from dojo_env.rendering.lights import draw_beams, draw_flat, draw_lamps
 from dojo_env.rendering.raster import STATIC
-from dojo_env.rendering.scene import LAMP_COLOURS, Lamps, Paths
+from dojo_env.rendering.scene import Lamps, Paths
 from dojo_env.rendering.target import Target, restore
 from dojo_env.rendering.traffic import MOST_FACES, Users, library
 from dojo_env.rendering.view import View
@@ -22,9 +24,10 @@ _NO_SUN = 0.05
 class Canvas:
     """What a camera draws into, frame by frame: it puts back only what the frame before has changed."""
 
-    def __init__(self, view: View, clean: NDArray[np.float32]) -> None:
-        """Begin with the background's inverse depths."""
-        self._view, self._clean = view, clean
+    def __init__(self, view: View, clean: NDArray[np.float32], light: Light) -> None:
+        """Begin with the background's inverse depths, under a light."""
+        self._view, self._clean, self._light = view, clean, light.packed
+        self._sun = light.sun if light.sun_colour.max() > _NO_SUN else _OVERHEAD
         height, width = clean.shape
         self._target = Target(
             depths=clean.copy(),
@@ -33,43 +36,42 @@ class Canvas:
             owners=np.empty(0, dtype=np.int32),
             spans=np.tile(np.array([width, 0], dtype=np.int32), (height, 1)),
         )
-        self._table = srgb_table()
 
-    def draw(self, users: Users, lamps: Lamps, paths: Paths, light: Light) -> Target:
+    def draw(self, users: Users, lamps: Lamps, paths: Paths) -> Target:
         """Draw a frame.
 
         Args:
             users: the road users.
             lamps: the signal lamps that are lit.
             paths: the link paths to show.
-            light: what shines on them.
 
         Returns:
             The canvas's own buffers, which the next frame changes.
         """
         self._make_room(len(users.models) * MOST_FACES + len(lamps.colours) + len(paths.colours))
-        view, target, count = self._view, self._target, 0
-        restore(target, self._clean)
-        if len(paths.colours):
-            count = lights.draw_flat(paths, LAMP_COLOURS, self._table, view, target, count)
-        near = drawing.users_in_view(users, view) if len(users.models) else ()
-        if len(near):
-            sun = light.sun if light.sun_colour.max() > _NO_SUN else _OVERHEAD
-            drawing.draw_shadows(near, users, sun, view, target)
-            if light.headlights > 0:
-                lights.draw_beams(near, users, view, target)
-            count = drawing.draw_users(near, users, library(), light.packed, self._table, view, target, count)
-        if len(lamps.colours):
-            lights.draw_lamps(lamps, LAMP_COLOURS, self._table, view, target, count)
-        return target
+        _draw(users, lamps, paths, library(), self._light, self._sun, self._view, self._clean, self._target)
+        return self._target
 
     def count_pixels(self, users: Users, whose: Ints) -> Ints:
         """Count the pixels that each of some road users would cover if it were alone: (k,)."""
         alone = self._target._replace(tags=np.full_like(self._target.tags, STATIC))
-        return drawing.count_alone(whose, users, library(), _NO_LIGHT, self._view, alone)
+        return count_alone(whose, users, library(), _NO_LIGHT, self._view, alone)
 
     def _make_room(self, faces: int) -> None:
         if len(self._target.owners) < faces:
             self._target = self._target._replace(
                 shades=np.empty((2 * faces, 3), dtype=np.uint8), owners=np.empty(2 * faces, dtype=np.int32)
             )
+
+
+@kernel
+def _draw(users, lamps, paths, models, light, sun, view, clean, target):
+    """Draw all that moves: one call, since handing arrays over costs as much as drawing a few cars."""
+    restore(target, clean)
+    count = draw_flat(paths, view, target, 0)
+    near = users_in_view(users, view)
+    draw_shadows(near, users, sun, view, target)
+    if light[WEATHER, 0] > 0.0:
+        draw_beams(near, users, view, target)
+    count = draw_users(near, users, models, light, view, target, count)
+    draw_lamps(lamps, view, target, count)

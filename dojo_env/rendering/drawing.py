@@ -5,7 +5,7 @@ from math import exp, sqrt
 import numpy as np
 
 from dojo_env.rendering.compiling import kernel
-from dojo_env.rendering.lighting import to_linear
+from dojo_env.rendering.lighting import SRGB, to_linear
 from dojo_env.rendering.raster import COVER, NEARER, SHADED, SHADOW, draw_face, fill_triangle
 from dojo_env.rendering.shapes import Part
 from dojo_env.rendering.target import project, touch, turn
@@ -41,7 +41,7 @@ _EMITTED[_LEFT] = _EMITTED[_RIGHT] = (1.0, 0.5, 0.04)
 _EMITTED[_BLUE] = (0.2, 0.4, 1.0)
 _STREET = (0.11, 0.08, 0.046)
 """What street lamps add to road users at night."""
-_SUN, _SUN_COLOUR, _SKY_COLOUR, _GROUND_COLOUR, _HORIZON, _WEATHER = 0, 1, 2, 3, 5, 6
+_SUN, _SUN_COLOUR, _SKY_COLOUR, _GROUND_COLOUR, _HORIZON, WEATHER = 0, 1, 2, 3, 5, 6
 """Rows of a packed light."""
 
 
@@ -72,7 +72,7 @@ def users_in_view(users, view):
 
 
 @kernel
-def draw_users(near, users, models, light, table, view, target, count):
+def draw_users(near, users, models, light, view, target, count):
     """Draw road users; returns the number of faces in the target.
 
     Args:
@@ -80,7 +80,6 @@ def draw_users(near, users, models, light, table, view, target, count):
         users: all of them.
         models: the library.
         light: (7, 3) packed.
-        table: (4096,) uint8, sRGB by linear light.
         view: the camera.
         target: what to draw into.
         count: the number of faces in it so far.
@@ -95,12 +94,12 @@ def draw_users(near, users, models, light, table, view, target, count):
         is_ahead = project(seen, last - first, view, screen)
         touch(screen, last - first, is_ahead, target)
         _look_from_inside(users, k, view, light, inside)
-        veil = 1.0 - exp(-light[_WEATHER, 2] * away)
+        veil = 1.0 - exp(-light[WEATHER, 2] * away)
         for face in range(models.spans[model, detail, 2], models.spans[model, detail, 3]):
             if not _shows_front(models.planes, face, inside):
                 continue
             if _draw(models.faces, face, seen, screen, is_ahead, corners, view, count, NEARER, target):
-                _shade_face(users, k, models, face, inside, veil, light, table, target.shades, count)
+                _shade_face(users, k, models, face, inside, veil, light, target.shades, count)
                 target.owners[count] = k
                 count += 1
     return count
@@ -251,10 +250,10 @@ def _emission(part, lights, headlights):
 
 
 @kernel
-def _shade_face(users, k, models, face, inside, veil, light, table, shades, row):
+def _shade_face(users, k, models, face, inside, veil, light, shades, row):
     """Light a face: what it emits, or sun and sky on its colour; then fog."""
     part = models.parts[face]
-    glow = _emission(part, users.lights[k], light[_WEATHER, 0])
+    glow = _emission(part, users.lights[k], light[WEATHER, 0])
     square = facing = level = 0.0
     for axis in range(3):
         normal = models.planes[face, axis]
@@ -271,7 +270,7 @@ def _shade_face(users, k, models, face, inside, veil, light, table, shades, row)
         else:
             base = users.colours[k, c] if part == _BODY else _PALETTE[part, c]
             soft = share * light[_SKY_COLOUR, c] + (1.0 - share) * light[_GROUND_COLOUR, c]
-            soft += light[_WEATHER, 0] * _STREET[c]
+            soft += light[WEATHER, 0] * _STREET[c]
             value = base * (soft + facing * light[_SUN_COLOUR, c]) + gloss * light[_SKY_COLOUR, c]
         value = value * (1.0 - veil) + veil * light[_HORIZON, c]
-        shades[row, c] = table[int(min(1.0, value) * 4095.0 + 0.5)]
+        shades[row, c] = SRGB[int(min(1.0, value) * 4095.0 + 0.5)]

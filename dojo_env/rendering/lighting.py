@@ -99,8 +99,7 @@ def _ramp(value: float, low: float, high: float) -> float:
     return share * share * (3 - 2 * share)
 
 
-def srgb_table() -> NDArray[np.uint8]:
-    """Tabulate linear light from 0 to 1 in 4,096 steps as sRGB bytes. Source: IEC 61966-2-1."""
+def _srgb_table() -> NDArray[np.uint8]:
     linear = np.arange(_LUT_SIZE) / (_LUT_SIZE - 1)
     encoded = np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055)
     return np.round(encoded * 255).astype(np.uint8)
@@ -110,3 +109,7 @@ def to_linear(colours: NDArray[np.uint8] | Floats) -> Floats:
     """Turn sRGB bytes into linear light from 0 to 1. Source: IEC 61966-2-1."""
     encoded = np.asarray(colours, dtype=np.float64) / 255
     return np.where(encoded <= 0.04045, encoded / 12.92, ((encoded + 0.055) / 1.055) ** 2.4)
+
+
+SRGB = _srgb_table()
+"""Linear light from 0 to 1 in 4,096 steps as sRGB bytes. Source: IEC 61966-2-1."""

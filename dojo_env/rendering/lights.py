@@ -5,7 +5,9 @@ from math import cos, pi, sin, sqrt
 import numpy as np
 
 from dojo_env.rendering.compiling import kernel
+from dojo_env.rendering.lighting import SRGB
 from dojo_env.rendering.raster import NEARER, SHADED, SHADOW, draw_face
+from dojo_env.rendering.scene import LAMP_COLOURS
 from dojo_env.rendering.target import project, touch, turn
 
 LAMP, PATH = -1, -2
@@ -49,7 +51,7 @@ def draw_beams(near, users, view, target):
 
 
 @kernel
-def draw_lamps(lamps, palette, table, view, target, count):
+def draw_lamps(lamps, view, target, count):
     """Draw the lit lamps that shine this way as discs; returns the number of faces in the target."""
     seen, corners = np.empty(3), np.empty((3, 3))
     for k in range(len(lamps.centres)):
@@ -64,14 +66,14 @@ def draw_lamps(lamps, palette, table, view, target, count):
         else:
             changed = _draw_disc(lamps.centres[k], lamps.directions[k], corners, view, count, target)
         if changed:
-            _plain(palette[lamps.colours[k]], table, target.shades[count])
+            _plain(lamps.colours[k], target.shades[count])
             target.owners[count] = LAMP
             count += 1
     return count
 
 
 @kernel
-def draw_flat(paths, palette, table, view, target, count):
+def draw_flat(paths, view, target, count):
     """Draw triangles in plain colours, from both sides; returns the number of faces in the target."""
     corners, screen, seen = np.empty((3, 3)), np.empty((3, 3)), np.empty(3)
     for k in range(len(paths.triangles)):
@@ -80,16 +82,16 @@ def draw_flat(paths, palette, table, view, target, count):
             corners[c] = seen
         touch(screen, 3, project(corners, 3, view, screen), target)
         if draw_face(corners, view.lens, count, NEARER, target.depths, target.tags):
-            _plain(palette[paths.colours[k]], table, target.shades[count])
+            _plain(paths.colours[k], target.shades[count])
             target.owners[count] = PATH
             count += 1
     return count
 
 
 @kernel
-def _plain(colour, table, shade):
+def _plain(colour, shade):
     for c in range(3):
-        shade[c] = table[int(colour[c] * 4095.0 + 0.5)]
+        shade[c] = SRGB[int(LAMP_COLOURS[colour, c] * 4095.0 + 0.5)]
 
 
 @kernel

@@ -52,7 +52,7 @@ def _car(
             Part.BODY,
         )
         body += wheels((-0.19 * length, -0.8 * length), half + 0.005, 0.22 * height, detail)
-    else:
+    elif detail < _COARSEST:
         body = loft(
             [
                 section(0.0, 0.86 * half, 0.12 * height, 0.46 * height),
@@ -62,6 +62,8 @@ def _car(
             ],
             Part.BODY,
         )
+    else:
+        body = box(0.0, tail, 0.95 * half, 0.04 * height, belt, Part.BODY)
     lower = np.array([(-foot, 0.92 * half), (-heel, 0.92 * half)])
     upper = np.array([(-roof_front, 0.72 * half), (-roof_rear, 0.72 * half)])
     (a, wide), (b, _), (c, slim), (d, _) = *lower, *upper

@@ -48,7 +48,7 @@ def fill_triangle(x0, y0, w0, x1, y1, w1, x2, y2, w2, tag, mode, depths, tags):
         y = row + 0.5
         a = x0 + (y - y0) * long_step
         b = x0 + (y - y0) * upper_step if y < y1 else x1 + (y - y1) * lower_step
-        if a > b:
+        if area < 0.0:
             a, b = b, a
         start, stop = max(0.0, ceil(max(a, -1.0) - 0.5)), min(width, ceil(min(b, width + 1.0) - 0.5))
         w = w0 + (y - y0) * slope_y + (start + 0.5 - x0) * slope_x

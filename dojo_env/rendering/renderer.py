@@ -127,7 +127,7 @@ class Renderer:
         eye = self._eyes[key]
         states = tuple(snapshot.signals.items())
         paths = self._faces.paths(states) if self.show_links else NO_PATHS
-        return eye, eye.bend(eye.canvas.draw(users, self._faces.lit(states), paths, self._light))
+        return eye, eye.bend(eye.canvas.draw(users, self._faces.lit(states), paths))
 
 
 def _labels(

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from dojo_env.rendering import textures
 from dojo_env.rendering.compiling import kernel
+from dojo_env.rendering.lighting import SRGB
 
 Floats = NDArray[np.float64]
 
@@ -67,7 +68,7 @@ class Surroundings(NamedTuple):
 
 
 @kernel
-def shade(depths, tags, view, world, table, samples, pictures):
+def shade(depths, tags, view, world, samples, pictures):
     """Turn a visibility buffer into pictures.
 
     Args:
@@ -75,7 +76,6 @@ def shade(depths, tags, view, world, table, samples, pictures):
         tags: the same shape, int32, the face at each sample, -1 for none.
         view: the `View` of these samples.
         world: the `Surroundings`.
-        table: (4096,) uint8, sRGB by linear light.
         samples: along each side of a pixel.
         pictures: (3, h, w, 3) uint8 to fill: lit, shaded by something that moves, in the light of head lamps.
     """
@@ -92,7 +92,7 @@ def shade(depths, tags, view, world, table, samples, pictures):
                         sums[picture, c] += weight * min(1.0, shown[picture, c])
             for picture in range(3):
                 for c in range(3):
-                    pictures[picture, row, column, c] = table[int(sums[picture, c] * 4095.0 + 0.5)]
+                    pictures[picture, row, column, c] = SRGB[int(sums[picture, c] * 4095.0 + 0.5)]
 
 
 @kernel

@@ -1,12 +1,14 @@
 """The road users of a snapshot as kernels draw them: model, place, colour and lights of each."""
 
-from functools import cache
+from functools import cache, lru_cache
+from math import cos, sin
 from typing import NamedTuple
 from zlib import crc32
 
 import numpy as np
 from numpy.typing import NDArray
 
+from dojo_env.rendering.compiling import kernel
 from dojo_env.rendering.lighting import to_linear
 from dojo_env.rendering.models import DETAILS, Model, build_models
 from dojo_env.snapshot import Kind, Snapshot
@@ -14,15 +16,16 @@ from dojo_env.snapshot import Kind, Snapshot
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
 
-_NATURAL = np.array(
+_NATURAL = to_linear(
+    np.array(
     [
         (222, 224, 226), (222, 224, 226), (196, 200, 204), (150, 154, 160), (92, 97, 104), (36, 38, 42),
         (28, 30, 34), (24, 52, 104), (40, 84, 150), (146, 24, 28), (176, 40, 36), (60, 82, 66),
         (178, 164, 132), (70, 50, 40),
     ],
     dtype=np.uint8,
-)  # fmt: skip
-"""Colours that cars have, and clothes, roughly as often as here."""
+))  # fmt: skip
+"""Linear colours that cars have, and clothes, roughly as often as here."""
 _BY_KIND = {
     Kind.TAXI: (238, 206, 60), Kind.VAN: (228, 228, 224), Kind.BUS: (196, 44, 40),
     Kind.COACH: (226, 226, 230), Kind.TRUCK: (50, 92, 150), Kind.TRAILER: (170, 44, 40),
@@ -31,6 +34,8 @@ _BY_KIND = {
 }  # fmt: skip
 _UNSET = (255, 255, 0)
 """SUMO's colour for a vehicle that was given none."""
+_LINEAR = to_linear(np.arange(256, dtype=np.uint8))
+_CODES_KEPT = 1 << 14
 
 
 class Users(NamedTuple):
@@ -105,37 +110,51 @@ def _variants() -> tuple[NDArray[np.int64], NDArray[np.int64]]:
 
 def place_users(snapshot: Snapshot, origin: Floats) -> Users:
     """Bring road users into the frame of a scene. Shape and colour follow from a road user's id alone."""
-    first, counts = _variants()
-    kinds = snapshot.kinds
-    codes = np.fromiter((crc32(name.encode()) for name in snapshot.ids), np.int64, len(snapshot.ids))
-    cos_h, sin_h = np.cos(snapshot.headings), np.sin(snapshot.headings)
-    cos_s, sin_s = np.cos(snapshot.slopes), np.sin(snapshot.slopes)
-    frames = np.empty((len(codes), 3, 3))
-    frames[:, 0, 0], frames[:, 1, 0], frames[:, 2, 0] = cos_h * cos_s, sin_h * cos_s, sin_s
-    frames[:, 0, 1], frames[:, 1, 1], frames[:, 2, 1] = -sin_h, cos_h, 0.0
-    frames[:, 0, 2], frames[:, 1, 2], frames[:, 2, 2] = -cos_h * sin_s, -sin_h * sin_s, cos_s
+    first, variants = _variants()
+    usual, fixed = _usual_colours()
+    codes = np.fromiter(map(_code, snapshot.ids), np.int64, len(snapshot.ids))
+    frames, colours = np.empty((len(codes), 3, 3)), np.empty((len(codes), 3))
+    turns = (snapshot.headings, snapshot.slopes, snapshot.sizes)
+    _place(*turns, snapshot.kinds, snapshot.colours, codes, usual, fixed, frames, colours)
     return Users(
-        frames=frames * snapshot.sizes[:, None, :],
+        frames=frames,
         places=snapshot.positions - origin,
-        models=(first[kinds] + codes % counts[kinds]).astype(np.int32),
-        colours=_colours(snapshot, codes),
+        models=(first[snapshot.kinds] + codes % variants[snapshot.kinds]).astype(np.int32),
+        colours=colours,
         lights=snapshot.lights,
     )
 
 
+@lru_cache(maxsize=_CODES_KEPT)
+def _code(name: str) -> int:
+    """Number an id, the same in every process."""
+    return crc32(name.encode())
+
+
 @cache
-def _usual_colours() -> tuple[Floats, NDArray[np.bool_], Floats]:
-    """Colour of each kind, whether it has one, and the colours of all others."""
+def _usual_colours() -> tuple[Floats, NDArray[np.bool_]]:
+    """Linear colour of each kind, and whether it has one."""
     chosen = [_BY_KIND.get(kind) for kind in Kind]
     table = to_linear(np.array([colour or (0, 0, 0) for colour in chosen], dtype=np.uint8))
-    return table, np.array([colour is not None for colour in chosen]), to_linear(_NATURAL)
+    return table, np.array([colour is not None for colour in chosen])
 
 
-def _colours(snapshot: Snapshot, codes: NDArray[np.int64]) -> Floats:
-    """SUMO's colour where one was given, else a usual one for the kind."""
-    table, fixed, natural = _usual_colours()
-    others = natural[(codes >> 8) % len(natural)]
-    usual = np.where(fixed[snapshot.kinds, None], table[snapshot.kinds], others)
-    unset = (snapshot.colours == _UNSET).all(axis=1, keepdims=True)
-    colours: Floats = np.where(unset, usual, to_linear(snapshot.colours))
-    return colours
+@kernel
+def _place(headings, slopes, sizes, kinds, given, codes, usual, fixed, frames, colours):
+    """Turn and scale each road user's axes, and choose its colour: SUMO's if given, else a usual one."""
+    for k in range(len(codes)):
+        cos_h, sin_h, cos_s, sin_s = cos(headings[k]), sin(headings[k]), cos(slopes[k]), sin(slopes[k])
+        ahead = (cos_h * cos_s, sin_h * cos_s, sin_s)
+        left = (-sin_h, cos_h, 0.0)
+        up = (-cos_h * sin_s, -sin_h * sin_s, cos_s)
+        unset = given[k, 0] == _UNSET[0] and given[k, 1] == _UNSET[1] and given[k, 2] == _UNSET[2]
+        for axis in range(3):
+            frames[k, axis, 0] = ahead[axis] * sizes[k, 0]
+            frames[k, axis, 1] = left[axis] * sizes[k, 1]
+            frames[k, axis, 2] = up[axis] * sizes[k, 2]
+            if not unset:
+                colours[k, axis] = _LINEAR[given[k, axis]]
+            elif fixed[kinds[k]]:
+                colours[k, axis] = usual[kinds[k], axis]
+            else:
+                colours[k, axis] = _NATURAL[(codes[k] >> 8) % len(_NATURAL), axis]

@@ -77,11 +77,11 @@ class SignalWatch:
     def look_back(self, time: float) -> None:
         """Judge at the end of a decision interval how long the present green has lasted."""
         limit = self._config.max_green
-        greens = [k for k, letter in enumerate(self._state) if letter in GREEN]
-        if limit is None or self._config.fixed_ts or not greens or len(self._plan.phases) == 1:
+        if limit is None or self._config.fixed_ts or len(self._plan.phases) == 1:
             return
-        if time - self._phase_since > limit and self._state in self._plan.phases:
-            self._report("long_green", time, tuple(greens))
+        greens = tuple(k for k, letter in enumerate(self._state) if letter in GREEN)
+        if greens and time - self._phase_since > limit and self._state in self._plan.phases:
+            self._report("long_green", time, greens)
 
     def _judge_changes(self, time: float, state: str) -> None:
         self._phase_since = time

@@ -1,0 +1,49 @@
+"""The benchmark's command: rows are run once, kept, and stand beside published figures."""
+
+import csv
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+from conftest import REPOSITORY, command_environment
+
+from dojo_env.metrics import SIX
+from dojo_env.runs import run_controller
+
+
+def benchmark(*arguments: object) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, str(REPOSITORY / "tools" / "benchmark.py"), *map(str, arguments)]
+    return subprocess.run(
+        command, capture_output=True, text=True, env=command_environment(), check=False, timeout=300
+    )
+
+
+def test_rows_are_run_once_and_stand_beside_published_figures(tmp_path: Path) -> None:
+    published = {"scenarios": {"two-way": {"SOTL": {name: {"mean": 80.0, "std": 1.0} for name in SIX}}}}
+    (tmp_path / "paper.json").write_text(json.dumps(published))
+    arguments = ("--scenarios", "two-way", "--seeds", 2, "--seconds", 300, "--results", tmp_path / "results",
+                 "--paper", tmp_path / "paper.json")  # fmt: skip
+    done = benchmark("--controllers", "MaxPressure", *arguments)
+    assert done.returncode == 0, done.stderr
+    assert "| SOTL | not run |" in done.stdout
+    kept = tmp_path / "results" / "two-way" / "MaxPressure.json"
+    first = kept.stat().st_mtime_ns
+    done = benchmark("--controllers", "MaxPressure", "Cycle", *arguments)
+    assert done.returncode == 0, done.stderr
+    assert kept.stat().st_mtime_ns == first
+    assert "**" in done.stdout
+    assert "80.00 ± 1.00" in done.stdout
+    with (tmp_path / "results" / "table.csv").open() as file:
+        rows = {(row["row"], row["figure"]): row for row in csv.DictReader(file)}
+    wanted = run_controller("max-pressure", range(2), scenario="two-way", num_seconds=300)
+    mean = sum(episode["queue"] for episode in wanted) / 2
+    assert float(rows["MaxPressure", "queue"]["mean"]) == mean
+    assert rows["SOTL", "queue"]["mean"] == ""
+
+
+def test_bad_input_is_one_line_and_a_status(tmp_path: Path) -> None:
+    for arguments in (("--scenarios", "nowhere"), ("--paper", tmp_path / "none.json")):
+        done = benchmark("--controllers", "Cycle", "--results", tmp_path, *arguments)
+        assert done.returncode == 3
+        assert len(done.stderr.strip().splitlines()) == 1, done.stderr

@@ -1,0 +1,82 @@
+"""The benchmark's tables: Markdown for people, CSV for programs, from the files of the rows."""
+
+import csv
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from dojo_env.metrics import SIX
+
+Figures = Mapping[str, Mapping[str, float]]
+"""Mean and standard deviation of each figure."""
+_HEADS = ("travel time (s)", "throughput (veh/h)", "delay", "acc. waiting (s)", "queue (veh)", "CO2 (g/s)")
+
+
+def write_tables(folder: Path, order: Sequence[str], published: Mapping[str, Mapping[str, Figures]]) -> str:
+    """Write `table.md` and `table.csv` of all rows in a folder; returns the first.
+
+    Args:
+        folder: holds `scenario/row.json`.
+        order: the rows' order.
+        published: figures by scenario and row to show beside ours.
+    """
+    parts, lines = [], []
+    for scenario in sorted(path for path in folder.iterdir() if path.is_dir()):
+        kept = {p.stem: json.loads(p.read_text(encoding="utf-8"))["figures"] for p in scenario.glob("*.json")}
+        theirs = published.get(scenario.name, {})
+        names = [
+            *(n for n in order if n in kept or n in theirs),
+            *sorted((kept.keys() | theirs) - set(order)),
+        ]
+        parts.append(_section(scenario.name, names, kept, theirs))
+        lines += [line for name in names for line in _lines(scenario.name, name, kept, theirs)]
+    text = "\n".join(parts)
+    (folder / "table.md").write_text(text, encoding="utf-8")
+    with (folder / "table.csv").open("w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file)
+        writer.writerow(
+            ["scenario", "row", "figure", "mean", "std", "published", "published_std", "difference"]
+        )
+        writer.writerows(lines)
+    return text
+
+
+def _section(
+    scenario: str, names: Sequence[str], kept: Mapping[str, Figures], theirs: Mapping[str, Figures]
+) -> str:
+    """Write a scenario's rows, our best figures bold and the second best underlined, published ones below."""
+    marks = {figure: _rank(figure, kept) for figure in SIX}
+    lines = [f"### {scenario}", "", f"| row | {' | '.join(_HEADS)} |", "|---" * (len(SIX) + 1) + "|"]
+    for name in names:
+        cells = [_mark(_cell(kept[name][f]), marks[f].get(name)) if name in kept else "not run" for f in SIX]
+        lines.append(f"| {name} | {' | '.join(cells)} |")
+        if name in theirs:
+            lines.append(f"| *published* | {' | '.join(_cell(theirs[name][f]) for f in SIX)} |")
+    return "\n".join([*lines, ""])
+
+
+def _rank(figure: str, kept: Mapping[str, Figures]) -> dict[str, int]:
+    best_first = sorted(kept, key=lambda name: kept[name][figure]["mean"], reverse=figure == "throughput")
+    return {name: place for place, name in enumerate(best_first[:2])}
+
+
+def _mark(text: str, place: int | None) -> str:
+    return text if place is None else f"**{text}**" if place == 0 else f"<u>{text}</u>"
+
+
+def _cell(figure: Mapping[str, float]) -> str:
+    digits = 0 if figure["mean"] >= 1000 else 2
+    return f"{figure['mean']:.{digits}f} ± {figure['std']:.{digits}f}"
+
+
+def _lines(
+    scenario: str, name: str, kept: Mapping[str, Figures], theirs: Mapping[str, Figures]
+) -> list[list[Any]]:
+    lines: list[list[Any]] = []
+    for figure in SIX:
+        ours, other = kept.get(name, {}).get(figure), theirs.get(name, {}).get(figure)
+        ratio = ours["mean"] / other["mean"] - 1 if ours and other else ""
+        values = [v for each in (ours, other) for v in ((each["mean"], each["std"]) if each else ("", ""))]
+        lines.append([scenario, name, figure, *values, ratio])
+    return lines
