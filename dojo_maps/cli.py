@@ -137,7 +137,7 @@ def _view(options: argparse.Namespace) -> int:
 
 
 def _list_checks(_options: argparse.Namespace) -> int:
-    from dojo_maps.validation.runner import CHECKS
+    from dojo_maps.validation.catalogue import CHECKS
 
     for check in CHECKS:
         print(f"{check.id:32} {check.severity.value:8} {check.title} (limit: {check.limit}; {check.source})")

@@ -64,7 +64,7 @@ def read_records(data: bytes, path: Path | str) -> NetRecords:
             {records.edges[-1].lanes[-1].get("id", ""): a.get("lane", "")}
         ),
         "junction": records.junctions.append,
-        "request": lambda a: records.requests[records.junctions[-1].get("id", "")].append(a),
+        "request": lambda a: records.requests[records.junctions[-1].get("id", "")].append(a),  # noqa: PLW0108
         "connection": records.connections.append,
         "tlLogic": lambda a: records.logics.append(LogicRecord(a)),
         "phase": lambda a: records.logics[-1].phases.append(a),  # noqa: PLW0108

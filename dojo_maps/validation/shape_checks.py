@@ -1,0 +1,288 @@
+"""Checks of single shapes: broken outlines, sharp bends, slopes, widths and lengths."""
+
+import itertools
+from collections.abc import Iterator
+
+import numpy as np
+import shapely
+
+from dojo_maps.description import Lane, LaneKind
+from dojo_maps.geometry.polylines import Floats, Ints, along
+from dojo_maps.validation.check import ERROR, NOTE, WARNING, Check, Finding, element
+from dojo_maps.validation.facts import DRIVABLE, Facts, twisted_share
+from dojo_maps.validation.profiles import Limits
+
+_STUB = 1.0
+"""Metres: bends and slopes over shorter pieces are rounding of coordinates."""
+
+
+def check_junction_invalid(facts: Facts, limits: Limits) -> Iterator[Finding]:
+    """Find junctions whose outline crosses itself; nodes that only bend a road have no area and are fine."""
+    junctions = [junction for junction in facts.map.junctions if len(junction.polygon) > 2]
+    polygons = [shapely.Polygon(j.polygon[:, :2] - facts.origin[:2]) for j in junctions]
+    shapes = np.array(polygons, dtype=object)
+    wrong = ~shapely.is_valid(shapes) & (shapely.area(shapely.convex_hull(shapes)) >= 1.0)
+    for k in np.flatnonzero(wrong):
+        lost = twisted_share(shapes[k])
+        if lost > 0:
+            yield Finding(
+                elements=element("junction", junctions[k].id),
+                at=junctions[k].polygon[0],
+                message=f"the outline of the junction {junctions[k].id} crosses itself",
+                measured=lost,
+                limit=0.0,
+                severity=ERROR if lost > limits.twisted else WARNING,
+            )
+
+
+def check_lane_invalid(facts: Facts, limits: Limits) -> Iterator[Finding]:
+    """Find lanes with points on one place, lanes that cross themselves, and neighbours that swapped sides."""
+    lanes = facts.map.lanes
+    lines = np.array([shapely.linestrings(lane.shape[:, :2]) for lane in lanes], dtype=object)
+    simple = shapely.is_simple(lines)
+    for k, lane in enumerate(lanes):
+        steps = np.hypot(*np.diff(lane.shape[:, :2], axis=0).T)
+        short = int(steps.argmin())
+        if not simple[k] and steps.max() > 0:
+            yield _broken(lane, 0, f"the lane {lane.id} crosses itself", None, None)
+        elif steps[short] < limits.repeated_point:
+            problem = f"the lane {lane.id} has two points {steps[short] * 100:.1f} cm apart"
+            yield _broken(lane, short, problem, float(steps[short]), limits.repeated_point)
+    for road in facts.map.roads:
+        yield from _swapped(facts, facts.lanes_of(road.id), limits)
+
+
+def _broken(lane: Lane, point: int, problem: str, measured: float | None, limit: float | None) -> Finding:
+    return Finding(
+        elements=element("lane", lane.id),
+        at=lane.shape[point],
+        message=problem,
+        measured=measured,
+        limit=limit,
+    )
+
+
+def _swapped(facts: Facts, lanes: list[Lane], limits: Limits) -> Iterator[Finding]:
+    """Find lanes on the wrong side of the next one further out: on its right, where traffic keeps right."""
+    for outer, inner in itertools.pairwise(lanes):
+        middle = (inner.shape[0, :2] + inner.shape[-1, :2]) / 2
+        base = (outer.shape[0, :2] + outer.shape[-1, :2]) / 2
+        ahead = outer.shape[-1, :2] - outer.shape[0, :2]
+        length = float(np.hypot(*ahead))
+        if length < _STUB or along(outer.shape)[-1] > 1.1 * length:
+            continue
+        offset = middle - base
+        left = float(ahead[0] * offset[1] - ahead[1] * offset[0]) / length
+        if (-left if facts.map.left_hand else left) < -limits.drive_width_error / 2:
+            yield Finding(
+                elements=element("lane", inner.id, outer.id),
+                at=inner.shape[0],
+                message=f"the lane {inner.id} lies on the outer side of {outer.id}",
+            )
+
+
+def check_kink(facts: Facts, limits: Limits) -> Iterator[Finding]:
+    """Find sharp bends inside drivable lanes."""
+    points, angles, _, owners = _bends(facts)
+    worst: dict[int, int] = {}
+    for k in np.flatnonzero(np.degrees(angles) > limits.kink_deg):
+        lane = int(owners[k])
+        if lane not in worst or angles[k] > angles[worst[lane]]:
+            worst[lane] = int(k)
+    for lane, corner in worst.items():
+        bend = float(np.degrees(angles[corner]))
+        yield Finding(
+            elements=element("lane", facts.drivable[lane].id),
+            at=points[corner],
+            message=f"the lane {facts.drivable[lane].id} bends by {bend:.0f}° at once",
+            measured=bend,
+            limit=limits.kink_deg,
+        )
+
+
+def check_tight_radius(facts: Facts, limits: Limits) -> Iterator[Finding]:
+    """Find roads whose first or last bend is too tight to drive; the radius is netconvert's own measure."""
+    points, angles, ends, owners = _bends(facts)
+    at_end = ends > 0
+    with np.errstate(divide="ignore"):
+        radii = np.where(angles > np.radians(1.0), np.tan((np.pi - angles) / 2) * ends, np.inf)
+    tightest: dict[str, int] = {}
+    for k in np.flatnonzero(at_end & (radii < limits.radius)):
+        road = facts.drivable[int(owners[k])].road
+        if road not in tightest or radii[k] < radii[tightest[road]]:
+            tightest[road] = int(k)
+    for road, corner in tightest.items():
+        lane = facts.drivable[int(owners[corner])]
+        yield Finding(
+            elements=(*element("road", road), *element("lane", lane.id)),
+            at=points[corner],
+            message=f"the road {road} turns with a radius of {radii[corner]:.1f} m at its end",
+            measured=float(radii[corner]),
+            limit=limits.radius,
+        )
+
+
+def _bends(facts: Facts) -> tuple[Floats, Floats, Floats, Ints]:
+    """List every inner corner of drivable lanes.
+
+    Returns:
+        Its place (n, 3), how far the lane turns there (n,) in radians, the length of the lane's end piece if
+        it is the first or last corner and else 0, and its lane's place in `drivable`.
+    """
+    corners, owners = facts.corners
+    if len(corners) < 3:
+        return np.empty((0, 3)), np.empty(0), np.empty(0), np.empty(0, dtype=np.int64)
+    steps = np.diff(corners[:, :2], axis=0)
+    lengths = np.hypot(*steps.T)
+    inner = (owners[2:] == owners[:-2]) & (lengths[1:] > 0.01) & (lengths[:-1] > 0.01)
+    k = np.flatnonzero(inner) + 1
+    before, after = steps[k - 1], steps[k]
+    cross = before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0]
+    angles = np.abs(np.arctan2(cross, (before * after).sum(axis=1)))
+    counts = np.bincount(owners)
+    first = np.concatenate([[0], np.cumsum(counts)[:-1]])
+    last = first[owners[k]] + counts[owners[k]] - 1
+    ends = np.where(k == first[owners[k]] + 1, lengths[k - 1], np.where(k == last - 1, lengths[k], 0.0))
+    return corners[k], angles, ends, owners[k]
+
+
+def check_grade(facts: Facts, limits: Limits) -> Iterator[Finding]:
+    """Find drivable lanes that are too steep."""
+    if facts.flat:
+        return
+    for lane in facts.drivable:
+        distance = np.hypot(*np.diff(lane.shape[:, :2], axis=0).T)
+        slopes = np.abs(np.diff(lane.shape[:, 2])) / np.maximum(distance, _STUB)
+        k = int(slopes.argmax())
+        if slopes[k] > limits.grade:
+            yield Finding(
+                elements=element("lane", lane.id),
+                at=lane.shape[k],
+                message=f"the lane {lane.id} has a slope of {slopes[k] * 100:.0f} %",
+                measured=float(slopes[k]),
+                limit=limits.grade,
+            )
+
+
+def check_width(facts: Facts, limits: Limits) -> Iterator[Finding]:
+    """Find lanes and crossings that are too narrow for their users, and lanes that are two in truth."""
+    least = dict.fromkeys(DRIVABLE, limits.drive_width)
+    least |= {LaneKind.SIDEWALK: limits.sidewalk_width, LaneKind.BICYCLE: limits.cycle_width}
+    for lane in facts.map.lanes:
+        limit, drivable = least.get(lane.kind, 0.0), lane.kind in DRIVABLE
+        if drivable and lane.width > limits.drive_width_most:
+            limit = limits.drive_width_most
+        elif lane.width >= limit:
+            continue
+        yield Finding(
+            elements=element("lane", lane.id),
+            at=_middle(lane),
+            message=f"the lane {lane.id} for {lane.kind.value} is {lane.width:.2f} m wide",
+            measured=lane.width,
+            limit=limit,
+            severity=ERROR if drivable and lane.width < limits.drive_width_error else WARNING,
+        )
+    for crossing in facts.crossings.values():
+        if crossing.width < limits.crossing_width:
+            yield Finding(
+                elements=element("crossing", crossing.id),
+                at=crossing.shape[0],
+                message=f"the crossing {crossing.id} is {crossing.width:.2f} m wide",
+                measured=crossing.width,
+                limit=limits.crossing_width,
+            )
+
+
+def check_length_mismatch(facts: Facts, limits: Limits) -> Iterator[Finding]:
+    """Find roads that SUMO drives at another length than they are drawn with."""
+    seen: set[str] = set()
+    for lane in facts.drivable:
+        drawn = float(along(lane.shape)[-1])
+        apart = abs(drawn - lane.length)
+        if apart > limits.length_difference and apart > limits.length_share * drawn and lane.road not in seen:
+            seen.add(lane.road)
+            yield Finding(
+                elements=(*element("lane", lane.id), *element("road", lane.road)),
+                at=_middle(lane),
+                message=f"the lane {lane.id} is {lane.length:.1f} m long as said, {drawn:.1f} m as drawn",
+                measured=lane.length,
+                limit=drawn,
+            )
+
+
+def _middle(lane: Lane) -> Floats:
+    return lane.shape[len(lane.shape) // 2]
+
+
+CHECKS = (
+    Check(
+        id="geometry.junction_invalid",
+        code="GEO004",
+        title="Outlines of junctions do not cross themselves",
+        severity=ERROR,
+        limit="no crossing; outlines under 1 m² do not count; error where over 1 % of the ground is twisted",
+        source="OGC simple features; autoware_lanelet2_map_validator IntersectionAreaValidity",
+        hint="reset the junction's shape in netedit, or delete its custom shape",
+        run=check_junction_invalid,
+    ),
+    Check(
+        id="geometry.lane_invalid",
+        code="GEO005",
+        title="Lanes have no repeated points, do not cross themselves and keep their order",
+        severity=WARNING,
+        limit="points 5 cm apart",
+        source="lanelet2_validation PointsTooClose",
+        hint="remove the point, or redraw the lane, in netedit; netconvert --geometry.min-dist thins points",
+        run=check_lane_invalid,
+    ),
+    Check(
+        id="geometry.kink",
+        code="GEO006",
+        title="Lanes do not bend sharply",
+        severity=WARNING,
+        limit="60° between two pieces",
+        source="netconvert --geometry.max-angle (99°)",
+        hint="smooth the road's shape, or split it at a junction",
+        run=check_kink,
+    ),
+    Check(
+        id="geometry.tight_radius",
+        code="GEO007",
+        title="Roads end without tight turns",
+        severity=WARNING,
+        limit="9 m",
+        source="netconvert --geometry.min-radius",
+        hint="netconvert --geometry.min-radius.fix, or move the shape's last point",
+        run=check_tight_radius,
+    ),
+    Check(
+        id="geometry.grade",
+        code="GEO009",
+        title="Lanes are not too steep",
+        severity=WARNING,
+        limit="10 %",
+        source="netconvert --geometry.max-grade",
+        hint="correct the heights, or smooth them with netconvert --geometry.max-grade.fix",
+        run=check_grade,
+    ),
+    Check(
+        id="geometry.width",
+        code="GEO010",
+        title="Lanes and crossings have a usable width",
+        severity=WARNING,
+        limit="drive 2.5 to 4.5 m (error below 1.8), sidewalk 1.2, cycle lane 1.0, crossing 2.0 m",
+        source="netconvert --opendrive.min-width (1.8 m) and default widths",
+        hint="correct the lane's width",
+        run=check_width,
+    ),
+    Check(
+        id="geometry.length_mismatch",
+        code="GEO017",
+        title="Lanes are as long as they are drawn",
+        severity=NOTE,
+        limit="5 % and 1 m",
+        source="measured: netconvert changed lanes by up to 23.8 m",
+        hint="remove the custom length unless it is meant",
+        run=check_length_mismatch,
+    ),
+)
