@@ -12,6 +12,8 @@ from types import FrameType
 from dojo_maps.errors import DojoError
 
 EXPORT_NAMES = ("metadrive", "opendrive", "geojson")
+_PROFILES = ("default", "rl", "strict")
+_REPORTS = {"json": "the report", "html": "a page", "sarif": "SARIF", "geojson": "the issues as GeoJSON"}
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -88,6 +90,18 @@ def _parser() -> argparse.ArgumentParser:
     )
     view.set_defaults(run=_view)
 
+    validate = commands.add_parser("validate", help="check a network or a bundle")
+    validate.add_argument(
+        "source", metavar="NET_OR_BUNDLE", help="a network, a packaged scenario or a bundle"
+    )
+    for name, what in _REPORTS.items():
+        validate.add_argument(f"--{name}", metavar="FILE", type=Path, help=f"write {what} here")
+    validate.add_argument("--netedit", metavar="FOLDER", type=Path, help="write selections and views here")
+    validate.add_argument("--profile", choices=_PROFILES, default=_PROFILES[0], help="limits and severities")
+    validate.add_argument("--exclude", metavar="FILE", type=Path, help="known issues to leave out, as JSON")
+    validate.add_argument("--strict", action="store_true", help="exit with 1 on warnings, too")
+    validate.set_defaults(run=_validate)
+
     checks = commands.add_parser("checks", help="list the checks")
     checks.set_defaults(run=_list_checks)
     return parser
@@ -118,6 +132,22 @@ def _convert(options: argparse.Namespace) -> int:
         f"{len(road_map.crossings)} crossings; "
         f"{counts['error']} errors, {counts['warning']} warnings, {counts['note']} notes"
     )
+    return int(counts["error"] > 0 or (options.strict and counts["warning"] > 0))
+
+
+def _validate(options: argparse.Namespace) -> int:
+    from dojo_maps.inspection import inspect, write_reports
+    from dojo_maps.report.formats import as_text
+    from dojo_maps.validation.exclusions import read_exclusions
+    from dojo_maps.validation.profiles import PROFILES
+
+    exclusions = read_exclusions(options.exclude) if options.exclude else ()
+    read, report = inspect(options.source, PROFILES[options.profile], exclusions)
+    targets = {name: getattr(options, name) for name in (*_REPORTS, "netedit")}
+    write_reports(read, report, **targets)
+    for line in as_text(report):
+        print(line)
+    counts = report["counts"]
     return int(counts["error"] > 0 or (options.strict and counts["warning"] > 0))
 
 
