@@ -46,6 +46,7 @@ class Facts:
         self.roads = {road.id: road for road in road_map.roads}
         self.junctions = {junction.id: junction for junction in road_map.junctions}
         self.kept: dict[str, Any] = {}
+        self._headings: dict[tuple[str, bool], tuple[float, float]] = {}
 
     @cached_property
     def crossings(self) -> dict[str, Crossing]:
@@ -123,13 +124,15 @@ class Facts:
             and abs(turn_deg(arriving, self.heading(other, at_end=False))) < _BACK_DEG
         ]
 
-    def heading(self, road: Road, *, at_end: bool) -> Floats:
-        """Take the direction in which a road begins or ends, over its 15 metres there; (2,) metres."""
-        shape = self.lanes_of(road.id)[-1].shape[:, :2]
-        shape = shape[::-1] if at_end else shape
-        reached = np.hypot(*(shape - shape[0]).T) >= _LOOK
-        far = shape[int(reached.argmax())] if reached.any() else shape[-1]
-        return shape[0] - far if at_end else far - shape[0]
+    def heading(self, road: Road, *, at_end: bool) -> tuple[float, float]:
+        """Take the direction in which a road begins or ends, over its 15 metres there; metres."""
+        key = (road.id, at_end)
+        if key not in self._headings:
+            shape = self.lanes_of(road.id)[-1].shape[:: -1 if at_end else 1, :2].tolist()
+            x, y = shape[0]
+            far = next((p for p in shape if math.hypot(p[0] - x, p[1] - y) >= _LOOK), shape[-1])
+            self._headings[key] = (x - far[0], y - far[1]) if at_end else (far[0] - x, far[1] - y)
+        return self._headings[key]
 
     @cached_property
     def road_links(self) -> dict[tuple[str, str], list[Connection]]:
@@ -178,16 +181,26 @@ class Facts:
     @cached_property
     def corners(self) -> tuple[Floats, Ints]:
         """All drivable lanes' positions in a row, (n, 3), and each one's lane as a place in `drivable`."""
-        if not self.drivable:
-            return np.empty((0, 3)), np.empty(0, dtype=np.int64)
-        counts = [len(lane.shape) for lane in self.drivable]
-        return (
-            np.concatenate([lane.shape for lane in self.drivable]),
-            np.repeat(np.arange(len(counts)), counts),
-        )
+        return in_a_row([lane.shape for lane in self.drivable])
+
+    @cached_property
+    def way_lengths(self) -> Floats:
+        """The length of each connection's way, metres."""
+        places, owners = in_a_row([connection.shape for connection in self.map.connections])
+        steps = np.hypot(*np.diff(places[:, :2], axis=0).T) * (owners[1:] == owners[:-1])
+        lengths = np.zeros(len(self.map.connections))
+        np.add.at(lengths, owners[1:], steps)
+        return lengths
 
 
-def turn_deg(before: Floats, after: Floats) -> float:
+def in_a_row(lines: Sequence[Points]) -> tuple[Floats, Ints]:
+    """Put lines into one array (n, 3); with each position's line as its place."""
+    if not lines:
+        return np.empty((0, 3)), np.empty(0, dtype=np.int64)
+    return np.concatenate(lines), np.repeat(np.arange(len(lines)), [len(line) for line in lines])
+
+
+def turn_deg(before: Sequence[float] | Floats, after: Sequence[float] | Floats) -> float:
     """Measure the turn from one direction to another, degrees, positive to the left."""
     cross, dot = before[0] * after[1] - before[1] * after[0], before[0] * after[0] + before[1] * after[1]
     return math.degrees(math.atan2(cross, dot))

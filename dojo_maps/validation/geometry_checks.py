@@ -8,7 +8,7 @@ import shapely
 
 from dojo_maps.description import Connection, Crossing, Lane
 from dojo_maps.geometry.pieces import RAISED
-from dojo_maps.geometry.polylines import Floats, along
+from dojo_maps.geometry.polylines import Floats
 from dojo_maps.issue import Element
 from dojo_maps.meshes.mesh import Mesh, is_watertight
 from dojo_maps.validation.check import ERROR, NOTE, WARNING, Check, Finding, Need, element
@@ -87,11 +87,9 @@ def check_short_edge(facts: Facts, limits: Limits) -> Iterator[Finding]:
 
 def check_short_connection(facts: Facts, limits: Limits) -> Iterator[Finding]:
     """Find ways across junctions that are hardly there."""
-    for connection in facts.map.connections:
-        if not connection.via or facts.lanes[connection.from_lane].kind not in DRIVABLE:
-            continue
-        length = float(along(connection.shape)[-1])
-        if length < limits.connection_length:
+    for k in np.flatnonzero(facts.way_lengths < limits.connection_length):
+        connection, length = facts.map.connections[k], float(facts.way_lengths[k])
+        if connection.via and facts.lanes[connection.from_lane].kind in DRIVABLE:
             yield Finding(
                 elements=_way(connection, to_first=False),
                 at=connection.shape[0],

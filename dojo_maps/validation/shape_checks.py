@@ -1,6 +1,7 @@
 """Checks of single shapes: broken outlines, sharp bends, slopes, widths and lengths."""
 
 import itertools
+import math
 from collections.abc import Iterator
 
 import numpy as np
@@ -9,11 +10,13 @@ import shapely
 from dojo_maps.description import Lane, LaneKind
 from dojo_maps.geometry.polylines import Floats, Ints, along
 from dojo_maps.validation.check import ERROR, NOTE, WARNING, Check, Finding, element
-from dojo_maps.validation.facts import DRIVABLE, Facts, twisted_share
+from dojo_maps.validation.facts import DRIVABLE, Facts, in_a_row, twisted_share
 from dojo_maps.validation.profiles import Limits
 
 _STUB = 1.0
 """Metres: bends and slopes over shorter pieces are rounding of coordinates."""
+_STRAIGHT = 0.9
+"""Share of its length that a lane's ends are apart if one can tell its left from its right by them."""
 
 
 def check_junction_invalid(facts: Facts, limits: Limits) -> Iterator[Finding]:
@@ -38,41 +41,41 @@ def check_junction_invalid(facts: Facts, limits: Limits) -> Iterator[Finding]:
 def check_lane_invalid(facts: Facts, limits: Limits) -> Iterator[Finding]:
     """Find lanes with points on one place, lanes that cross themselves, and neighbours that swapped sides."""
     lanes = facts.map.lanes
-    lines = np.array([shapely.linestrings(lane.shape[:, :2]) for lane in lanes], dtype=object)
-    simple = shapely.is_simple(lines)
-    for k, lane in enumerate(lanes):
-        steps = np.hypot(*np.diff(lane.shape[:, :2], axis=0).T)
-        short = int(steps.argmin())
-        if not simple[k] and steps.max() > 0:
-            yield _broken(lane, 0, f"the lane {lane.id} crosses itself", None, None)
-        elif steps[short] < limits.repeated_point:
-            problem = f"the lane {lane.id} has two points {steps[short] * 100:.1f} cm apart"
-            yield _broken(lane, short, problem, float(steps[short]), limits.repeated_point)
-    for road in facts.map.roads:
-        yield from _swapped(facts, facts.lanes_of(road.id), limits)
-
-
-def _broken(lane: Lane, point: int, problem: str, measured: float | None, limit: float | None) -> Finding:
-    return Finding(
-        elements=element("lane", lane.id),
-        at=lane.shape[point],
-        message=problem,
-        measured=measured,
-        limit=limit,
+    places, owners = in_a_row([lane.shape for lane in lanes])
+    steps = np.hypot(*np.diff(places[:, :2], axis=0).T)
+    inner = owners[1:] == owners[:-1]
+    twisted = set(
+        np.flatnonzero(~shapely.is_simple(shapely.linestrings(places[:, :2], indices=owners))).tolist()
     )
+    for k in sorted(twisted):
+        if len(np.unique(lanes[k].shape[:, :2], axis=0)) > 1:
+            yield _broken(lanes[k], lanes[k].shape[0], f"the lane {lanes[k].id} crosses itself", None, None)
+    for place in np.flatnonzero(inner & (steps < limits.repeated_point)):
+        k, step = int(owners[place]), float(steps[place])
+        if k not in twisted:
+            twisted.add(k)
+            problem = f"the lane {lanes[k].id} has two points {step * 100:.1f} cm apart"
+            yield _broken(lanes[k], places[place], problem, step, limits.repeated_point)
+    for road in facts.map.roads:
+        if len(road.lanes) > 1:
+            yield from _swapped(facts, facts.lanes_of(road.id), limits)
+
+
+def _broken(lane: Lane, at: Floats, problem: str, measured: float | None, limit: float | None) -> Finding:
+    return Finding(elements=element("lane", lane.id), at=at, message=problem, measured=measured, limit=limit)
 
 
 def _swapped(facts: Facts, lanes: list[Lane], limits: Limits) -> Iterator[Finding]:
     """Find lanes on the wrong side of the next one further out: on its right, where traffic keeps right."""
     for outer, inner in itertools.pairwise(lanes):
-        middle = (inner.shape[0, :2] + inner.shape[-1, :2]) / 2
-        base = (outer.shape[0, :2] + outer.shape[-1, :2]) / 2
-        ahead = outer.shape[-1, :2] - outer.shape[0, :2]
-        length = float(np.hypot(*ahead))
-        if length < _STUB or along(outer.shape)[-1] > 1.1 * length:
+        (x0, y0), (x1, y1) = outer.shape[[0, -1], :2].tolist()
+        (x2, y2), (x3, y3) = inner.shape[[0, -1], :2].tolist()
+        along_x, along_y = x1 - x0, y1 - y0
+        length = math.hypot(along_x, along_y)
+        if length < _STUB or length < _STRAIGHT * outer.length:
             continue
-        offset = middle - base
-        left = float(ahead[0] * offset[1] - ahead[1] * offset[0]) / length
+        offset_x, offset_y = (x2 + x3 - x0 - x1) / 2, (y2 + y3 - y0 - y1) / 2
+        left = (along_x * offset_y - along_y * offset_x) / length
         if (-left if facts.map.left_hand else left) < -limits.drive_width_error / 2:
             yield Finding(
                 elements=element("lane", inner.id, outer.id),

@@ -39,7 +39,7 @@ def check_missing_turn(facts: Facts, limits: Limits) -> Iterator[Finding]:
 def _missing_straight(facts: Facts, limits: Limits, road: Road, onward: list[Road]) -> Iterator[Finding]:
     arriving = facts.heading(road, at_end=True)
     turns = [turn_deg(arriving, facts.heading(other, at_end=False)) for other in onward]
-    best = int(np.argmin(np.abs(turns)))
+    best = int(np.argmin([abs(turn) for turn in turns]))
     if abs(turns[best]) > limits.straight_deg:
         return
     linked = [k for k, other in enumerate(onward) if (road.id, other.id) in facts.road_links]
@@ -75,9 +75,11 @@ def check_wrong_way(facts: Facts, limits: Limits) -> Iterator[Finding]:
             and _turn_between(one, other) > limits.turn_back_deg
         ):
             problem = "runs against the way, which is said to go straight on"
-        elif connection.via and _is_nearer(connection.shape[1], one.shape[0], one.shape[-1], limits):
+        elif max((across for across, _ in connection.joints), default=0.0) < limits.gap_error:
+            continue
+        elif _is_nearer(connection.shape[1], one.shape[0], one.shape[-1], limits):
             problem, lanes = "is met at its other end", (one, other)
-        elif connection.via and _is_nearer(connection.shape[-2], other.shape[-1], other.shape[0], limits):
+        elif _is_nearer(connection.shape[-2], other.shape[-1], other.shape[0], limits):
             problem = "is met at its other end"
         if problem:
             yield Finding(
