@@ -53,6 +53,16 @@ class Conditions:
             if not (isfinite(value) and low <= value <= high):
                 raise ConfigError(f"conditions: {name} must be {low:g} to {high:g}; got {value!r}")
 
+    @property
+    def outside(self) -> tuple[float, ...]:
+        """What of it changes the light and the weather, rather than the cameras."""
+        return (self.hour, self.overcast, self.rain, self.fog, self.exposure)
+
+    @property
+    def spoils_pictures(self) -> bool:
+        """Whether cameras deliver anything but perfect pictures of this world."""
+        return max(self.rain, self.dirt, self.blur, self.noise, self.dropped) > 0
+
 
 LIMITS: Mapping[str, tuple[float, float]] = {
     "hour": (0.0, 24.0),

@@ -1,6 +1,6 @@
 """The environment's errors; each says what is wrong, where, and what to do about it."""
 
-from dojo_maps.errors import DojoError
+from dojo_maps.errors import DojoError, SourceError
 
 
 class ConfigError(DojoError, ValueError):
@@ -19,3 +19,7 @@ class SimulationError(DojoError):
 
 class EpisodeOverError(DojoError):
     """`step` was called after the episode's end, or before its first `reset`."""
+
+
+class RecordingError(SourceError):
+    """A recording cannot be read, or does not hold what its format promises."""

@@ -108,9 +108,8 @@ class Snapshot:
             raise SnapshotError("snapshot: two road users share an id or a number; each needs its own")
 
     def _refuse(self, what: str, wrong: NDArray[np.bool_]) -> None:
-        rows = wrong if wrong.ndim == 1 else wrong.any(axis=1)
-        if rows.any():
-            k = int(np.argmax(rows))
+        if wrong.any():
+            k = int(np.flatnonzero(wrong.reshape(len(self.ids), -1).any(axis=1))[0])
             raise SnapshotError(
                 f"snapshot at {self.time} s: road user {self.ids[k]!r} has no valid {what} "
                 f"(position {self.positions[k]}, heading {self.headings[k]}, slope {self.slopes[k]}, "

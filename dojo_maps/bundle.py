@@ -128,9 +128,11 @@ def _swap(fresh: Path, folder: Path, old: Path) -> None:
         if entry.name not in _OURS:
             copy = shutil.copytree if entry.is_dir() and not entry.is_symlink() else shutil.copy2
             copy(entry, fresh / entry.name)
-    folder.rename(old)
     try:
+        folder.rename(old)
         fresh.rename(folder)
     except BaseException:
-        old.rename(folder)
+        # An interruption may come right after either step.
+        if not folder.exists():
+            old.rename(folder)
         raise

@@ -1,15 +1,13 @@
 """The command `dojo-maps`. Results go to standard output, everything else to standard error."""
 
 import argparse
-import signal
 import sys
-import tempfile
-import webbrowser
 from collections.abc import Sequence
 from pathlib import Path
-from types import FrameType
 
+from dojo_maps import interruption
 from dojo_maps.errors import DojoError
+from dojo_maps.interruption import Interruption
 
 EXPORT_NAMES = ("metadrive", "opendrive", "geojson")
 _PROFILES = ("default", "rl", "strict")
@@ -19,37 +17,40 @@ _REPORTS = {"json": "the report", "html": "a page", "sarif": "SARIF", "geojson":
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run a command and return its exit status.
 
-    0 clean or warnings only, 1 the map has errors, 2 wrong usage, 3 bad input, 4 failure or a tool missing.
+    0 clean or warnings only, 1 the map has errors, 2 wrong usage, 3 bad input, 4 failure or a tool missing,
+    130 interrupted.
     """
-    options = _parser().parse_args(arguments)
-    signal.signal(signal.SIGTERM, _stop)
+    status = interruption.STATUS
+    with Interruption() as interrupted:
+        status = _run(_parser().parse_args(arguments), interrupted)
+    return interruption.STATUS if interrupted.happened else status
+
+
+def _run(options: argparse.Namespace, interrupted: Interruption) -> int:
+    """Run the chosen command; every failure becomes one line and a status."""
     try:
-        status: int = options.run(options)
+        status: int = options.run(options, interrupted)
     except DojoError as error:
-        print(f"dojo-maps: {' '.join(str(error).split())}", file=sys.stderr)
-        return error.exit_status
-    except KeyboardInterrupt:
-        print("dojo-maps: interrupted; every bundle is as it was, or complete", file=sys.stderr)
-        return 130
+        return _fail(" ".join(str(error).split()), error.exit_status, interrupted)
     except MemoryError:
-        print("dojo-maps: not enough memory for this input; nothing was written", file=sys.stderr)
-        return 4
+        return _fail("not enough memory for this input; nothing was written", 4, interrupted)
     except OSError as error:
-        print(f"dojo-maps: {error}", file=sys.stderr)
-        return 4
+        return _fail(str(error), 4, interrupted)
     except Exception as error:  # noqa: BLE001 - a user gets one line, whatever happens
         place = error.__traceback__
         while place and place.tb_next:
             place = place.tb_next
         where = f"{Path(place.tb_frame.f_code.co_filename).name}:{place.tb_lineno}" if place else "?"
         what = " ".join(f"{type(error).__name__}: {error}".split())
-        print(f"dojo-maps: a defect of this program ({what}; {where}); nothing was written", file=sys.stderr)
-        return 4
+        return _fail(f"a defect of this program ({what}; {where}); nothing was written", 4, interrupted)
     return status
 
 
-def _stop(_signal: int, _frame: FrameType | None) -> None:
-    raise KeyboardInterrupt
+def _fail(message: str, status: int, interrupted: Interruption) -> int:
+    """Say what went wrong, unless a library turned an interruption into another error."""
+    if not interrupted.happened:
+        print(f"dojo-maps: {message}", file=sys.stderr)
+    return status
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -114,10 +115,11 @@ def _positive(text: str) -> int:
     return value
 
 
-def _convert(options: argparse.Namespace) -> int:
+def _convert(options: argparse.Namespace, interrupted: Interruption) -> int:
     from dojo_maps.conversion import ConvertOptions, convert
     from dojo_maps.progress import Progress
 
+    interrupted.raise_from_now_on()
     wanted = ConvertOptions(
         generated=not options.no_generated,
         enrich_net=options.enrich_net,
@@ -135,12 +137,13 @@ def _convert(options: argparse.Namespace) -> int:
     return int(counts["error"] > 0 or (options.strict and counts["warning"] > 0))
 
 
-def _validate(options: argparse.Namespace) -> int:
+def _validate(options: argparse.Namespace, interrupted: Interruption) -> int:
     from dojo_maps.inspection import inspect, write_reports
     from dojo_maps.report.formats import as_text
     from dojo_maps.validation.exclusions import read_exclusions
     from dojo_maps.validation.profiles import PROFILES
 
+    interrupted.raise_from_now_on()
     exclusions = read_exclusions(options.exclude) if options.exclude else ()
     read, report = inspect(options.source, PROFILES[options.profile], exclusions)
     targets = {name: getattr(options, name) for name in (*_REPORTS, "netedit")}
@@ -151,10 +154,14 @@ def _validate(options: argparse.Namespace) -> int:
     return int(counts["error"] > 0 or (options.strict and counts["warning"] > 0))
 
 
-def _view(options: argparse.Namespace) -> int:
+def _view(options: argparse.Namespace, interrupted: Interruption) -> int:
+    import tempfile
+    import webbrowser
+
     from dojo_maps.bundle import read_bundle
     from dojo_maps.viewer import write_view
 
+    interrupted.raise_from_now_on()
     shown = read_bundle(options.bundle)
     page = (
         options.output or Path(tempfile.mkdtemp(prefix="dojo-maps-")) / f"{shown.folder.resolve().name}.html"
@@ -166,9 +173,10 @@ def _view(options: argparse.Namespace) -> int:
     return 0
 
 
-def _list_checks(_options: argparse.Namespace) -> int:
+def _list_checks(_options: argparse.Namespace, interrupted: Interruption) -> int:
     from dojo_maps.validation.catalogue import CHECKS
 
+    interrupted.raise_from_now_on()
     for check in CHECKS:
         print(f"{check.id:32} {check.severity.value:8} {check.title} (limit: {check.limit}; {check.source})")
     return 0

@@ -118,6 +118,14 @@ def shared_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+@pytest.fixture(scope="session", autouse=True)
+def environment_cache(shared_folder: Path) -> Iterator[Path]:
+    """Keep the environment's cache of converted maps among the tests' own files."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("DOJO_CACHE", str(shared_folder / "cache"))
+        yield shared_folder / "cache"
+
+
 @pytest.fixture(scope="session")
 def network_path(shared_folder: Path) -> Callable[[str], Path]:
     """Find or build a network by its name."""

@@ -6,6 +6,7 @@ the netconvert and netgenerate of the `sumo` package, one per thing that a stree
 
 import gzip
 import importlib.util
+import math
 import os
 import random
 import subprocess
@@ -140,6 +141,24 @@ def _star_edges(ends: list[str], **attributes: object) -> list[str]:
     return [edge for end in ends for edge in _both_ways(end, end, "c", **attributes)]
 
 
+def _many_legs(folder: Path, name: str, angles: list[float]) -> Path:
+    """Legs at these angles (degrees) around one signal, with sidewalks and crossings."""
+    places = {f"l{k}": math.radians(angle) for k, angle in enumerate(angles)}
+    nodes = [_node("c", 0, 0, type_="traffic_light")]
+    nodes += [_node(leg, 160 * math.cos(turn), 160 * math.sin(turn)) for leg, turn in places.items()]
+    return _build(folder, name, nodes, _star_edges(list(places), **_TOWN), _KEEP, *_WALK)
+
+
+def build_five_legs(folder: Path) -> Path:
+    """Five legs, two of them in a sharp fork."""
+    return _many_legs(folder, "five_legs", [5, 85, 118, 190, 275])
+
+
+def build_six_legs(folder: Path) -> Path:
+    """Six legs at skewed angles."""
+    return _many_legs(folder, "six_legs", [0, 48, 110, 185, 230, 300])
+
+
 def build_bridge(folder: Path) -> Path:
     """A road with sidewalks 6 m above another one, with ramps, and a slip road between the two."""
     nodes = [
@@ -249,6 +268,14 @@ def generate_network(folder: Path, seed: int) -> Path:
     run_sumo_tool(
         "netgenerate", *shape, *pavement, *side, lanes, f"--seed={seed}", "-j=traffic_light", "-o", target
     )
+    return target
+
+
+def build_crowded(folder: Path) -> Path:
+    """A random net of wide roads with a signal at every end, so close that roads reach into each other."""
+    target = folder / "crowded.net.xml"
+    shape = ("--rand", "--rand.iterations=40", "--seed=5", "--default.lanenumber=3", "--turn-lanes=1")
+    run_sumo_tool("netgenerate", *shape, *_WALK, "-j=traffic_light", "-o", target)
     return target
 
 
@@ -439,11 +466,14 @@ BUILDERS: dict[str, Callable[[Path], Path]] = {
     "slope": build_slope,
     "right_hand": build_right_hand,
     "left_hand": build_left_hand,
+    "five_legs": build_five_legs,
+    "six_legs": build_six_legs,
     "bare": build_bare,
     "left_hand_bare": build_left_hand_bare,
     "far_away": build_far_away,
     "spider": build_spider,
     "random": build_random,
+    "crowded": build_crowded,
     "mixed_lanes": build_mixed_lanes,
     "roundabout": build_roundabout,
     "rail_crossing": build_rail_crossing,

@@ -171,6 +171,14 @@ class ExpectedMap:
         return shapely.union_all([lane.strip for lane in lanes], grid_size=1e-4)
 
     @cached_property
+    def traffic_ground(self) -> BaseGeometry:
+        """Wherever vehicles drive: lanes, tracks, and the junctions' floors without their pavement."""
+        used = [lane for lane in self.lanes.values() if lane.allow and not lane.allow <= WALKERS | WATER]
+        floors = [floor(junction.shape) for junction in self.junctions.values()]
+        floors_left = shapely.union_all(floors, grid_size=1e-4).difference(self.walking_ground)
+        return shapely.union_all([*(lane.strip for lane in used), floors_left], grid_size=1e-4)
+
+    @cached_property
     def signalised_lanes(self) -> dict[str, set[tuple[str, int]]]:
         """Each vehicle lane that a signal with a program controls, with its (signal, link index) pairs."""
         found: dict[str, set[tuple[str, int]]] = {}

@@ -39,6 +39,27 @@ def test_replace_bundle_leaves_everything_when_writing_fails(tmp_path: Path) -> 
     assert list(tmp_path.iterdir()) == [folder]
 
 
+@pytest.mark.parametrize(("step", "left"), [(1, "{}"), (2, "new")])
+def test_replace_bundle_survives_an_interruption_right_after_each_step(
+    step: int, left: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder = make_bundle(tmp_path / "x.dojo")
+    rename, done = Path.rename, []
+
+    def interrupted(self: Path, target: Path) -> Path:
+        moved = rename(self, target)
+        done.append(target)
+        if len(done) == step:
+            raise KeyboardInterrupt
+        return moved
+
+    monkeypatch.setattr(Path, "rename", interrupted)
+    with pytest.raises(KeyboardInterrupt), replace_bundle(folder) as fresh:
+        (fresh / "map.json").write_text("new")
+    assert (folder / "map.json").read_text() == left
+    assert list(tmp_path.iterdir()) == [folder]
+
+
 def test_replace_bundle_refuses_a_folder_that_is_no_bundle(tmp_path: Path) -> None:
     folder = tmp_path / "photos"
     folder.mkdir()

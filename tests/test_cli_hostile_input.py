@@ -1,5 +1,6 @@
 """The command line against broken, hostile and absurd input: a clear line, the right status, nothing left."""
 
+import contextlib
 import gzip
 import math
 import os
@@ -12,16 +13,22 @@ import sys
 import time
 import zlib
 from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from itertools import islice
 from pathlib import Path
 
 import pytest
 from conftest import Conversion, command_environment, dojo_maps, read_strict_json
 from scene_reader import read_gltf_json
 
+from dojo_maps import conversion
+from dojo_maps.cli import main
+
 BUNDLE = {"map.json", "scene.glb", "network.net.xml", "report.json", "report.html", "overview.png"}
 TIME_LIMIT = 60.0
 MEMORY_LIMIT = 2 << 30
+INTERRUPTIONS = (signal.SIGINT, signal.SIGTERM)
 
 
 @dataclass(frozen=True)
@@ -666,6 +673,99 @@ def test_interrupted_conversion_leaves_nothing_where_nothing_was(
 ) -> None:
     status, _ = _interrupt(bench, network_path("ingolstadt21"), signal.SIGTERM, 1.0)
     assert bench.left_behind() == ({"out.dojo"} if status in {0, 1} else set())
+
+
+@contextlib.contextmanager
+def _started(bench: Bench, *arguments: object) -> Iterator[subprocess.Popen[str]]:
+    """Run the command so that it names each module on standard error as soon as that one is loaded."""
+    # What a shell or a CI job lets its background processes ignore, the command would ignore, too.
+    former = {number: signal.signal(number, signal.default_int_handler) for number in INTERRUPTIONS}
+    try:
+        process = subprocess.Popen(
+            [sys.executable, "-X", "importtime", "-m", "dojo_maps.cli", *map(str, arguments)],
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+            cwd=bench.folder / "work",
+            env=command_environment(TMPDIR=str(bench.temporary)),
+        )
+    finally:
+        for number, answer in former.items():
+            signal.signal(number, answer)
+    with process:
+        yield process
+
+
+def _wait_until_loaded(process: subprocess.Popen[str], count: int) -> None:
+    """Wait for the first of numpy's modules, which only a command loads, and for more after that one."""
+    assert process.stderr is not None
+    lines = iter(process.stderr.readline, "")
+    assert any(line.rpartition("|")[2].strip().startswith("numpy") for line in lines)
+    list(islice(lines, count))
+
+
+def _check_interrupted(process: subprocess.Popen[str]) -> None:
+    assert process.stdout is not None
+    assert process.stderr is not None
+    # The rest of a line that was read in part is still in this stream.
+    said = [line.strip() for line in process.stderr if not line.startswith("import time:")]
+    output = process.stdout.read()
+    assert process.wait(TIME_LIMIT) == 130, said
+    assert len(said) == 1, said
+    assert said[0].startswith("dojo-maps: interrupted; ")
+    assert output == ""
+
+
+@pytest.mark.parametrize("number", INTERRUPTIONS)
+@pytest.mark.parametrize("count", random.Random(7).sample(range(600), 8))  # noqa: S311 - no secret
+def test_interruption_while_modules_load_ends_the_command_in_one_line(
+    number: int, count: int, bench: Bench, network_path: Callable[[str], Path]
+) -> None:
+    with _started(bench, "convert", network_path("ingolstadt21"), "-o", bench.output) as process:
+        _wait_until_loaded(process, count)
+        process.send_signal(number)
+        _check_interrupted(process)
+    assert bench.left_behind() == set()
+
+
+@pytest.mark.parametrize("number", INTERRUPTIONS)
+@pytest.mark.parametrize("wait", [0.05, 0.21, 0.38, 0.56, 0.83, 1.2])
+def test_interruption_at_any_time_ends_the_command_in_one_line(
+    number: int, wait: float, bench: Bench, network_path: Callable[[str], Path]
+) -> None:
+    with _started(bench, "convert", network_path("ingolstadt21"), "-o", bench.output) as process:
+        _wait_until_loaded(process, 0)
+        time.sleep(wait)
+        # Both at once, as from a service that is being stopped, are one interruption.
+        process.send_signal(number)
+        process.send_signal(signal.SIGINT)
+        _check_interrupted(process)
+    assert bench.left_behind() == set()
+
+
+def test_main_gives_the_callers_signals_back(capsys: pytest.CaptureFixture[str]) -> None:
+    before = [signal.getsignal(number) for number in INTERRUPTIONS]
+    assert main(["checks"]) == 0
+    assert [signal.getsignal(number) for number in INTERRUPTIONS] == before
+
+
+def test_main_runs_outside_of_the_main_thread(capsys: pytest.CaptureFixture[str]) -> None:
+    with ThreadPoolExecutor(max_workers=1) as pool:
+        assert pool.submit(main, ["checks"]).result() == 0
+
+
+def test_main_tells_of_an_interruption_that_a_library_swallowed(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def swallow(*_arguments: object, **_options: object) -> None:
+        try:
+            signal.raise_signal(signal.SIGTERM)
+        except KeyboardInterrupt:
+            raise ImportError("numpy.core.multiarray failed to import") from None
+
+    monkeypatch.setattr(conversion, "convert", swallow)
+    assert main(["convert", "cologne1"]) == 130
+    assert capsys.readouterr().err.startswith("dojo-maps: interrupted; ")
 
 
 def test_convert_writes_no_progress_into_pipes(good: bytes, bench: Bench) -> None:

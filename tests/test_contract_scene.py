@@ -285,8 +285,7 @@ def test_paint_lies_just_above_the_ground(conversion: Conversion) -> None:
     ground = scene.tops(*GROUND, "terrain", "island")
     for layer in PAINT:
         paint = scene.tops(layer)
-        # Slivers under a square centimetre, where surfaces of two heights meet, cannot be seen.
-        points = spread_points(Surface(paint.triangles[shapely.area(paint.polygons) > 1e-4]))
+        points = spread_points(paint)
         gaps = -heights_near(ground, points)
         outside = points[np.isnan(gaps)]
         beyond = shapely.distance(shapely.points(outside[:, :2]), ground.union)

@@ -1,6 +1,7 @@
 """What a converted street has to show: stop lines, signal heads, pavement, crossings, paint, sides."""
 
 import math
+from collections import Counter
 from collections.abc import Callable
 from typing import Any
 
@@ -10,9 +11,10 @@ import shapely
 from conftest import NO_GENERATED, Conversion
 from oracle import ExpectedLane, ExpectedMap, angle_between, floor
 from scene_reader import GROUND, PAINT
-from shapely import LineString, Point, Polygon, box
+from shapely import LineString, MultiPoint, Point, Polygon, box
 from shapely.affinity import scale, translate
 
+POLE_RADIUS = 0.07
 RESCO_WITHOUT_SIDEWALKS = ("bare", "village", "left_hand_bare", "cologne1")
 
 
@@ -164,6 +166,37 @@ def test_signal_poles_do_not_stand_on_driving_lanes(conversion: Conversion) -> N
     driving = scene.to_local(expected.driving_ground.buffer(-0.3))
     shapely.prepare(driving)
     assert not shapely.contains_xy(driving, low[:, 0], low[:, 1]).any()
+
+
+def poles_of(description: dict[str, Any]) -> list[dict[str, Any]]:
+    return [prop for prop in description["props"] if prop["kind"] == "pole"]
+
+
+def test_no_pole_stands_where_vehicles_drive(conversion: Conversion) -> None:
+    poles = poles_of(conversion.description)
+    feet = shapely.points([pole["position"][:2] for pole in poles]) if poles else []
+    traffic = conversion.expected.traffic_ground
+    shapely.prepare(traffic)
+    hit = shapely.dwithin(traffic, feet, POLE_RADIUS)
+    assert not hit.any(), [pole["id"] for pole, inside in zip(poles, hit, strict=True) if inside]
+
+
+def test_every_approach_and_crossing_end_has_its_pole(conversion: Conversion) -> None:
+    expected = conversion.expected
+    poles = [dict(pole["tags"]) for pole in poles_of(conversion.description)]
+    lanes = expected.signalised_lanes
+    wanted = {(signal, expected.lanes[name].edge) for name, pairs in lanes.items() for signal, _ in pairs}
+    assert {(tags["signal"], tags["road"]) for tags in poles if "road" in tags} >= wanted
+    found = Counter(tags.get("crossing") for tags in poles)
+    for crossing in expected.crossings.values():
+        # netconvert lets some crossings end in the middle of a junction; a slit there is no place for a pole.
+        ends = [Point(crossing.shape[end][:2]) for end in (0, -1)]
+        halves = (shapely.voronoi_polygons(MultiPoint(ends), extend_to=ends[0].buffer(50.0))).geoms
+        around = [end.buffer(5.0).intersection(next(h for h in halves if h.covers(end))) for end in ends]
+        free = [circle.difference(expected.traffic_ground).buffer(-0.2) for circle in around]
+        reachable = sum(not ground.is_empty for ground in free)
+        if crossing.signal in expected.programs:
+            assert reachable <= found[crossing.id] <= 2, crossing.id
 
 
 @pytest.mark.parametrize("name", RESCO_WITHOUT_SIDEWALKS)

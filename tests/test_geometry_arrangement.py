@@ -13,6 +13,9 @@ from dojo_maps.meshes.surfaces import build_ground, surface_meshes
 
 NOTHING = np.empty(0, dtype=object)
 
+Box = tuple[tuple[float, float], float, float, float, Layer]
+"""A corner, width and height, metres, the angle it is turned by, degrees, and what it is."""
+
 corner = st.tuples(st.floats(-50, 50), st.floats(-50, 50))
 boxes = st.lists(
     st.tuples(
@@ -43,6 +46,13 @@ def make_pieces(
     )
 
 
+def rotated_boxes(drawn: list[Box]) -> Pieces:
+    polygons = [
+        shapely.affinity.rotate(shapely.box(x, y, x + w, y + h), angle) for (x, y), w, h, angle, _ in drawn
+    ]
+    return make_pieces(polygons, [layer for *_, layer in drawn])
+
+
 def upward_area(mesh: Mesh) -> float:
     """Measure the ground that a mesh's upward faces cover, square metres."""
     a, b, c = (mesh.vertices[mesh.faces[:, k], :2] for k in range(3))
@@ -52,13 +62,8 @@ def upward_area(mesh: Mesh) -> float:
 
 @settings(max_examples=40, deadline=None)
 @given(boxes)
-def test_divide_ground_covers_every_claim_once(
-    drawn: list[tuple[tuple[float, float], float, float, float, Layer]],
-) -> None:
-    polygons = [
-        shapely.affinity.rotate(shapely.box(x, y, x + w, y + h), angle) for (x, y), w, h, angle, _ in drawn
-    ]
-    pieces = make_pieces(polygons, [layer for *_, layer in drawn])
+def test_divide_ground_covers_every_claim_once(drawn: list[Box]) -> None:
+    pieces = rotated_boxes(drawn)
     paved = paved_ground(pieces)
     parts = divide_ground(pieces, paved, NOTHING, margin=5.0)
     owned = parts.polygons[parts.owners != TERRAIN]
@@ -73,13 +78,8 @@ def test_divide_ground_covers_every_claim_once(
 
 @settings(max_examples=40, deadline=None)
 @given(boxes)
-def test_raised_surfaces_are_watertight_and_as_large_as_their_parts(
-    drawn: list[tuple[tuple[float, float], float, float, float, Layer]],
-) -> None:
-    polygons = [
-        shapely.affinity.rotate(shapely.box(x, y, x + w, y + h), angle) for (x, y), w, h, angle, _ in drawn
-    ]
-    pieces = make_pieces(polygons, [layer for *_, layer in drawn])
+def test_raised_surfaces_are_watertight_and_as_large_as_their_parts(drawn: list[Box]) -> None:
+    pieces = rotated_boxes(drawn)
     parts = divide_ground(pieces, paved_ground(pieces), NOTHING, margin=5.0)
     ground = build_ground(pieces, parts)
     for mesh in surface_meshes(ground, pieces):

@@ -19,6 +19,7 @@ from dojo_env.sensors.camera import Camera
 from dojo_env.sensors.placement import place_cameras
 from dojo_env.snapshot import Kind, Lights, Snapshot
 from dojo_maps.bundle import read_bundle
+from dojo_maps.description import LinkKind
 
 ALL = ("rgb", "depth", "semantic", "instance", "boxes")
 
@@ -198,6 +199,24 @@ def test_signal_heads_show_the_live_state_to_who_drives_up(scene, signal, letter
     )
     assert _glows(rgb, channel).sum() > 20
     assert not _glows(dark, channel).any()
+
+
+@pytest.mark.parametrize(("letter", "channel"), [("r", 0), ("G", 1)])
+def test_walkers_see_their_own_lamps(converted, letter, channel):
+    scene = build_scene(read_bundle(converted("right_hand").folder))
+    signal = scene.road_map.signals[0]
+    walks = {link.index for link in signal.links if link.kind is LinkKind.PEDESTRIAN}
+    head = next(head for head in signal.heads if set(head.link_indices) <= walks)
+    x, y, z = head.position
+    eye = (x + 6 * np.cos(head.heading), y + 6 * np.sin(head.heading), z)
+    camera = Camera(name="walker", position=eye, heading_deg=float(np.degrees(head.heading)) + 180.0,
+                    pitch_deg=0.0, field_of_view_deg=10.0, width=100, height=100)  # fmt: skip
+    state = "".join(letter if k in walks else "O" for k in range(60))
+    shown = replace(traffic.empty(scene.road_map), signals={signal.id: state})
+    rgb = Renderer(scene).render(shown, [camera])[0].rgb.astype(int)
+    assert _glows(rgb, channel).sum() > 20
+    rows = np.nonzero(_glows(rgb, channel))[0]
+    assert (rows.mean() < 50) == (letter == "r")
 
 
 def _glows(rgb, channel):

@@ -89,7 +89,8 @@ def test_cameras_are_saved_and_read_back(tmp_path):
         "right_hand",
         "left_hand",
         "slope",
-        "spider",
+        "five_legs",
+        "six_legs",
     ],
 )
 def test_each_approach_has_a_camera_that_sees_its_queue(converted, name):
@@ -100,7 +101,10 @@ def test_each_approach_has_a_camera_that_sees_its_queue(converted, name):
         driven = {lanes[link.from_id].road for link in signal.links if link.kind is LinkKind.VEHICLE}
         assert {approach.road for approach in approaches} <= driven
         cameras = place_cameras(scene, signal.id)
-        assert [camera.name for camera in cameras] == [*(approach.road for approach in approaches), "bev"]
+        assert [camera.name for camera in cameras] == [
+            *(f"approach_{k}" for k in range(len(approaches))),
+            "bev",
+        ]
         pictures = Renderer(scene).render(Snapshot(time=0), cameras, ("depth",))
         for approach, camera, picture in zip(approaches, cameras, pictures, strict=False):
             assert camera.pitch_deg == -35
@@ -110,6 +114,20 @@ def test_each_approach_has_a_camera_that_sees_its_queue(converted, name):
         stops = np.array([line[-1] for approach in approaches for line in approach.lines])
         stops[:, 2] += 0.5
         assert _seen(cameras[-1], pictures[-1].depth, stops, above=12.0).all()
+
+
+@pytest.mark.parametrize(
+    ("name", "count"), [("ingolstadt1", 3), ("cologne1", 4), ("five_legs", 5), ("six_legs", 6)]
+)
+def test_approaches_are_counted_and_go_round(converted, name, count):
+    scene = build_scene(read_bundle(converted(name).folder))
+    signal = scene.road_map.signals[0]
+    approaches = find_approaches(scene.road_map, signal)
+    assert len(approaches) == count
+    stops = np.array([approach.stop[:2] for approach in approaches])
+    x, y = (stops - stops.mean(axis=0)).T
+    clockwise = np.arctan2(x, y) % (2 * np.pi)
+    assert (np.diff(clockwise) > 0).all()
 
 
 def _seen(camera, depth, places, above=1.0):

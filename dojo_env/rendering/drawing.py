@@ -1,31 +1,22 @@
-"""Kernels that draw what moves: road users, their shadows and head lamps, signal lamps, link paths."""
+"""Kernels that draw road users and their shadows."""
 
-from math import cos, exp, pi, sin, sqrt
-from typing import NamedTuple
+from math import exp, sqrt
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dojo_env.rendering.compiling import kernel
 from dojo_env.rendering.lighting import to_linear
-from dojo_env.rendering.models import Part
-from dojo_env.rendering.raster import COVER, NEARER, SHADED, SHADOW, draw_face, kernel
+from dojo_env.rendering.raster import COVER, NEARER, SHADED, SHADOW, draw_face, fill_triangle
+from dojo_env.rendering.shapes import Part
+from dojo_env.rendering.target import project, touch, turn
 from dojo_env.snapshot import Lights
 
-LAMP, PATH = -1, -2
-"""Owners of faces that belong to no road user."""
-LIGHT_STEPS = 20
-"""Steps from dark to the full light of head lamps."""
-_FINE, _MIDDLE = 56.0, 14.0
-"""Pixels from which a road user is drawn at the finest and the middle level of detail."""
+_FINEST, _FINE, _MIDDLE = 90.0, 27.0, 12.0
+"""Pixels from which a road user is drawn at each level of detail but the coarsest."""
 _MOST_VERTICES = 1024
-_LAMP_RADIUS, _LAMP_CORNERS, _LAMP_OUT = 0.115, 12, 0.015
-"""A lit lamp lies this far before the unlit one, metres."""
-_LEAST_LAMP, _SMALL_LAMP = 1.2, 2.5
-"""Pixels: no lit lamp shows smaller than the first, so that cameras see it; up to the second as a spot."""
-_BEAM_LENGTH, _BEAM_WIDTH, _BEAM_CORNERS = 14.0, 2.6, 14
-_NARROW = 0.7
-"""Road users narrower than this have no head lamps, metres."""
 _LOW_SUN = 0.12
+_SHADOW_WIDTH, _SHADOW_HEIGHT = 0.96, 0.9
+"""Shares of a road user's box that throw its shadow."""
 _BODY, _GLASS, _HEADLAMP, _BRAKE, _LEFT, _RIGHT, _BLUE = (
     int(part) for part in (Part.BODY, Part.GLASS, Part.HEADLAMP, Part.BRAKE, Part.LEFT, Part.RIGHT, Part.BLUE)
 )
@@ -50,24 +41,8 @@ _EMITTED[_LEFT] = _EMITTED[_RIGHT] = (1.0, 0.5, 0.04)
 _EMITTED[_BLUE] = (0.2, 0.4, 1.0)
 _STREET = (0.11, 0.08, 0.046)
 """What street lamps add to road users at night."""
-_SUN_COLOUR, _SKY_COLOUR, _GROUND_COLOUR, _HORIZON, _WEATHER = 1, 2, 3, 5, 6
+_SUN, _SUN_COLOUR, _SKY_COLOUR, _GROUND_COLOUR, _HORIZON, _WEATHER = 0, 1, 2, 3, 5, 6
 """Rows of a packed light."""
-
-
-class Target(NamedTuple):
-    """What is drawn into: the visibility buffer, and colour and owner of the faces in it.
-
-    Attributes:
-        depths: (h, w) float32 inverse depths.
-        tags: (h, w) int32 index of the face at a pixel, or `STATIC` and below.
-        shades: (m, 3) uint8 sRGB.
-        owners: (m,) int32 index of the road user, `LAMP` or `PATH`.
-    """
-
-    depths: NDArray[np.float32]
-    tags: NDArray[np.int32]
-    shades: NDArray[np.uint8]
-    owners: NDArray[np.int32]
 
 
 @kernel
@@ -85,7 +60,7 @@ def users_in_view(users, view):
         for axis in range(3):
             middle[axis] = users.places[k, axis] - 0.5 * frame[axis, 0] + 0.5 * frame[axis, 2]
             square += frame[axis, 0] ** 2 + frame[axis, 1] ** 2 + frame[axis, 2] ** 2
-        _turn(middle, view, seen)
+        turn(middle, view, seen)
         reach = sqrt(square) + 3.0
         if seen[2] + reach < lens[3] or seen[2] - reach > lens[4]:
             continue
@@ -97,7 +72,7 @@ def users_in_view(users, view):
 
 
 @kernel
-def draw_users(near, users, models, light, sun, table, view, target, count):
+def draw_users(near, users, models, light, table, view, target, count):
     """Draw road users; returns the number of faces in the target.
 
     Args:
@@ -105,186 +80,158 @@ def draw_users(near, users, models, light, sun, table, view, target, count):
         users: all of them.
         models: the library.
         light: (7, 3) packed.
-        sun: (3,) towards the sun, camera frame.
         table: (4096,) uint8, sRGB by linear light.
         view: the camera.
         target: what to draw into.
         count: the number of faces in it so far.
     """
-    seen, corners, normal = np.empty((_MOST_VERTICES, 3)), np.empty((3, 3)), np.empty(3)
-    up = view.axes[:, 2].copy()
+    seen, screen = np.empty((_MOST_VERTICES, 3)), np.empty((_MOST_VERTICES, 3))
+    corners, inside = np.empty((3, 3)), np.empty((4, 3))
     for k in near:
-        span = models.spans[users.models[k], _detail(users.frames[k], users.places[k], view)]
-        _see(models.vertices, span, users.frames[k], users.places[k], view, seen)
-        for face in range(span[2], span[3]):
-            for c in range(3):
-                corners[c] = seen[models.faces[face, c]]
-            if not _faces_camera(corners, normal):
+        detail = _detail(users, k, view)
+        model = users.models[k]
+        first, last = models.spans[model, detail, 0], models.spans[model, detail, 1]
+        away = _see(models.vertices, first, last, users, k, view, seen)
+        is_ahead = project(seen, last - first, view, screen)
+        touch(screen, last - first, is_ahead, target)
+        _look_from_inside(users, k, view, light, inside)
+        veil = 1.0 - exp(-light[_WEATHER, 2] * away)
+        for face in range(models.spans[model, detail, 2], models.spans[model, detail, 3]):
+            if not _shows_front(models.planes, face, inside):
                 continue
-            if draw_face(corners, view.lens, count, NEARER, target.depths, target.tags) == 0:
-                continue
-            part = models.parts[face]
-            base = users.colours[k] if part == _BODY else _PALETTE[part]
-            glow = _emission(part, users.lights[k], light[_WEATHER, 0])
-            facing, level = _cosine(normal, sun), _cosine(normal, up)
-            distance = sqrt(corners[0, 0] ** 2 + corners[0, 1] ** 2 + corners[0, 2] ** 2)
-            _shade_face(part, base, glow, facing, level, distance, light, table, target.shades[count])
-            target.owners[count] = k
-            count += 1
+            if _draw(models.faces, face, seen, screen, is_ahead, corners, view, count, NEARER, target):
+                _shade_face(users, k, models, face, inside, veil, light, table, target.shades, count)
+                target.owners[count] = k
+                count += 1
     return count
 
 
 @kernel
-def draw_shadows(near, users, models, sun, view, target):
-    """Cast each road user's simplest shape along the sun onto the plane it stands on."""
-    cast, corners, held, seen = np.empty((_MOST_VERTICES, 3)), np.empty((3, 3)), np.empty(3), np.empty(3)
-    for k in near:
-        span, frame = models.spans[users.models[k], 2], users.frames[k]
-        tall = sqrt(frame[0, 2] ** 2 + frame[1, 2] ** 2 + frame[2, 2] ** 2)
-        towards = (frame[0, 2] * sun[0] + frame[1, 2] * sun[1] + frame[2, 2] * sun[2]) / tall
-        for v in range(span[1] - span[0]):
-            x, y, z = models.vertices[span[0] + v]
-            drop = z * tall / max(_LOW_SUN, towards)
-            for axis in range(3):
-                held[axis] = users.places[k, axis] - drop * sun[axis]
-                held[axis] += frame[axis, 0] * x + frame[axis, 1] * y + frame[axis, 2] * z
-            _turn(held, view, seen)
-            cast[v] = seen
-        for face in range(span[2], span[3]):
-            for c in range(3):
-                corners[c] = cast[models.faces[face, c]]
-            draw_face(corners, view.lens, SHADED, SHADOW, target.depths, target.tags)
+def _draw(faces, face, seen, screen, is_ahead, corners, view, tag, mode, target):
+    """Draw one face of what `_see` has brought into view; returns how many pixels changed."""
+    a, b, c = faces[face, 0], faces[face, 1], faces[face, 2]
+    if is_ahead:
+        return fill_triangle(
+            screen[a, 0], screen[a, 1], screen[a, 2], screen[b, 0], screen[b, 1], screen[b, 2],
+            screen[c, 0], screen[c, 1], screen[c, 2], tag, mode, target.depths, target.tags,
+        )  # fmt: skip
+    for axis in range(3):
+        corners[0, axis], corners[1, axis], corners[2, axis] = seen[a, axis], seen[b, axis], seen[c, axis]
+    return draw_face(corners, view.lens, tag, mode, target.depths, target.tags)
 
 
 @kernel
-def draw_beams(near, users, view, target):
-    """Lay the light of head lamps on the ground: nested ellipses, from wide and weak to narrow and strong."""
-    corners, rim, ground, seen = np.empty((3, 3)), np.empty((_BEAM_CORNERS, 3)), np.empty(3), np.empty(3)
+def _look_from_inside(users, k, view, light, inside):
+    """Bring eye, sun and the way up into a model's unit box; the last row takes normals out of it.
+
+    Which side of a face a place lies on does not change when both are scaled, so fronts can be told in the
+    box; a normal is scaled by the inverse.
+    """
+    for column in range(3):
+        square = eye = sun = 0.0
+        for axis in range(3):
+            part = users.frames[k, axis, column]
+            square += part * part
+            eye += part * (view.eye[axis] - users.places[k, axis])
+            sun += part * light[_SUN, axis]
+        inside[0, column] = eye / square
+        inside[1, column] = sun / square
+        inside[2, column] = users.frames[k, 2, column] / square
+        inside[3, column] = 1.0 / square
+
+
+@kernel
+def _shows_front(planes, face, inside):
+    x, y, z = planes[face, 0], planes[face, 1], planes[face, 2]
+    return x * inside[0, 0] + y * inside[0, 1] + z * inside[0, 2] > planes[face, 3]
+
+
+@kernel
+def draw_shadows(near, users, sun, view, target):
+    """Cast each road user's box along the sun onto the plane it stands on: its top and its two lit sides."""
+    cast, screen, quad = np.empty((8, 3)), np.empty((8, 3)), np.empty(4, dtype=np.int64)
+    held, seen, corners = np.empty(3), np.empty(3), np.empty((3, 3))
     for k in near:
         frame = users.frames[k]
-        length = sqrt(frame[0, 0] ** 2 + frame[1, 0] ** 2 + frame[2, 0] ** 2)
-        width = sqrt(frame[0, 1] ** 2 + frame[1, 1] ** 2)
-        if width < _NARROW:
-            continue
-        for step in range(LIGHT_STEPS):
-            share = 1.0 - step / LIGHT_STEPS
-            for corner in range(_BEAM_CORNERS):
-                turn = 2.0 * pi * corner / _BEAM_CORNERS
-                ahead = _BEAM_LENGTH * (0.42 + 0.58 * share * cos(turn)) / length
-                aside = _BEAM_WIDTH * share * sin(turn) / width
+        ahead = frame[0, 0] * sun[0] + frame[1, 0] * sun[1] + frame[2, 0] * sun[2]
+        left = frame[0, 1] * sun[0] + frame[1, 1] * sun[1] + frame[2, 1] * sun[2]
+        square = frame[0, 2] ** 2 + frame[1, 2] ** 2 + frame[2, 2] ** 2
+        steep = max(
+            _LOW_SUN * sqrt(square), frame[0, 2] * sun[0] + frame[1, 2] * sun[1] + frame[2, 2] * sun[2]
+        )
+        for v in range(8):
+            x, y, z = -0.98 + 0.96 * (v & 1), _SHADOW_WIDTH * ((v >> 1 & 1) - 0.5), _SHADOW_HEIGHT * (v >> 2)
+            for axis in range(3):
+                held[axis] = users.places[k, axis] - z * square / steep * sun[axis]
+                held[axis] += frame[axis, 0] * x + frame[axis, 1] * y + frame[axis, 2] * z
+            turn(held, view, seen)
+            for axis in range(3):
+                cast[v, axis] = seen[axis]
+        is_ahead = project(cast, 8, view, screen)
+        touch(screen, 8, is_ahead, target)
+        for side in range(3):
+            if side == 0:
+                quad[0], quad[1], quad[2], quad[3] = 4, 5, 7, 6
+            elif side == 1:
+                low = 1 if ahead > 0.0 else 0
+                quad[0], quad[1], quad[2], quad[3] = low, low + 2, low + 6, low + 4
+            else:
+                low = 2 if left > 0.0 else 0
+                quad[0], quad[1], quad[2], quad[3] = low, low + 1, low + 5, low + 4
+            for second in range(1, 3):
                 for axis in range(3):
-                    ground[axis] = users.places[k, axis] + frame[axis, 0] * ahead + frame[axis, 1] * aside
-                _turn(ground, view, seen)
-                rim[corner] = seen
-            for second in range(1, _BEAM_CORNERS - 1):
-                corners[0], corners[1], corners[2] = rim[0], rim[second], rim[second + 1]
-                draw_face(corners, view.lens, SHADED - 1 - step, SHADOW, target.depths, target.tags)
+                    corners[0, axis], corners[1, axis] = cast[quad[0], axis], cast[quad[second], axis]
+                    corners[2, axis] = cast[quad[second + 1], axis]
+                draw_face(corners, view.lens, SHADED, SHADOW, target.depths, target.tags)
 
 
 @kernel
-def draw_lamps(lamps, palette, table, view, target, count):
-    """Draw the lit lamps that shine this way as discs; returns the number of faces in the target."""
-    seen, corners = np.empty(3), np.empty((3, 3))
-    for k in range(len(lamps.centres)):
-        facing = 0.0
-        for axis in range(3):
-            facing += (view.eye[axis] - lamps.centres[k, axis]) * lamps.directions[k, axis]
-        _turn(lamps.centres[k], view, seen)
-        if facing <= 0.0 or seen[2] < view.lens[3] or seen[2] > view.lens[4]:
-            continue
-        if _LAMP_RADIUS * view.lens[0] < _SMALL_LAMP * seen[2]:
-            changed = _draw_spot(seen, view, count, target)
-        else:
-            changed = _draw_disc(lamps.centres[k], lamps.directions[k], corners, view, count, target)
-        if changed:
-            _plain(palette[lamps.colours[k]], table, target.shades[count])
-            target.owners[count] = LAMP
-            count += 1
-    return count
-
-
-@kernel
-def draw_flat(paths, palette, table, view, target, count):
-    """Draw triangles in plain colours, from both sides; returns the number of faces in the target."""
-    corners, seen = np.empty((3, 3)), np.empty(3)
-    for k in range(len(paths.triangles)):
-        for c in range(3):
-            _turn(paths.triangles[k, c], view, seen)
-            corners[c] = seen
-        if draw_face(corners, view.lens, count, NEARER, target.depths, target.tags):
-            _plain(palette[paths.colours[k]], table, target.shades[count])
-            target.owners[count] = PATH
-            count += 1
-    return count
-
-
-@kernel
-def count_alone(whose, users, models, view, target):
+def count_alone(whose, users, models, light, view, target):
     """Count the pixels that each of some road users would cover if it were alone: (k,)."""
-    seen, corners, normal = np.empty((_MOST_VERTICES, 3)), np.empty((3, 3)), np.empty(3)
+    seen, screen = np.empty((_MOST_VERTICES, 3)), np.empty((_MOST_VERTICES, 3))
+    corners, inside = np.empty((3, 3)), np.empty((4, 3))
     pixels = np.zeros(len(whose), dtype=np.int32)
     for m in range(len(whose)):
         k = whose[m]
-        span = models.spans[users.models[k], _detail(users.frames[k], users.places[k], view)]
-        _see(models.vertices, span, users.frames[k], users.places[k], view, seen)
-        for face in range(span[2], span[3]):
-            for c in range(3):
-                corners[c] = seen[models.faces[face, c]]
-            if _faces_camera(corners, normal):
-                pixels[m] += draw_face(corners, view.lens, m, COVER, target.depths, target.tags)
+        detail, model = _detail(users, k, view), users.models[k]
+        first, last = models.spans[model, detail, 0], models.spans[model, detail, 1]
+        _see(models.vertices, first, last, users, k, view, seen)
+        is_ahead = project(seen, last - first, view, screen)
+        _look_from_inside(users, k, view, light, inside)
+        for face in range(models.spans[model, detail, 2], models.spans[model, detail, 3]):
+            if _shows_front(models.planes, face, inside):
+                pixels[m] += _draw(
+                    models.faces, face, seen, screen, is_ahead, corners, view, m, COVER, target
+                )
     return pixels
 
 
 @kernel
-def _turn(place, view, seen):
-    """Bring a place of the scene into camera space."""
-    x, y, z = place[0] - view.eye[0], place[1] - view.eye[1], place[2] - view.eye[2]
-    for row in range(3):
-        seen[row] = view.axes[row, 0] * x + view.axes[row, 1] * y + view.axes[row, 2] * z
-
-
-@kernel
-def _see(vertices, span, frame, place, view, seen):
-    """Bring a model's vertices into camera space."""
-    turn, shift = np.zeros((3, 3)), np.empty(3)
-    _turn(place, view, shift)
+def _see(vertices, first, last, users, k, view, seen):
+    """Bring a model's vertices into camera space; returns how far away it is, metres."""
+    matrix, shift = np.zeros((3, 3)), np.empty(3)
+    turn(users.places[k], view, shift)
     for row in range(3):
         for inner in range(3):
             for column in range(3):
-                turn[row, column] += view.axes[row, inner] * frame[inner, column]
-    for k in range(span[1] - span[0]):
-        x, y, z = vertices[span[0] + k, 0], vertices[span[0] + k, 1], vertices[span[0] + k, 2]
+                matrix[row, column] += view.axes[row, inner] * users.frames[k, inner, column]
+    for v in range(first, last):
+        x, y, z = vertices[v, 0], vertices[v, 1], vertices[v, 2]
         for row in range(3):
-            seen[k, row] = turn[row, 0] * x + turn[row, 1] * y + turn[row, 2] * z + shift[row]
+            seen[v - first, row] = matrix[row, 0] * x + matrix[row, 1] * y + matrix[row, 2] * z + shift[row]
+    return sqrt(shift[0] ** 2 + shift[1] ** 2 + shift[2] ** 2)
 
 
 @kernel
-def _detail(frame, place, view):
+def _detail(users, k, view):
     """Level of detail for the size that a road user has on the screen."""
     z = square = 0.0
     for axis in range(3):
-        z += view.axes[2, axis] * (place[axis] - 0.5 * frame[axis, 0] - view.eye[axis])
-        for column in range(3):
-            square = max(square, frame[axis, column] ** 2)
+        part = users.frames[k, axis, 0]
+        z += view.axes[2, axis] * (users.places[k, axis] - 0.5 * part - view.eye[axis])
+        square += part * part
     pixels = view.lens[0] * sqrt(square) / max(z, view.lens[3])
-    return 0 if pixels > _FINE else (1 if pixels > _MIDDLE else 2)
-
-
-@kernel
-def _faces_camera(corners, normal):
-    """Compute a face's normal, not of unit length; tells whether its front is seen."""
-    a, b, c = corners[0], corners[1], corners[2]
-    ux, uy, uz = b[0] - a[0], b[1] - a[1], b[2] - a[2]
-    vx, vy, vz = c[0] - a[0], c[1] - a[1], c[2] - a[2]
-    normal[0], normal[1], normal[2] = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
-    return normal[0] * a[0] + normal[1] * a[1] + normal[2] * a[2] < 0.0
-
-
-@kernel
-def _cosine(normal, direction):
-    """Cosine of the angle between a normal of any length and a unit vector."""
-    length = sqrt(normal[0] ** 2 + normal[1] ** 2 + normal[2] ** 2) + 1e-30
-    return (normal[0] * direction[0] + normal[1] * direction[1] + normal[2] * direction[2]) / length
+    return 0 if pixels > _FINEST else (1 if pixels > _FINE else (2 if pixels > _MIDDLE else 3))
 
 
 @kernel
@@ -304,62 +251,27 @@ def _emission(part, lights, headlights):
 
 
 @kernel
-def _shade_face(part, base, glow, facing, level, distance, light, table, shade):
+def _shade_face(users, k, models, face, inside, veil, light, table, shades, row):
     """Light a face: what it emits, or sun and sky on its colour; then fog."""
+    part = models.parts[face]
+    glow = _emission(part, users.lights[k], light[_WEATHER, 0])
+    square = facing = level = 0.0
+    for axis in range(3):
+        normal = models.planes[face, axis]
+        square += normal * normal * inside[3, axis]
+        facing += normal * inside[1, axis]
+        level += normal * inside[2, axis]
+    length = sqrt(square)
+    facing, level = max(0.0, facing / length), level / length
     share = 0.5 + 0.5 * level
-    veil = 1.0 - exp(-light[_WEATHER, 2] * distance)
-    gloss = 0.22 if part == _GLASS else (0.05 if part == _BODY else 0.0)
+    gloss = max(0.0, level) * (0.22 if part == _GLASS else (0.05 if part == _BODY else 0.0))
     for c in range(3):
         if glow >= 0.0:
             value = glow * _EMITTED[part, c]
         else:
+            base = users.colours[k, c] if part == _BODY else _PALETTE[part, c]
             soft = share * light[_SKY_COLOUR, c] + (1.0 - share) * light[_GROUND_COLOUR, c]
             soft += light[_WEATHER, 0] * _STREET[c]
-            value = base[c] * (soft + max(0.0, facing) * light[_SUN_COLOUR, c])
-            value += gloss * max(0.0, level) * light[_SKY_COLOUR, c]
+            value = base * (soft + facing * light[_SUN_COLOUR, c]) + gloss * light[_SKY_COLOUR, c]
         value = value * (1.0 - veil) + veil * light[_HORIZON, c]
-        shade[c] = table[int(min(1.0, value) * 4095.0 + 0.5)]
-
-
-@kernel
-def _plain(colour, table, shade):
-    for c in range(3):
-        shade[c] = table[int(colour[c] * 4095.0 + 0.5)]
-
-
-@kernel
-def _draw_disc(centre, direction, corners, view, tag, target):
-    """Draw a disc that faces a level direction; returns how many pixels changed."""
-    place, seen = np.empty(3), np.empty(3)
-    changed = 0
-    for k in range(_LAMP_CORNERS):
-        turn = 2.0 * pi * k / _LAMP_CORNERS
-        aside, up = _LAMP_RADIUS * cos(turn), _LAMP_RADIUS * sin(turn)
-        place[0] = centre[0] + _LAMP_OUT * direction[0] - aside * direction[1]
-        place[1] = centre[1] + _LAMP_OUT * direction[1] + aside * direction[0]
-        place[2] = centre[2] + up
-        _turn(place, view, seen)
-        corners[min(k, 2)] = seen
-        if k >= 2:
-            changed += draw_face(corners, view.lens, tag, NEARER, target.depths, target.tags)
-            corners[1] = corners[2]
-    return changed
-
-
-@kernel
-def _draw_spot(seen, view, tag, target):
-    """Draw a spot that faces the camera, large enough to be seen; returns how many pixels changed."""
-    height, width = target.tags.shape
-    scale = view.lens[0] / seen[2]
-    column, row = view.lens[1] + seen[0] * scale, view.lens[2] + seen[1] * scale
-    radius = max(_LEAST_LAMP, _LAMP_RADIUS * scale)
-    w = 1.0 / (seen[2] - 0.06)
-    changed = 0
-    for v in range(max(0, int(row - radius)), min(height, int(row + radius) + 1)):
-        for u in range(max(0, int(column - radius)), min(width, int(column + radius) + 1)):
-            square = (u + 0.5 - column) ** 2 + (v + 0.5 - row) ** 2
-            if square <= radius * radius and w > target.depths[v, u]:
-                target.depths[v, u] = w
-                target.tags[v, u] = tag
-                changed += 1
-    return changed
+        shades[row, c] = table[int(min(1.0, value) * 4095.0 + 0.5)]

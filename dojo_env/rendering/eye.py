@@ -6,9 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dojo_env.rendering.background import SAMPLES, Background, draw_background
-from dojo_env.rendering.drawing import Target
+from dojo_env.rendering.canvas import Canvas
 from dojo_env.rendering.lighting import Light
 from dojo_env.rendering.scene import Scene
+from dojo_env.rendering.target import Target
 from dojo_env.rendering.view import View, view_of
 from dojo_env.sensors.camera import Camera
 
@@ -21,14 +22,14 @@ class Eye:
 
     Attributes:
         view: the straight view that frames are drawn in; larger than the picture where a lens bends.
-        depths: the background's inverse depths in that view.
+        canvas: what they are drawn into.
         background: what the picture shows where nothing moves, bent by the lens.
         rows: (h, w) row of the straight view that each pixel of the picture shows; None for a perfect lens.
         columns: (h, w) its column.
     """
 
     view: View
-    depths: Places
+    canvas: Canvas
     background: Background
     rows: NDArray[np.intp] | None = None
     columns: NDArray[np.intp] | None = None
@@ -37,8 +38,11 @@ class Eye:
         """Look at a frame through the lens."""
         if self.rows is None:
             return target
+        height, width = self.rows.shape
         return target._replace(
-            depths=target.depths[self.rows, self.columns], tags=target.tags[self.rows, self.columns]
+            depths=target.depths[self.rows, self.columns],
+            tags=target.tags[self.rows, self.columns],
+            spans=np.tile(np.array([0, width], dtype=np.int32), (height, 1)),
         )
 
 
@@ -48,7 +52,7 @@ def open_eye(scene: Scene, camera: Camera, light: Light, factor: int) -> Eye:
     samples = SAMPLES // factor
     if not camera.distortion:
         background = draw_background(scene, view, light, samples)
-        return Eye(view=view, depths=background.depths, background=background)
+        return Eye(view=view, canvas=Canvas(view, background.depths), background=background)
     from dojo_env.rendering.lens import bend_background, straightened  # noqa: PLC0415 - OpenCV is large; few need it
 
     x, y = straightened(camera, view)
@@ -63,7 +67,7 @@ def open_eye(scene: Scene, camera: Camera, light: Light, factor: int) -> Eye:
     x, y = x + np.float32(left), y + np.float32(top)
     return Eye(
         view=wide,
-        depths=straight.depths,
+        canvas=Canvas(wide, straight.depths),
         background=bend_background(straight, x, y),
         rows=np.clip(np.floor(y).astype(np.intp), 0, wide.height - 1),
         columns=np.clip(np.floor(x).astype(np.intp), 0, wide.width - 1),

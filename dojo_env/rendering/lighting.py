@@ -63,7 +63,7 @@ def compute_light(conditions: Conditions) -> Light:
     moon = 0.02 * (1 - day)
     gain = 2.0**conditions.exposure
     blue, grey = np.array([0.32, 0.46, 0.72]), np.array([0.5, 0.53, 0.57])
-    dusk, night = np.array([0.34, 0.26, 0.30]), np.array([0.016, 0.02, 0.036])
+    dusk, night = np.array([0.66, 0.48, 0.44]), np.array([0.016, 0.02, 0.036])
     bright = (blue * (1 - clouds) + 1.25 * grey * clouds) * (1 - 0.45 * conditions.rain)
     sky = (bright * (1 - low) + dusk * low) * day + night * (1 - day)
     glow = np.array([0.80, 0.42, 0.20]) * low * (1 - clouds)

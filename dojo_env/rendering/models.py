@@ -1,39 +1,25 @@
-"""Low-poly road users, built from a few sections each, at three levels of detail.
+"""Low-poly road users, built from a few sections each, at four levels of detail.
 
 A model lives in a unit box: x from -1 (tail) to 0 (nose), y from -0.5 to 0.5 (left), z from 0 (ground) to 1,
 and is scaled to each road user's own length, width and height. Faces turn counter-clockwise, from outside.
 """
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from enum import IntEnum
 from functools import cache
-from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
+from dojo_env.rendering.shapes import Face, Part, box, lights, loft, moved, screen, section, wheels, windows
 from dojo_env.snapshot import Kind
 
 Floats = NDArray[np.float64]
 Faces = NDArray[np.int32]
 
-
-class Part(IntEnum):
-    """What a face of a model is; decides its colour."""
-
-    BODY = 0
-    GLASS = 1
-    TYRE = 2
-    TRIM = 3
-    HEADLAMP = 4
-    BRAKE = 5
-    LEFT = 6
-    RIGHT = 7
-    BLUE = 8
-    SKIN = 9
-    LEGS = 10
-    WHITE = 11
+DETAILS = 4
+"""Levels of detail; 0 is the finest."""
+_FLAT_WHEELS, _COARSEST = 1, 3
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -45,95 +31,34 @@ class Model:
     parts: NDArray[np.uint8]
 
 
-_Face = tuple[Floats, Part]
-"""A flat convex polygon, (n, 3), and its part."""
-
-
-def _section(x: float, half: float, low: float, high: float, waist: float | None = None) -> Floats:
-    """Cut across a body: four corners, or six with a waist, counter-clockwise seen from the front."""
-    if waist is None:
-        return np.array([(x, -half, low), (x, half, low), (x, half, high), (x, -half, high)])
-    narrow = 0.94 * half
-    return np.array(
-        [(x, -narrow, low), (x, narrow, low), (x, half, waist), (x, narrow, high),
-         (x, -narrow, high), (x, -half, waist)]
-    )  # fmt: skip
-
-
-def _loft(sections: Sequence[Floats], part: Part) -> list[_Face]:
-    """Join sections, from nose to tail, by quads, and close both ends."""
-    faces: list[_Face] = [(sections[0], part), (sections[-1][::-1], part)]
-    for ahead, behind in pairwise(sections):
-        for k in range(len(ahead)):
-            m = (k + 1) % len(ahead)
-            faces.append((np.array([ahead[m], ahead[k], behind[k], behind[m]]), part))
-    return faces
-
-
-def _box(nose: float, tail: float, half: float, low: float, high: float, part: Part) -> list[_Face]:
-    return _loft([_section(nose, half, low, high), _section(tail, half, low, high)], part)
-
-
-def _moved(faces: Iterable[_Face], y: float) -> list[_Face]:
-    return [(corners + np.array([0.0, y, 0.0]), part) for corners, part in faces]
-
-
-def _wheels(places: Iterable[float], half: float, radius: float, tyre: float = 0.2) -> list[_Face]:
-    """Set an eight-sided wheel against both sides of the body for each axle; its inner side stays open."""
-    angles = np.arange(8) * np.pi / 4 + np.pi / 8
-    faces: list[_Face] = []
-    for x in places:
-        flat = np.column_stack([x + radius * np.cos(angles), np.zeros(8), radius + radius * np.sin(angles)])
-        across = np.array([0.0, 1.0, 0.0])
-        outer, inner = flat + half * across, flat + (half - tyre) * across
-        left = [outer[::-1]]
-        left += [np.array([outer[k - 1], outer[k], inner[k], inner[k - 1]]) for k in range(8)]
-        faces += [(face, Part.TYRE) for face in left]
-        faces += [((face * [1.0, -1.0, 1.0])[::-1], Part.TYRE) for face in left]
-    return faces
-
-
-def _lights(tail: float, half: float, front: tuple[float, float], rear: tuple[float, float]) -> list[_Face]:
-    """Put head lamps, brake lights and indicators on both ends, left and right."""
-    faces: list[_Face] = []
-    for side, turn in ((1.0, Part.LEFT), (-1.0, Part.RIGHT)):
-        inner, middle, outer = 0.5 * half * side, 0.8 * half * side, 0.98 * half * side
-        for x, (low, high), ahead, part in (
-            (0.01, front, 1.0, Part.HEADLAMP),
-            (tail - 0.01, rear, -1.0, Part.BRAKE),
-        ):
-            for a, b, lamp in ((inner, middle, part), (middle, outer, turn)):
-                quad = np.array([(x, a, low), (x, b, low), (x, b, high), (x, a, high)])
-                faces.append((quad if side * ahead > 0 else quad[::-1], lamp))
-    return faces
-
-
 def _car(
     length: float, width: float, height: float, cabin: tuple[float, float, float, float], detail: int
-) -> list[_Face]:
+) -> list[Face]:
     """A car from its size and where its cabin begins and ends at the belt and at the roof (from the nose)."""
     half, belt = width / 2, 0.6 * height
     foot, roof_front, roof_rear, heel = cabin
     tail = -length
-    if detail == 0:
-        body = _loft(
+    if detail <= _FLAT_WHEELS:
+        outline = (
+            (0.0, 0.76, 0.25, 0.44, 0.34), (-0.06 * length, 0.96, 0.16, 0.5, 0.36),
+            (-foot, 1.0, 0.14, 0.6, 0.4), (-heel, 1.0, 0.14, 0.64, 0.42),
+            (tail + 0.04 * length, 0.96, 0.18, 0.62, 0.42), (tail, 0.82, 0.28, 0.56, 0.42),
+        )  # fmt: skip
+        body = loft(
             [
-                _section(0.0, 0.76 * half, 0.25 * height, 0.44 * height, 0.34 * height),
-                _section(-0.06 * length, 0.96 * half, 0.16 * height, 0.5 * height, 0.36 * height),
-                _section(-foot, half, 0.14 * height, belt, 0.4 * height),
-                _section(-heel, half, 0.14 * height, 0.64 * height, 0.42 * height),
-                _section(tail + 0.04 * length, 0.96 * half, 0.18 * height, 0.62 * height, 0.42 * height),
-                _section(tail, 0.82 * half, 0.28 * height, 0.56 * height, 0.42 * height),
+                section(x, wide * half, low * height, high * height, waist * height if detail == 0 else None)
+                for x, wide, low, high, waist in outline
             ],
             Part.BODY,
         )
-        body += _wheels((-0.19 * length, -0.8 * length), half + 0.005, 0.22 * height)
+        body += wheels((-0.19 * length, -0.8 * length), half + 0.005, 0.22 * height, detail)
     else:
-        body = _loft(
+        body = loft(
             [
-                _section(0.0, 0.9 * half, 0.14 * height, 0.46 * height),
-                _section(-foot, half, 0.08 * height, belt),
-                _section(tail, 0.94 * half, 0.14 * height, 0.6 * height),
+                section(0.0, 0.86 * half, 0.12 * height, 0.46 * height),
+                section(-foot, half, 0.04 * height, belt),
+                section(-heel, half, 0.04 * height, 0.64 * height),
+                section(tail, 0.92 * half, 0.16 * height, 0.6 * height),
             ],
             Part.BODY,
         )
@@ -141,7 +66,7 @@ def _car(
     upper = np.array([(-roof_front, 0.72 * half), (-roof_rear, 0.72 * half)])
     (a, wide), (b, _), (c, slim), (d, _) = *lower, *upper
     z = 0.99 * belt
-    glass = Part.GLASS if detail < 2 else Part.BODY
+    glass = Part.GLASS if detail < _COARSEST else Part.BODY
     body += [
         (np.array([(c, -slim, height), (c, slim, height), (d, slim, height), (d, -slim, height)]), Part.BODY),
         (np.array([(a, -wide, z), (a, wide, z), (c, slim, height), (c, -slim, height)]), Part.GLASS),
@@ -149,223 +74,202 @@ def _car(
         (np.array([(a, wide, z), (b, wide, z), (d, slim, height), (c, slim, height)]), glass),
         (np.array([(b, -wide, z), (a, -wide, z), (c, -slim, height), (d, -slim, height)]), glass),
     ]
-    if detail < 2:
-        body += _lights(tail, half, (0.33 * height, 0.43 * height), (0.46 * height, 0.55 * height))
+    if detail < _COARSEST:
+        body += lights(tail, half, (0.33 * height, 0.43 * height), (0.46 * height, 0.55 * height))
     return body
 
 
-def _sedan(detail: int) -> list[_Face]:
+def _sedan(detail: int) -> list[Face]:
     return _car(4.6, 1.8, 1.46, (1.25, 2.0, 3.35, 4.1), detail)
 
 
-def _hatchback(detail: int) -> list[_Face]:
+def _hatchback(detail: int) -> list[Face]:
     return _car(4.0, 1.75, 1.5, (0.95, 1.65, 3.35, 3.9), detail)
 
 
-def _wagon(detail: int) -> list[_Face]:
+def _wagon(detail: int) -> list[Face]:
     return _car(4.7, 1.82, 1.5, (1.25, 1.95, 4.2, 4.6), detail)
 
 
-def _suv(detail: int) -> list[_Face]:
+def _suv(detail: int) -> list[Face]:
     return _car(4.6, 1.9, 1.7, (1.15, 1.7, 4.0, 4.45), detail)
 
 
-def _taxi(detail: int) -> list[_Face]:
-    return _sedan(detail) + _box(-2.4, -2.6, 0.3, 1.45, 1.62, Part.WHITE)
+def _taxi(detail: int) -> list[Face]:
+    return _sedan(detail) + box(-2.4, -2.6, 0.3, 1.45, 1.62, Part.WHITE)
 
 
-def _police(detail: int) -> list[_Face]:
-    return _wagon(detail) + _box(-2.4, -2.65, 0.55, 1.49, 1.62, Part.BLUE)
+def _police(detail: int) -> list[Face]:
+    return _wagon(detail) + box(-2.4, -2.65, 0.55, 1.49, 1.62, Part.BLUE)
 
 
-def _van(detail: int) -> list[_Face]:
+def _van(detail: int) -> list[Face]:
     half, height, tail = 0.98, 2.3, -5.4
-    faces = _loft(
+    faces = loft(
         [
-            _section(0.0, 0.86 * half, 0.35, 0.95),
-            _section(-0.75, half, 0.25, 1.25),
-            _section(-1.35, 0.95 * half, 0.25, height - 0.08),
-            _section(-1.7, 0.95 * half, 0.25, height),
-            _section(tail, 0.95 * half, 0.3, height),
+            section(0.0, 0.86 * half, 0.35, 0.95),
+            section(-0.75, half, 0.25, 1.25),
+            section(-1.35, 0.95 * half, 0.25, height - 0.08),
+            section(-1.7, 0.95 * half, 0.25, height),
+            section(tail, 0.95 * half, 0.3, height),
         ],
         Part.BODY,
     )
-    if detail < 2:
-        faces += _screen(-0.77, -1.32, 0.86 * half, 1.3, height - 0.2)
-        faces += _lights(tail, half, (0.6, 0.8), (0.8, 1.1))
-    if detail == 0:
-        faces += _wheels((-0.95, -4.3), half, 0.35)
+    if detail < _COARSEST:
+        faces += screen(-0.77, -1.32, 0.86 * half, 1.3, height - 0.2)
+        faces += lights(tail, half, (0.6, 0.8), (0.8, 1.1))
+    if detail <= _FLAT_WHEELS:
+        faces += wheels((-0.95, -4.3), half, 0.35, detail)
     return faces
 
 
-def _ambulance(detail: int) -> list[_Face]:
-    return _van(detail) + _box(-1.5, -1.75, 0.7, 2.29, 2.45, Part.BLUE)
-
-
-def _screen(bottom: float, top: float, half: float, low: float, high: float) -> list[_Face]:
-    """A windscreen just ahead of the body behind it."""
-    out = 0.03
-    return [
-        (
-            np.array(
-                [(bottom + out, -half, low), (bottom + out, half, low), (top + out, half, high),
-                 (top + out, -half, high)]
-            ),
-            Part.GLASS,
-        )
-    ]  # fmt: skip
-
-
-def _windows(nose: float, tail: float, half: float, low: float, high: float) -> list[_Face]:
-    left = np.array([(nose, half, low), (tail, half, low), (tail, half, high), (nose, half, high)])
-    return [(left, Part.GLASS), ((left * [1.0, -1.0, 1.0])[::-1], Part.GLASS)]
+def _ambulance(detail: int) -> list[Face]:
+    return _van(detail) + box(-1.5, -1.75, 0.7, 2.29, 2.45, Part.BLUE)
 
 
 def _coach_of(
     length: float, height: float, axles: Sequence[float], doors: bool
-) -> Callable[[int], list[_Face]]:
-    def build(detail: int) -> list[_Face]:
+) -> Callable[[int], list[Face]]:
+    def build(detail: int) -> list[Face]:
         half = 1.25
-        faces = _loft(
+        faces = loft(
             [
-                _section(0.0, 0.94 * half, 0.35, height - 0.25),
-                _section(-0.25, half, 0.3, height),
-                _section(-length, half, 0.3, height),
+                section(0.0, 0.94 * half, 0.35, height - 0.25),
+                section(-0.25, half, 0.3, height),
+                section(-length, half, 0.3, height),
             ],
             Part.BODY,
         )
-        if detail == 2:
+        if detail == _COARSEST:
             return faces
-        faces += _windows(-0.6, -length + 0.4, half + 0.01, 0.45 * height, 0.82 * height)
-        faces += _screen(-0.01, -0.12, 0.85 * half, 0.32 * height, 0.84 * height)
-        faces += _lights(-length, half, (0.5, 0.75), (0.7, 1.1))
-        if detail == 0:
-            faces += _wheels(axles, half + 0.01, 0.5)
+        faces += windows(-0.6, -length + 0.4, half + 0.01, 0.45 * height, 0.82 * height)
+        faces += screen(-0.01, -0.12, 0.85 * half, 0.32 * height, 0.84 * height)
+        faces += lights(-length, half, (0.5, 0.75), (0.7, 1.1))
+        if detail <= _FLAT_WHEELS:
+            faces += wheels(axles, half + 0.01, 0.5, detail)
             if doors:
                 faces += [
                     face
                     for x in (-1.0, -0.5 * length)
-                    for face in _windows(x, x - 1.2, half + 0.015, 0.12 * height, 0.45 * height)[1:]
+                    for face in windows(x, x - 1.2, half + 0.015, 0.12 * height, 0.45 * height)[1:]
                 ]
         return faces
 
     return build
 
 
-def _truck(detail: int) -> list[_Face]:
+def _truck(detail: int) -> list[Face]:
     half = 1.25
-    faces = _loft(
+    faces = loft(
         [
-            _section(0.0, 0.94 * half, 0.5, 2.7),
-            _section(-0.3, 0.97 * half, 0.45, 3.0),
-            _section(-2.1, 0.97 * half, 0.45, 3.0),
+            section(0.0, 0.94 * half, 0.5, 2.7),
+            section(-0.3, 0.97 * half, 0.45, 3.0),
+            section(-2.1, 0.97 * half, 0.45, 3.0),
         ],
         Part.BODY,
     )
-    faces += _box(-2.4, -8.0, half, 1.05, 3.6, Part.WHITE) + _box(-2.0, -8.0, 0.5, 0.5, 1.06, Part.TRIM)
-    if detail < 2:
-        faces += _screen(-0.01, -0.1, 0.85 * half, 1.6, 2.5) + _lights(-8.0, half, (0.6, 0.85), (0.75, 1.0))
-    if detail == 0:
-        faces += _wheels((-1.3, -5.9, -7.0), half, 0.5)
+    faces += box(-2.4, -8.0, half, 1.05, 3.6, Part.WHITE) + box(-2.0, -8.0, 0.5, 0.5, 1.06, Part.TRIM)
+    if detail < _COARSEST:
+        faces += screen(-0.01, -0.1, 0.85 * half, 1.6, 2.5) + lights(-8.0, half, (0.6, 0.85), (0.75, 1.0))
+    if detail <= _FLAT_WHEELS:
+        faces += wheels((-1.3, -5.9, -7.0), half, 0.5, detail)
     return faces
 
 
-def _trailer(detail: int) -> list[_Face]:
+def _trailer(detail: int) -> list[Face]:
     half, cab = 1.25, 2.3
-    faces = _loft([_section(0.0, 0.94 * half, 0.5, 3.0), _section(-cab, 0.97 * half, 0.45, 3.4)], Part.BODY)
-    faces += _box(-cab - 0.7, -16.0, half, 1.1, 3.9, Part.WHITE) + _box(-cab, -16.0, 0.5, 0.5, 1.2, Part.TRIM)
-    if detail < 2:
-        faces += _screen(-0.02, -0.02, 0.85 * half, 1.7, 2.7) + _lights(-16.0, half, (0.6, 0.85), (0.75, 1.0))
-    if detail == 0:
-        faces += _wheels((-1.4, -4.6, -12.4, -13.6, -14.8), half, 0.5)
+    faces = loft([section(0.0, 0.94 * half, 0.5, 3.0), section(-cab, 0.97 * half, 0.45, 3.4)], Part.BODY)
+    faces += box(-cab - 0.7, -16.0, half, 1.1, 3.9, Part.WHITE) + box(-cab, -16.0, 0.5, 0.5, 1.2, Part.TRIM)
+    if detail < _COARSEST:
+        faces += screen(-0.02, -0.02, 0.85 * half, 1.7, 2.7) + lights(-16.0, half, (0.6, 0.85), (0.75, 1.0))
+    if detail <= _FLAT_WHEELS:
+        faces += wheels((-1.4, -4.6, -12.4, -13.6, -14.8), half, 0.5, detail)
     return faces
 
 
-def _fire_engine(detail: int) -> list[_Face]:
-    return _coach_of(8.0, 3.1, (-1.6, -6.2), doors=False)(detail) + _box(
-        -0.6, -0.9, 1.0, 3.09, 3.3, Part.BLUE
-    )
+def _fire_engine(detail: int) -> list[Face]:
+    return _coach_of(8.0, 3.1, (-1.6, -6.2), doors=False)(detail) + box(-0.6, -0.9, 1.0, 3.09, 3.3, Part.BLUE)
 
 
-def _rail_car(height: float, length: float, sections: int) -> Callable[[int], list[_Face]]:
-    def build(detail: int) -> list[_Face]:
+def _rail_car(height: float, length: float, sections: int) -> Callable[[int], list[Face]]:
+    def build(detail: int) -> list[Face]:
         half, cut = 1.2, length / sections
-        faces: list[_Face] = []
+        faces: list[Face] = []
         for k in range(sections):
             nose, tail = -k * cut - (0.15 if k else 0.0), -(k + 1) * cut + (0.15 if k < sections - 1 else 0.0)
-            ends = [_section(nose, half, 0.3, height), _section(tail, half, 0.3, height)]
+            ends = [section(nose, half, 0.3, height), section(tail, half, 0.3, height)]
             if k == 0:
                 ends = [
-                    _section(0.0, 0.75 * half, 0.4, 0.8 * height),
-                    _section(-0.9, half, 0.3, height),
+                    section(0.0, 0.75 * half, 0.4, 0.8 * height),
+                    section(-0.9, half, 0.3, height),
                     ends[1],
                 ]
             if k == sections - 1:
-                ends = [*ends[:-1], _section(tail + 0.9, half, 0.3, height)]
-                ends.append(_section(tail, 0.75 * half, 0.4, 0.8 * height))
-            faces += _loft(ends, Part.BODY)
-            if detail < 2:
-                faces += _windows(nose - 1.1, tail + 1.1, half + 0.01, 0.45 * height, 0.8 * height)
+                ends = [*ends[:-1], section(tail + 0.9, half, 0.3, height)]
+                ends.append(section(tail, 0.75 * half, 0.4, 0.8 * height))
+            faces += loft(ends, Part.BODY)
+            if detail < _COARSEST:
+                faces += windows(nose - 1.1, tail + 1.1, half + 0.01, 0.45 * height, 0.8 * height)
             if k:
-                faces += _box(nose + 0.3, nose, 0.8 * half, 0.4, 0.92 * height, Part.TRIM)
-        if detail < 2:
-            faces += _screen(0.0, -0.6, 0.65 * half, 0.45 * height, 0.72 * height)
-            faces += _lights(-length, 0.75 * half, (0.5, 0.75), (0.5, 0.75))
+                faces += box(nose + 0.3, nose, 0.8 * half, 0.4, 0.92 * height, Part.TRIM)
+        if detail < _COARSEST:
+            faces += screen(0.0, -0.6, 0.65 * half, 0.45 * height, 0.72 * height)
+            faces += lights(-length, 0.75 * half, (0.5, 0.75), (0.5, 0.75))
         return faces
 
     return build
 
 
-def _two_wheeler(length: float, wheel: float, body: Part, *, motor: bool) -> Callable[[int], list[_Face]]:
+def _two_wheeler(length: float, wheel: float, body: Part, *, motor: bool) -> Callable[[int], list[Face]]:
     """A motorcycle, scooter or bicycle with its rider."""
 
-    def build(detail: int) -> list[_Face]:
+    def build(detail: int) -> list[Face]:
         thin = 0.12 if motor else 0.06
-        faces = _box(-0.45 * length, -0.78 * length, 0.2, 0.75, 1.35, body)
-        faces += _box(-0.5 * length, -0.64 * length, 0.11, 1.38, 1.66, Part.SKIN)
-        faces += _box(-0.3 * length, -0.72 * length, 0.22 if motor else 0.17, 0.45, 0.78, Part.LEGS)
-        faces += _box(-0.18 * length, -0.85 * length, thin, 0.4, 0.72, Part.BODY if motor else Part.TRIM)
-        faces += _box(-0.22 * length, -0.28 * length, 0.33, 0.95, 1.05, Part.TRIM)
+        faces = box(-0.45 * length, -0.78 * length, 0.2, 0.75, 1.35, body)
+        faces += box(-0.5 * length, -0.64 * length, 0.11, 1.38, 1.66, Part.SKIN)
+        faces += box(-0.3 * length, -0.72 * length, 0.22 if motor else 0.17, 0.45, 0.78, Part.LEGS)
+        faces += box(-0.18 * length, -0.85 * length, thin, 0.4, 0.72, Part.BODY if motor else Part.TRIM)
+        faces += box(-0.22 * length, -0.28 * length, 0.33, 0.95, 1.05, Part.TRIM)
         for x in (-wheel, wheel - length):
-            if detail < 2:
-                faces += _wheels((x,), thin / 2, wheel, tyre=thin / 2)
+            if detail < _COARSEST:
+                faces += wheels((x,), thin / 2, wheel, 0, tyre=thin / 2)
             else:
-                faces += _box(x + wheel, x - wheel, thin / 2, 0.05, 2 * wheel, Part.TYRE)
-        if motor and detail < 2:
-            faces += _lights(-0.9 * length, 0.15, (0.8, 0.95), (0.6, 0.75))
+                faces += box(x + 0.92 * wheel, x - 0.92 * wheel, thin / 2, 0.08, 1.9 * wheel, Part.TYRE)
+        if motor and detail < _COARSEST:
+            faces += lights(-0.9 * length, 0.15, (0.8, 0.95), (0.6, 0.75))
         return faces
 
     return build
 
 
-def _pedestrian(detail: int) -> list[_Face]:
+def _pedestrian(detail: int) -> list[Face]:
     """Somebody walking, 1.75 m tall."""
-    faces = _loft([_section(-0.13, 0.2, 0.8, 1.42), _section(-0.37, 0.2, 0.8, 1.42)], Part.BODY)
-    faces += _box(-0.15, -0.35, 0.1, 1.46, 1.75, Part.SKIN)
-    if detail == 2:
-        return faces + _box(-0.12, -0.38, 0.16, 0.0, 0.82, Part.LEGS)
+    faces = loft([section(-0.13, 0.2, 0.8, 1.42), section(-0.37, 0.2, 0.8, 1.42)], Part.BODY)
+    faces += box(-0.15, -0.35, 0.1, 1.46, 1.75, Part.SKIN)
+    if detail == _COARSEST:
+        return faces + box(-0.12, -0.38, 0.16, 0.0, 0.82, Part.LEGS)
     for y, reach in ((0.09, 0.08), (-0.09, -0.08)):
-        leg = [_section(-0.17, 0.07, 0.8, 0.82), _section(-0.33, 0.07, 0.8, 0.82)]
+        leg = [section(-0.17, 0.07, 0.8, 0.82), section(-0.33, 0.07, 0.8, 0.82)]
         foot = leg[0][[0, 1, 1, 0]] * [1.0, 1.0, 0.0]
         foot[:, 0] = [-0.1 + reach] * 2 + [-0.3 + reach] * 2
         top = np.array([leg[0][0], leg[0][1], leg[1][1], leg[1][0]])
         sides = [
             (np.array([foot[k], foot[(k + 1) % 4], top[(k + 1) % 4], top[k]]), Part.LEGS) for k in range(4)
         ]
-        faces += _moved([*sides, (foot[::-1], Part.LEGS)], y)
-        faces += _moved(_box(-0.2 - reach, -0.31 - reach, 0.045, 0.78, 1.4, Part.BODY), y * 2.7)
+        faces += moved([*sides, (foot[::-1], Part.LEGS)], y)
+        faces += moved(box(-0.2 - reach, -0.31 - reach, 0.045, 0.78, 1.4, Part.BODY), y * 2.7)
     return faces
 
 
-def _ship(_detail: int) -> list[_Face]:
-    faces = _loft(
-        [_section(0.0, 0.3, 0.6, 2.0), _section(-4.0, 2.4, 0.0, 1.8), _section(-17.0, 2.2, 0.0, 1.8)],
+def _ship(_detail: int) -> list[Face]:
+    faces = loft(
+        [section(0.0, 0.3, 0.6, 2.0), section(-4.0, 2.4, 0.0, 1.8), section(-17.0, 2.2, 0.0, 1.8)],
         Part.BODY,
     )
-    return faces + _box(-9.0, -14.0, 1.6, 1.8, 4.0, Part.WHITE)
+    return faces + box(-9.0, -14.0, 1.6, 1.8, 4.0, Part.WHITE)
 
 
-_BUILDERS: dict[Kind, tuple[Callable[[int], list[_Face]], ...]] = {
+_BUILDERS: dict[Kind, tuple[Callable[[int], list[Face]], ...]] = {
     Kind.CAR: (_sedan, _hatchback, _wagon, _suv),
     Kind.TAXI: (_taxi,),
     Kind.VAN: (_van,),
@@ -384,8 +288,6 @@ _BUILDERS: dict[Kind, tuple[Callable[[int], list[_Face]], ...]] = {
     Kind.PEDESTRIAN: (_pedestrian,),
     Kind.SHIP: (_ship,),
 }
-DETAILS = 3
-"""Levels of detail; 0 is the finest."""
 
 
 @cache
@@ -394,22 +296,23 @@ def build_models() -> tuple[tuple[tuple[Model, ...], ...], ...]:
     return tuple(tuple(_levels(build) for build in _BUILDERS[kind]) for kind in Kind)
 
 
-def _levels(build: Callable[[int], list[_Face]]) -> tuple[Model, ...]:
-    return tuple(_triangulated(build(detail)) for detail in range(DETAILS))
-
-
-def _triangulated(polygons: list[_Face]) -> Model:
-    """Cut polygons into fans and scale the whole into the unit box."""
-    corners = np.concatenate([polygon for polygon, _ in polygons])
+def _levels(build: Callable[[int], list[Face]]) -> tuple[Model, ...]:
+    """Build a model at every level of detail, all in the box of the finest."""
+    corners = np.concatenate([polygon for polygon, _ in build(0)])
     low, high = corners.min(axis=0), corners.max(axis=0)
-    size = high - low
-    shift = np.array([high[0], (low[1] + high[1]) / 2, low[2]])
+    foot = np.array([high[0], (low[1] + high[1]) / 2, low[2]])
+    return tuple(_triangulated(build(detail), foot, high - low) for detail in range(DETAILS))
+
+
+def _triangulated(polygons: list[Face], foot: Floats, size: Floats) -> Model:
+    """Cut polygons into fans, and bring them from a box of this foot and size into the unit box."""
     faces, parts, start = [], [], 0
     for polygon, part in polygons:
         faces += [(start, start + k, start + k + 1) for k in range(1, len(polygon) - 1)]
         parts += [part] * (len(polygon) - 2)
         start += len(polygon)
-    unit, inverse = np.unique(np.round((corners - shift) / size, 6), axis=0, return_inverse=True)
+    corners = (np.concatenate([polygon for polygon, _ in polygons]) - foot) / size
+    unit, inverse = np.unique(np.round(corners, 6), axis=0, return_inverse=True)
     numbered = inverse.reshape(-1)[np.array(faces)].astype(np.int32)
     whole = (np.diff(np.sort(numbered, axis=1)) > 0).all(axis=1)
     return Model(vertices=unit, faces=numbered[whole], parts=np.array(parts, dtype=np.uint8)[whole])

@@ -9,7 +9,8 @@ of fast-math: the same input gives the same bits.
 from math import ceil
 
 import numpy as np
-from numba import njit
+
+from dojo_env.rendering.compiling import kernel
 
 NEARER, SHADOW, COVER = 0, 1, 2
 """What a triangle does to the pixels it covers.
@@ -23,8 +24,6 @@ the light of head lamps."""
 SHADOW_REACH = 0.8
 """How far along the optical axis a surface may be from the plane a shadow is cast on, metres."""
 
-kernel = njit(cache=True, nogil=True, error_model="numpy")
-
 
 @kernel
 def fill_triangle(x0, y0, w0, x1, y1, w1, x2, y2, w2, tag, mode, depths, tags):
@@ -37,7 +36,7 @@ def fill_triangle(x0, y0, w0, x1, y1, w1, x2, y2, w2, tag, mode, depths, tags):
         x1, y1, w1, x2, y2, w2 = x2, y2, w2, x1, y1, w1
     area = (x1 - x0) * (y2 - y0) - (x2 - x0) * (y1 - y0)
     height, width = tags.shape
-    if area == 0.0 or y2 <= 0.5 or y0 > height:
+    if area == 0.0 or y2 <= 0.5 or y0 > height or max(x0, x1, x2) <= 0.5 or min(x0, x1, x2) > width:
         return 0
     slope_x = ((w1 - w0) * (y2 - y0) - (w2 - w0) * (y1 - y0)) / area
     slope_y = ((w2 - w0) * (x1 - x0) - (w1 - w0) * (x2 - x0)) / area

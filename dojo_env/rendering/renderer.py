@@ -12,15 +12,15 @@ from dojo_env.conditions import Conditions
 from dojo_env.errors import ConfigError
 from dojo_env.rendering.background import SAMPLES, Background
 from dojo_env.rendering.boxes import Boxes, measure_boxes
-from dojo_env.rendering.canvas import Canvas
 from dojo_env.rendering.classes import SEMANTIC_OF_KIND, Semantic
-from dojo_env.rendering.drawing import LAMP, LIGHT_STEPS, Target
+from dojo_env.rendering.compiling import kernel
 from dojo_env.rendering.eye import Eye, open_eye
 from dojo_env.rendering.lighting import compute_light
-from dojo_env.rendering.raster import SHADED, STATIC, kernel
+from dojo_env.rendering.lights import LAMP, LIGHT_STEPS
+from dojo_env.rendering.raster import SHADED, STATIC
 from dojo_env.rendering.scene import NO_PATHS, Scene, SignalFaces
+from dojo_env.rendering.target import Target
 from dojo_env.rendering.traffic import Users, place_users
-from dojo_env.rendering.view import View
 from dojo_env.sensors.camera import Camera
 from dojo_env.snapshot import Snapshot
 
@@ -73,7 +73,6 @@ class Renderer:
         self._light = compute_light(conditions or Conditions())
         self._faces = SignalFaces(scene)
         self._eyes: dict[tuple[Camera, int], Eye] = {}
-        self._canvases: dict[tuple[int, int], Canvas] = {}
 
     def render(
         self, snapshot: Snapshot, cameras: Iterable[Camera], outputs: Sequence[str] = ("rgb",)
@@ -100,6 +99,10 @@ class Renderer:
         for key in [key for key in self._eyes if gone is None or key[0] in gone]:
             del self._eyes[key]
 
+    def close(self) -> None:
+        """Forget every background; the renderer may still be used."""
+        self.forget()
+
     def _picture(self, snapshot: Snapshot, users: Users, camera: Camera, wanted: frozenset[str]) -> Picture:
         made: dict[str, Any] = {}
         if "rgb" in wanted and self.smooth:
@@ -111,7 +114,7 @@ class Renderer:
             if "rgb" in wanted and not self.smooth:
                 made["rgb"] = _paint(target, eye.background)
             if "boxes" in wanted:
-                alone = partial(self._canvas(eye.view).count_pixels, eye.view, users)
+                alone = partial(eye.canvas.count_pixels, users)
                 made["boxes"] = measure_boxes(target, alone, users, snapshot, camera)
             made |= _labels(target, eye.background, snapshot, camera, wanted)
         return Picture(camera=camera, **made)
@@ -124,15 +127,7 @@ class Renderer:
         eye = self._eyes[key]
         states = tuple(snapshot.signals.items())
         paths = self._faces.paths(states) if self.show_links else NO_PATHS
-        canvas = self._canvas(eye.view)
-        target = canvas.draw(eye.view, eye.depths, users, self._faces.lit(states), paths, self._light)
-        return eye, eye.bend(target)
-
-    def _canvas(self, view: View) -> Canvas:
-        size = (view.height, view.width)
-        if size not in self._canvases:
-            self._canvases[size] = Canvas(*size)
-        return self._canvases[size]
+        return eye, eye.bend(eye.canvas.draw(users, self._faces.lit(states), paths, self._light))
 
 
 def _labels(
@@ -153,7 +148,7 @@ def _labels(
 
 def _paint(target: Target, background: Background) -> NDArray[np.uint8]:
     picture = background.lit.copy()
-    _resolve(target.tags, target.shades, background.shaded, background.headlit, picture)
+    _resolve(target.tags, target.spans, target.shades, background.shaded, background.headlit, picture)
     return picture
 
 
@@ -163,10 +158,10 @@ def _averaged(fine: NDArray[np.uint8], height: int, width: int) -> NDArray[np.ui
 
 
 @kernel
-def _resolve(tags, shades, shaded, headlit, picture):
+def _resolve(tags, spans, shades, shaded, headlit, picture):
     """Put the colours of what moves, of shadows and of head lamps into a copy of the lit background."""
     for row in range(tags.shape[0]):
-        for column in range(tags.shape[1]):
+        for column in range(spans[row, 0], spans[row, 1]):
             tag = tags[row, column]
             if tag == STATIC:
                 continue

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dojo_env.rendering import textures
-from dojo_env.rendering.raster import kernel
+from dojo_env.rendering.compiling import kernel
 
 Floats = NDArray[np.float64]
 

@@ -2,7 +2,7 @@
 
 from math import floor
 
-from dojo_env.rendering.raster import kernel
+from dojo_env.rendering.compiling import kernel
 
 
 @kernel

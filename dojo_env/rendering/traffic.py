@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dojo_env.rendering.lighting import to_linear
-from dojo_env.rendering.models import DETAILS, build_models
+from dojo_env.rendering.models import DETAILS, Model, build_models
 from dojo_env.snapshot import Kind, Snapshot
 
 Floats = NDArray[np.float64]
@@ -57,14 +57,20 @@ class Library(NamedTuple):
     Attributes:
         vertices: (n, 3) in the models' unit boxes.
         faces: (m, 3) indices that begin at 0 for each model and level.
+        planes: (m, 4) unit normal of each face and its distance from 0, in the unit box.
         parts: (m,) `Part`.
         spans: (models, levels, 4) first and last vertex, first and last face; last ones are exclusive.
     """
 
     vertices: Floats
     faces: Ints
+    planes: Floats
     parts: NDArray[np.uint8]
     spans: Ints
+
+
+MOST_FACES = 400
+"""No model has more faces."""
 
 
 @cache
@@ -77,9 +83,17 @@ def library() -> Library:
     return Library(
         vertices=np.concatenate([model.vertices for model in levels]),
         faces=np.concatenate([model.faces for model in levels]),
+        planes=np.concatenate([_planes(model) for model in levels]),
         parts=np.concatenate([model.parts for model in levels]),
         spans=spans.astype(np.int32).reshape(-1, DETAILS, 4),
     )
+
+
+def _planes(model: Model) -> Floats:
+    a, b, c = (model.vertices[model.faces[:, k]] for k in range(3))
+    normals = np.cross(b - a, c - a)
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    return np.column_stack([normals, (normals * a).sum(axis=1)])
 
 
 @cache

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from dojo_env.errors import ConfigError
 from dojo_env.rendering.classes import SEMANTIC_OF_KIND, Semantic
-from dojo_env.rendering.raster import kernel
+from dojo_env.rendering.compiling import kernel
 from dojo_env.rendering.scene import Scene
 from dojo_env.rendering.traffic import Users, library, place_users
 from dojo_env.snapshot import Snapshot

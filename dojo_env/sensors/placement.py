@@ -35,7 +35,8 @@ _PROBE_SIZE = (64, 89)
 _SEEN_ENOUGH, _WORTH_MOVING = 0.98, 0.02
 """Shares of the lanes in view that end the search, and that make another place better."""
 _HIGHEST = 400.0
-_BEV = "bev"
+BEV = "bev"
+"""Name of the camera straight above a signal."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -89,8 +90,9 @@ def find_approaches(road_map: RoadMap, signal: Signal) -> tuple[Approach, ...]:
 def place_cameras(scene: Scene, signal_id: str, *, width: int = 356, height: int = 256) -> tuple[Camera, ...]:
     """Place one camera per approach of a signal and, last, one straight above it named `bev`.
 
-    The approach cameras are named after their roads. They hang 10 m up and look down by 35 degrees at the
-    lanes that come in; of several places the one that sees most of them is taken.
+    The approach cameras are named `approach_0` and so on, in the order of `find_approaches`. They hang 10 m
+    up and look down by 35 degrees at the lanes that come in; of several places the one that sees most of
+    them is taken.
 
     Raises:
         ConfigError: the map has no such signal, or no vehicles drive up to it.
@@ -99,7 +101,10 @@ def place_cameras(scene: Scene, signal_id: str, *, width: int = 356, height: int
     approaches = find_approaches(scene.road_map, signal)
     if not approaches:
         raise ConfigError(f"signal {signal_id!r}: no lane leads to it, so no camera can look at one")
-    cameras = [_approach_camera(scene, approach, width, height) for approach in approaches]
+    cameras = [
+        replace(_approach_camera(scene, approach, width, height), name=f"approach_{k}")
+        for k, approach in enumerate(approaches)
+    ]
     return (*cameras, _bev_camera(scene.road_map, signal, approaches, width, height))
 
 
@@ -224,7 +229,7 @@ def _bev_camera(
     need = max((high[0] - low[0]) / 2 / slope, (high[1] - low[1]) / 2 / (slope * height / width))
     above = min(_HIGHEST, 1.08 * need + 4.0)
     return Camera(
-        name=_BEV,
+        name=BEV,
         position=(round(float(middle[0]), 3), round(float(middle[1]), 3), round(float(high[2]) + above, 3)),
         heading_deg=90.0,
         pitch_deg=-90.0,

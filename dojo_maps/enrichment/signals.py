@@ -2,7 +2,7 @@
 
 from collections import defaultdict
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 import shapely
@@ -21,8 +21,8 @@ from dojo_maps.description import (
     StopLine,
     points,
 )  # fmt: skip
-from dojo_maps.geometry.pieces import lane_strips
-from dojo_maps.geometry.polylines import drop_repeats, place_on
+from dojo_maps.enrichment.pole_sites import PoleSites
+from dojo_maps.geometry.polylines import Floats, drop_repeats, place_on
 
 _STOPPING_STATES = "sw"
 """Connections of these states belong to a stop sign or an all-way stop."""
@@ -37,7 +37,14 @@ POLE_HEIGHT = 6.0
 WALK_HEAD_HEIGHT = 2.3
 WALK_POLE_HEIGHT = 2.7
 _HEAD_SPACING = 0.55
-_POLE_OFFSETS = (0.6, 1.2, 2.0, 3.0, 4.5, 6.0, 8.0, 10.0, 12.0, 15.0)
+_POLE_OFFSETS = (0.6, 1.2, 2.0, 3.0, 4.5, 6.0)
+"""How far beside an approach's lanes its pole may stand in line with the heads, metres."""
+_POLE_REACH = 30.0
+"""How far from there it may stand where nothing of that is free, metres."""
+_WALK_POLE_BACK = (0.4, 1.0, 2.0)
+"""How far behind a crossing's end its pole may stand, metres."""
+_WALK_POLE_ASIDE = 0.3
+_WALK_POLE_REACH = 8.0
 _NO_STOP_LINE = (LaneKind.RAIL, LaneKind.WATERWAY, LaneKind.SIDEWALK)
 
 
@@ -58,7 +65,7 @@ def place_stop_lines(road_map: RoadMap) -> tuple[StopLine, ...]:
     ]
     areas = [shapely.polygons(crossing.polygon[:, :2]) for crossing in road_map.crossings]
     tree = shapely.STRtree(areas)
-    return tuple(StopLine(lane=lane.id, shape=_across(lane, -_stop_distance(lane, tree))) for lane in lanes)
+    return tuple(StopLine(lane=lane.id, shape=_across(lane, _stop_distance(lane, tree))) for lane in lanes)
 
 
 def _stop_distance(lane: Lane, crossings: shapely.STRtree) -> float:
@@ -77,42 +84,38 @@ def place_signal_heads(road_map: RoadMap) -> RoadMap:
     """Hang a head over each signalled lane for each group of links that always show alike.
 
     Heads hang at the stop line on an arm that a pole beside the approach carries; walkers' heads stand at
-    both ends of a signalised crossing, each facing the other end.
+    both ends of a signalised crossing, each facing the other end. No pole stands where vehicles drive: where
+    nothing else is in reach there is none, and the heads hang over the traffic as if from a wire.
     """
     lane_of = {lane.id: lane for lane in road_map.lanes}
     crossing_of = {crossing.id: crossing for crossing in road_map.crossings}
-    site = _RoadSite(road_map)
+    sites = PoleSites(road_map)
     signals, poles = [], list[Prop]()
     for signal in road_map.signals:
         heads: list[SignalHead] = []
         for road, lanes in _approaches(signal, lane_of).items():
-            lane_heads = [head for lane in lanes for head in _lane_heads(signal, lane)]
-            heads += lane_heads
-            poles.append(_approach_pole(signal, road, lanes, site, left_hand=road_map.left_hand))
+            heads += [head for lane in lanes for head in _lane_heads(signal, lane)]
+            poles += _approach_pole(signal, road, lanes, sites, left_hand=road_map.left_hand)
         for link in signal.links:
             if link.kind is LinkKind.PEDESTRIAN and link.to_id in crossing_of:
-                walk_heads = _walk_heads(crossing_of[link.to_id], link)
-                heads += walk_heads
-                poles += _walk_poles(signal, link, walk_heads)
+                for k, end in enumerate(_crossing_ends(crossing_of[link.to_id])):
+                    place = sites.choose(end.spots, end.area)
+                    heads.append(_walk_head(link, end, place))
+                    if place is not None:
+                        poles.append(_walk_pole(signal, link, k, place, end.height))
         signals.append(replace(signal, heads=tuple(heads)))
     return replace(road_map, signals=tuple(signals), props=road_map.props + tuple(poles))
 
 
-class _RoadSite:
-    """Knows where vehicles drive, so that no pole stands there."""
-
-    def __init__(self, road_map: RoadMap) -> None:
-        lanes = [lane for lane in road_map.lanes if lane.kind is not LaneKind.SIDEWALK]
-        self._strips = shapely.STRtree(lane_strips(lanes))
-
-    def is_free(self, x: float, y: float) -> bool:
-        return not len(self._strips.query(shapely.Point(x, y).buffer(0.15), predicate="intersects"))
-
-
 def _across(lane: Lane, distance: float) -> Points:
-    position, heading = place_on(lane.shape, max(distance, -lane.length / 2))
+    position, heading = _near_end(lane, distance)
     normal = np.array([-np.sin(heading), np.cos(heading), 0.0]) * lane.width / 2
     return points(np.round([position - normal, position + normal], 4))
+
+
+def _near_end(lane: Lane, distance: float = _STOP_BACK) -> tuple[Floats, float]:
+    """Find the place some metres before a lane's end, but not before its middle, and the heading there."""
+    return place_on(lane.shape, max(-distance, -lane.length / 2))
 
 
 def _approaches(signal: Signal, lane_of: dict[str, Lane]) -> dict[str, list[Lane]]:
@@ -131,7 +134,7 @@ def _lane_heads(signal: Signal, lane: Lane) -> Iterator[SignalHead]:
         if link.from_id == lane.id and link.kind is LinkKind.VEHICLE:
             shown = tuple(_letter(p.state, link) for program in signal.programs for p in program.phases)
             groups[shown].append(link.index)
-    position, heading = place_on(lane.shape, max(-_STOP_BACK, -lane.length / 2))
+    position, heading = _near_end(lane)
     normal = np.array([-np.sin(heading), np.cos(heading)])
     spacing = min(_HEAD_SPACING, lane.width / max(len(groups), 1))
     for k, indices in enumerate(groups.values()):
@@ -149,55 +152,75 @@ def _letter(state: str, link: Link) -> str:
 
 
 def _approach_pole(
-    signal: Signal, road: str, lanes: Sequence[Lane], site: _RoadSite, *, left_hand: bool
-) -> Prop:
-    """Find a place for an approach's pole: outside of its lanes if free, else on the inner side."""
+    signal: Signal, road: str, lanes: Sequence[Lane], sites: PoleSites, *, left_hand: bool
+) -> Iterator[Prop]:
+    """Find a place for an approach's pole: outside of its lanes if free, on the inner side, or near."""
     outer = 1.0 if left_hand else -1.0
+    spots = []
     for lane, side in ((lanes[0], outer), (lanes[-1], -outer)):
-        position, heading = place_on(lane.shape, max(-_STOP_BACK, -lane.length / 2))
+        position, heading = _near_end(lane)
         normal = np.array([-np.sin(heading), np.cos(heading)]) * side
-        spots = [position[:2] + normal * (lane.width / 2 + offset) for offset in _POLE_OFFSETS]
-        free = [spot for spot in spots if site.is_free(*spot)]
-        if free:
-            break
-    x, y = free[0] if free else spots[0]
-    return Prop(
-        id=f"pole:{signal.id}:{road}",
-        kind="pole",
-        height=POLE_HEIGHT,
-        position=_rounded(x, y, position[2]),
-        tags=(("signal", signal.id), ("road", road)),
-    )
+        spots += [position[:2] + normal * (lane.width / 2 + offset) for offset in _POLE_OFFSETS]
+    place = sites.choose(spots, shapely.Point(spots[0]).buffer(_POLE_REACH))
+    if place is not None:
+        x, y = place
+        yield Prop(
+            id=f"pole:{signal.id}:{road}",
+            kind="pole",
+            height=POLE_HEIGHT,
+            position=_rounded(x, y, position[2]),
+            tags=(("signal", signal.id), ("road", road)),
+        )
 
 
-def _walk_heads(crossing: Crossing, link: Link) -> list[SignalHead]:
-    heads = []
+@dataclass(frozen=True, slots=True)
+class _CrossingEnd:
+    """Where a walker's head may stand at one end of a crossing, best first, and where it faces.
+
+    `area` is where else: in reach, and nearer to this end than to the other.
+    """
+
+    spots: list[Floats]
+    area: shapely.Geometry
+    height: float
+    heading: float
+
+
+def _crossing_ends(crossing: Crossing) -> Iterator[_CrossingEnd]:
+    """Describe both ends: behind each, on either side of the crossing, the head looks along it."""
+    middle = (crossing.shape[0, :2] + crossing.shape[-1, :2]) / 2
     for distance in (0.0, -1e-6):
         position, heading = place_on(crossing.shape, distance)
         # The head at the start looks along the line at people coming from the end, and the other way round.
         toward = heading if distance == 0.0 else heading + np.pi
-        back = position[:2] - 0.4 * np.array([np.cos(toward), np.sin(toward)])
-        aside = (crossing.width / 2 + 0.3) * np.array([-np.sin(heading), np.cos(heading)])
-        heads.append(
-            SignalHead(
-                link_indices=(link.index,),
-                position=_rounded(back[0] + aside[0], back[1] + aside[1], position[2] + WALK_HEAD_HEIGHT),
-                heading=round(float((toward + np.pi) % (2 * np.pi) - np.pi), 6),
-            )
-        )
-    return heads
+        ahead = np.array([np.cos(toward), np.sin(toward)])
+        aside = (crossing.width / 2 + _WALK_POLE_ASIDE) * np.array([-np.sin(heading), np.cos(heading)])
+        spots = [position[:2] - back * ahead + side for back in _WALK_POLE_BACK for side in (aside, -aside)]
+        facing = round(float((toward + np.pi) % (2 * np.pi) - np.pi), 6)
+        beside = 2 * _WALK_POLE_REACH * np.array([-ahead[1], ahead[0]])
+        behind = middle - 2 * (_WALK_POLE_REACH + float(np.hypot(*(position[:2] - middle)))) * ahead
+        half = shapely.Polygon([middle + beside, middle - beside, behind - beside, behind + beside])
+        area = half.intersection(shapely.Point(spots[0]).buffer(_WALK_POLE_REACH))
+        yield _CrossingEnd(spots, area, float(position[2]), facing)
 
 
-def _walk_poles(signal: Signal, link: Link, heads: Sequence[SignalHead]) -> Iterator[Prop]:
-    for k, head in enumerate(heads):
-        x, y, z = head.position
-        yield Prop(
-            id=f"pole:{signal.id}:{link.to_id}:{link.index}:{k}",
-            kind="pole",
-            height=WALK_POLE_HEIGHT,
-            position=_rounded(x, y, z - WALK_HEAD_HEIGHT),
-            tags=(("signal", signal.id), ("crossing", link.to_id)),
-        )
+def _walk_head(link: Link, end: _CrossingEnd, place: Floats | None) -> SignalHead:
+    x, y = end.spots[0] if place is None else place
+    height = HEAD_HEIGHT if place is None else WALK_HEAD_HEIGHT
+    return SignalHead(
+        link_indices=(link.index,), position=_rounded(x, y, end.height + height), heading=end.heading
+    )
+
+
+def _walk_pole(signal: Signal, link: Link, number: int, place: Floats, height: float) -> Prop:
+    x, y = place
+    return Prop(
+        id=f"pole:{signal.id}:{link.to_id}:{link.index}:{number}",
+        kind="pole",
+        height=WALK_POLE_HEIGHT,
+        position=_rounded(x, y, height),
+        tags=(("signal", signal.id), ("crossing", link.to_id)),
+    )
 
 
 def _rounded(x: float, y: float, z: float) -> tuple[float, float, float]:

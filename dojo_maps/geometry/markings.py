@@ -9,7 +9,7 @@ import numpy as np
 import shapely
 
 from dojo_maps.description import Lane, LaneKind, Road, RoadMap
-from dojo_maps.geometry.paint import Canvas, Paint, PaintLayer
+from dojo_maps.geometry.paint import KERB_GAP, Canvas, Paint, PaintLayer
 from dojo_maps.geometry.polylines import Flags, Ints, Shapes, drop_repeats, offset_lines
 
 _WIDTH = 0.12
@@ -176,7 +176,7 @@ def _paintable(areas: Shapes, shared: Flags) -> Shapes:
     """Keep lines off the borders of their ground by half a line; a slit between two roads is no border."""
     slit = _TOUCHING / 2
     areas[shared] = shapely.buffer(areas[shared], slit, join_style="mitre", mitre_limit=2.0)
-    inset = np.where(shared, slit, 0.0) + _WIDTH / 2
+    inset = np.where(shared, slit, 0.0) + _WIDTH / 2 + KERB_GAP
     return shapely.buffer(areas, -inset, join_style="mitre", mitre_limit=2.0)
 
 

@@ -8,7 +8,7 @@ import numpy as np
 import shapely
 
 from dojo_maps.geometry.arrangement import Parts
-from dojo_maps.geometry.pieces import Layer, Pieces
+from dojo_maps.geometry.pieces import GRID, Layer, Pieces
 from dojo_maps.geometry.polylines import Ints, Shapes
 
 
@@ -30,6 +30,10 @@ LIFT = {
     PaintLayer.ARROW: 0.016,
 }
 """How far each kind of paint lies above the ground, metres, so that no two faces share a plane."""
+
+KERB_GAP = 0.003
+"""Metres between paint and the carriageway's border. Paint that ends right there crosses it by what single
+precision moves corners, up to half a millimetre, and lies inside of a kerb then."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -56,6 +60,7 @@ class Canvas:
         owned = [(int(owner), polygon) for owner, polygon in zip(parts.owners, parts.polygons, strict=True)]
         owned = [(owner, polygon) for owner, polygon in owned if owner >= 0 and pieces.layers[owner] in paved]
         self._carriageway = np.array([polygon for _, polygon in owned], dtype=object)
+        self._border = shapely.STRtree(_outer_edges(self._carriageway))
         self._of: dict[str, list[shapely.Polygon]] = {}
         for owner, polygon in owned:
             if pieces.layers[owner] is Layer.ROAD:
@@ -69,6 +74,27 @@ class Canvas:
     def cut(self, polygons: Shapes) -> tuple[Shapes, Ints]:
         """Cut polygons to the carriageway; returns the pieces and the index of each one's polygon."""
         index, part = shapely.STRtree(self._carriageway).query(polygons, predicate="intersects")
-        pieces = shapely.intersection(polygons[index], self._carriageway[part])
+        pieces = self.keep_off_border(shapely.intersection(polygons[index], self._carriageway[part]))
         kept = shapely.area(pieces) > 1e-3
         return pieces[kept], index[kept]
+
+    def keep_off_border(self, shapes: Shapes) -> Shapes:
+        """Take off what lies within a few millimetres of the carriageway's border."""
+        shape, edge = self._border.query(shapes, predicate="dwithin", distance=KERB_GAP)
+        order = np.argsort(shape, kind="stable")
+        near, number = np.unique(shape[order], return_inverse=True)
+        borders = shapely.multilinestrings(self._border.geometries[edge[order]], indices=number)
+        trimmed = shapes.copy()
+        trimmed[near] = shapely.difference(shapes[near], shapely.buffer(borders, KERB_GAP, quad_segs=2))
+        return trimmed
+
+
+def _outer_edges(polygons: Shapes) -> Shapes:
+    """Find the edges that have one of some adjoining polygons on one side and none on the other."""
+    corners, ring = shapely.get_coordinates(shapely.get_rings(polygons), return_index=True)
+    edges = np.stack([corners[:-1], corners[1:]], axis=1)[ring[:-1] == ring[1:]]
+    raster = np.round(edges / GRID).astype(np.int64)
+    ends = np.sort((raster[:, :, 0] << 32) + raster[:, :, 1], axis=1)
+    _, first, count = np.unique(ends, axis=0, return_index=True, return_counts=True)
+    # Polygons on another level may have the same edge, on both sides or on one.
+    return shapely.linestrings(edges[first[count % 2 == 1]])

@@ -72,7 +72,7 @@ def arrow_paint(road_map: RoadMap, canvas: Canvas) -> Paint:
             ids.append(lane.id)
     return Paint(
         layer=PaintLayer.ARROW,
-        polygons=np.array(polygons, dtype=object),
+        polygons=canvas.keep_off_border(np.array(polygons, dtype=object)),
         ids=tuple(ids),
     )
 

@@ -68,15 +68,16 @@ def _poles_and_arms(
         foot = np.array(pole.position) - shift
         top = foot + np.array([0.0, 0.0, pole.height])
         yield signal.id, *_tube(foot - [0.0, 0.0, 0.2], top, _POLE_RADIUS)
-        for head in arms.get(road or "", ()):
-            hook = np.array(head.position) - shift + [0.0, 0.0, _ARM_ABOVE_HEAD]
+        hooks = [
+            np.array(head.position) - shift + [0.0, 0.0, _ARM_ABOVE_HEAD] for head in arms.get(road or "", ())
+        ]
+        for hook in hooks:
             yield signal.id, *_tube(hook - [0.0, 0.0, _ARM_ABOVE_HEAD / 2], hook, _ARM_RADIUS / 2)
-        if arms.get(road or ""):
-            hooks = [
-                np.array(head.position) - shift + [0.0, 0.0, _ARM_ABOVE_HEAD] for head in arms[road or ""]
-            ]
-            farthest = max(hooks, key=lambda hook: float(np.hypot(*(hook - foot)[:2])))
-            yield signal.id, *_tube(np.array([*foot[:2], farthest[2]]), farthest, _ARM_RADIUS)
+        if hooks:
+            # A pole that does not stand in line with the heads reaches for the nearest, then along them.
+            hooks.sort(key=lambda hook: float(np.hypot(*(hook - foot)[:2])))
+            yield signal.id, *_tube(np.array([*foot[:2], hooks[0][2]]), hooks[0], _ARM_RADIUS)
+            yield signal.id, *_tube(hooks[0], hooks[-1], _ARM_RADIUS)
 
 
 def _housing(head: SignalHead, shift: Floats, *, walking: bool) -> tuple[Floats, Ints]:

@@ -1,0 +1,281 @@
+"""The settings, in frozen groups that refuse contradictions; users give them as plain keywords."""
+
+import difflib
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, fields
+from pathlib import Path
+from typing import Any
+
+from dojo_env.conditions import Conditions, sample_conditions
+from dojo_env.errors import ConfigError
+from dojo_env.scenario import Scenario, find_scenario, with_files
+from dojo_env.sensors.camera import Camera
+
+ACTION_MODES = ("choose_phase", "next_or_keep", "set_duration")
+PROGRAMS = ("network", "actuated", "delay_based")
+_DEFAULT_MAX_GREEN = 60.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class EpisodeConfig:
+    """When an episode begins and ends, and what is written of it.
+
+    Attributes:
+        begin_time: simulated seconds; None takes the scenario's.
+        num_seconds: how long it lasts.
+        delta_time: seconds from decision to decision.
+        out_csv_name: the beginning of the names of a CSV and a JSON file per episode.
+        record_name: the beginning of the name of a recording per episode.
+    """
+
+    begin_time: float | None = None
+    num_seconds: float = 3600
+    delta_time: float = 5
+    out_csv_name: str | None = None
+    record_name: str | None = None
+
+    def __post_init__(self) -> None:
+        """Refuse times that cannot be."""
+        _refuse_below("delta_time", self.delta_time, 1)
+        _refuse_below("num_seconds", self.num_seconds, self.delta_time)
+        if self.begin_time is not None:
+            _refuse_below("begin_time", self.begin_time, 0)
+        _refuse_fraction("delta_time", self.delta_time)
+        if self.num_seconds % self.delta_time:
+            raise ConfigError(
+                f"num_seconds={self.num_seconds} is no multiple of delta_time={self.delta_time}; change one"
+            )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SignalConfig:
+    """How signals are controlled. Times are whole seconds.
+
+    Attributes:
+        ts_ids: the signals that agents control; None takes all. The others run the network's own program.
+        action_mode: `choose_phase`, `next_or_keep` or `set_duration`.
+        yellow_time: seconds, or "speed" for what each approach's speed limit asks for.
+        all_red: seconds after yellow in which nothing new turns green.
+        min_green: seconds of green, yellow not counted, before a change is granted.
+        max_green: seconds of green after which the next phase follows; None sets no limit.
+        enforce_max_green: as SUMO-RL has it; True without `max_green` means 60 s.
+        walking_speed: m/s, of the slowest walker who must get across before traffic does.
+        phases: `program` takes the green phases of the network's own program, `computed` builds sets of
+            movements without conflicts.
+        fixed_ts: no agent controls anything; `program` runs.
+        program: with `fixed_ts`: the `network`'s own, or SUMO's `actuated` or `delay_based` logic over it.
+    """
+
+    ts_ids: tuple[str, ...] | None = None
+    action_mode: str = "choose_phase"
+    yellow_time: float | str = 2
+    all_red: float = 0
+    min_green: float = 10
+    max_green: float | None = None
+    enforce_max_green: bool | None = None
+    walking_speed: float = 1.2
+    phases: str = "program"
+    fixed_ts: bool = False
+    program: str = "network"
+
+    def __post_init__(self) -> None:
+        """Refuse contradictions, and settle what depends on another setting."""
+        _refuse_other("action_mode", self.action_mode, ACTION_MODES)
+        _refuse_other("phases", self.phases, ("program", "computed"))
+        _refuse_other("program", self.program, PROGRAMS)
+        if self.yellow_time != "speed":
+            _refuse_below("yellow_time", self.yellow_time, 1, hint=' seconds or "speed"')
+            _refuse_fraction("yellow_time", self.yellow_time)
+        for name, least in (("all_red", 0), ("min_green", 1), ("walking_speed", 0.1)):
+            _refuse_below(name, getattr(self, name), least)
+        _refuse_fraction("all_red", self.all_red)
+        _refuse_fraction("min_green", self.min_green)
+        self._settle_max_green()
+        if self.ts_ids is not None:
+            object.__setattr__(self, "ts_ids", tuple(self.ts_ids))
+        if self.program != "network" and not self.fixed_ts:
+            raise ConfigError(f"program={self.program!r} needs fixed_ts=True: agents cannot act beside it")
+
+    def _settle_max_green(self) -> None:
+        needed = self.enforce_max_green or self.action_mode == "set_duration" or self.program != "network"
+        if self.max_green is None and needed:
+            object.__setattr__(self, "max_green", _DEFAULT_MAX_GREEN)
+        if self.max_green is None:
+            return
+        _refuse_fraction("max_green", self.max_green)
+        if self.enforce_max_green is False:
+            raise ConfigError("max_green is set and enforce_max_green is False; leave one of them out")
+        if self.max_green < self.min_green:
+            raise ConfigError(f"max_green={self.max_green} is below min_green={self.min_green}; change one")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TrafficConfig:
+    """How SUMO runs.
+
+    Attributes:
+        max_depart_delay: seconds after which a vehicle that found no place is dropped; -1 waits forever.
+        waiting_time_memory: seconds over which waiting accumulates.
+        time_to_teleport: seconds after which a stuck vehicle is moved on; -1 never does.
+        sumo_seed: of episodes that `reset` gives no seed; None draws one from the environment's generator.
+        emission_class: given to every vehicle type of an episode; None keeps SUMO's.
+        sumo_warnings: let SUMO print its warnings.
+        additional_sumo_cmd: more of SUMO's options, as on a command line.
+        backend: `libsumo` runs SUMO in this process, `traci` as a program of its own.
+        use_gui: show SUMO's window; needs `traci`.
+    """
+
+    max_depart_delay: int = -1
+    waiting_time_memory: int = 1000
+    time_to_teleport: int = -1
+    sumo_seed: int | str | None = None
+    emission_class: str | None = "HBEFA3/PC_G_EU4"
+    sumo_warnings: bool = False
+    additional_sumo_cmd: str = ""
+    backend: str = "libsumo"
+    use_gui: bool = False
+
+    def __post_init__(self) -> None:
+        """Refuse contradictions."""
+        _refuse_other("backend", self.backend, ("libsumo", "traci"))
+        if self.use_gui and self.backend == "libsumo":
+            raise ConfigError('use_gui=True needs backend="traci": libsumo has no window')
+        if self.sumo_seed == "random":
+            object.__setattr__(self, "sumo_seed", None)
+        if self.sumo_seed is not None and (not isinstance(self.sumo_seed, int) or self.sumo_seed < 0):
+            raise ConfigError(f'sumo_seed={self.sumo_seed!r}: expected a whole number from 0, or "random"')
+        object.__setattr__(self, "additional_sumo_cmd", self.additional_sumo_cmd or "")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SensingConfig:
+    """How cameras and lidars see.
+
+    Attributes:
+        conditions: light, weather and lenses; or ranges of them by name, from which each episode draws.
+        cameras: by signal, instead of those that are placed from the map.
+        width: pixels, of the cameras that are placed.
+        height: pixels.
+        renderer: `raster`, or `bullet` for pybullet's.
+        smooth: anti-alias what moves, too.
+        show_links: draw each link's path in the colour it shows.
+    """
+
+    conditions: Conditions | Mapping[str, tuple[float, float]] = field(default_factory=Conditions)
+    cameras: Mapping[str, Sequence[Camera]] = field(default_factory=dict)
+    width: int = 356
+    height: int = 256
+    renderer: str = "raster"
+    smooth: bool = False
+    show_links: bool = False
+
+    def __post_init__(self) -> None:
+        """Refuse what cannot be."""
+        _refuse_other("renderer", self.renderer, ("raster", "bullet"))
+        if isinstance(self.conditions, Mapping):
+            sample_conditions(self.conditions, seed=0)
+        elif not isinstance(self.conditions, Conditions):
+            raise ConfigError(f"conditions={self.conditions!r}: expected Conditions, or ranges by name")
+        for signal, cameras in self.cameras.items():
+            names = [camera.name for camera in cameras]
+            if not names or len(set(names)) < len(names):
+                raise ConfigError(f"cameras of signal {signal!r}: give at least one, each a name of its own")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class EnvConfig:
+    """Everything an environment is made from.
+
+    Attributes:
+        observation: a name, a dict of named sensors, or an object that observes; see `observations`.
+        reward_fn: a name, a callable, a dict of names and weights, or a dict with one of these per signal.
+    """
+
+    scenario: Scenario
+    episode: EpisodeConfig = field(default_factory=EpisodeConfig)
+    signals: SignalConfig = field(default_factory=SignalConfig)
+    traffic: TrafficConfig = field(default_factory=TrafficConfig)
+    sensing: SensingConfig = field(default_factory=SensingConfig)
+    observation: Any = "features"
+    reward_fn: str | Callable[..., float] | Mapping[str, Any] = "diff-waiting-time"
+
+    @property
+    def begin(self) -> float:
+        """The simulated second at which an episode begins."""
+        named = self.episode.begin_time
+        return self.scenario.begin if named is None else named
+
+
+_GROUPS = {
+    "episode": EpisodeConfig,
+    "signals": SignalConfig,
+    "traffic": TrafficConfig,
+    "sensing": SensingConfig,
+}
+_PLACES = {f.name: group for group, cls in _GROUPS.items() for f in fields(cls)}
+_OTHERS = ("scenario", "net_file", "route_file", "observation", "observation_class", "reward_fn")
+
+
+def build_config(
+    *,
+    scenario: str | Path | Scenario | None = None,
+    net_file: str | Path | None = None,
+    route_file: Any = None,
+    **keywords: Any,
+) -> EnvConfig:
+    """Sort keywords into the groups they belong to; a group itself may be given under its name, too.
+
+    Raises:
+        ConfigError: a keyword is unknown, a value cannot work, or two contradict each other.
+    """
+    if scenario is None:
+        if net_file is None or route_file is None:
+            raise ConfigError("name a scenario, such as scenario='cologne1', or net_file and route_file")
+        found = with_files(Scenario(map=Path(net_file)), route_file=route_file)
+    else:
+        found = with_files(find_scenario(scenario), net_file=net_file, route_file=route_file)
+    if "observation_class" in keywords:
+        keywords["observation"] = keywords.pop("observation_class")
+    top = {name: keywords.pop(name) for name in ("observation", "reward_fn") if name in keywords}
+    groups: dict[str, Any] = {}
+    for group, cls in _GROUPS.items():
+        named = {name: keywords.pop(name) for name in list(keywords) if _PLACES.get(name) == group}
+        given = keywords.pop(group, None)
+        if given is not None and named:
+            raise ConfigError(f"{group} is given whole, and {', '.join(named)} beside it; leave one out")
+        groups[group] = given if given is not None else _build_group(cls, named)
+    if keywords:
+        raise ConfigError(_unknown(next(iter(keywords))))
+    return EnvConfig(scenario=found, **groups, **top)
+
+
+def _build_group(cls: Any, named: dict[str, Any]) -> Any:
+    try:
+        return cls(**named)
+    except TypeError as error:
+        shown = ", ".join(f"{name}={value!r}" for name, value in named.items())
+        raise ConfigError(f"{shown}: a value has the wrong type ({error})") from error
+
+
+def _unknown(name: str) -> str:
+    known = (*_PLACES, *_OTHERS)
+    near = difflib.get_close_matches(name, known, n=1)
+    hint = f"did you mean {near[0]!r}?" if near else f"known are {', '.join(known)}"
+    return f"there is no setting {name!r}; {hint}"
+
+
+def _refuse_below(name: str, value: Any, least: float, *, hint: str = "") -> None:
+    number = isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+    if not number or value < least:
+        raise ConfigError(f"{name}={value!r}: expected at least {least}{hint}")
+
+
+def _refuse_fraction(name: str, value: Any) -> None:
+    if value != int(value):
+        raise ConfigError(f"{name}={value!r}: expected whole seconds")
+
+
+def _refuse_other(name: str, value: object, known: tuple[str, ...]) -> None:
+    if value not in known:
+        raise ConfigError(f"{name}={value!r}: expected one of {', '.join(known)}")

@@ -1,0 +1,38 @@
+"""Controllers that do not learn, by name, under the same constraints as agents."""
+
+from collections.abc import Callable, Mapping
+
+from dojo_env.controllers.base import Controller
+from dojo_env.controllers.fixed_time import Cycle
+from dojo_env.controllers.max_pressure import MaxPressure
+from dojo_env.controllers.random_choice import RandomChoice
+from dojo_env.controllers.sotl import Sotl
+from dojo_env.controllers.webster import Webster
+from dojo_env.errors import ConfigError
+
+_MAKERS: Mapping[str, Callable[[], Controller]] = {
+    "fixed-time": lambda: Controller(settings={"fixed_ts": True}),
+    "cycle": Cycle,
+    "webster": Webster,
+    "actuated": lambda: Controller(settings={"fixed_ts": True, "program": "actuated"}),
+    "delay-based": lambda: Controller(settings={"fixed_ts": True, "program": "delay_based"}),
+    "sotl": Sotl,
+    "max-pressure": MaxPressure,
+    "random": RandomChoice,
+}
+CONTROLLERS = tuple(_MAKERS)
+"""The controllers' names."""
+
+
+def make_controller(name: str) -> Controller:
+    """Make a controller by its name.
+
+    Raises:
+        ConfigError: there is none of that name.
+    """
+    if name not in _MAKERS:
+        raise ConfigError(f"controller {name!r}: expected one of {', '.join(CONTROLLERS)}")
+    return _MAKERS[name]()
+
+
+__all__ = ["CONTROLLERS", "Controller", "make_controller"]

@@ -1,0 +1,124 @@
+"""The Gymnasium environment: one signal, one agent."""
+
+from typing import Any
+
+import gymnasium
+import numpy as np
+
+from dojo_env.config import EnvConfig, build_config
+from dojo_env.errors import ConfigError
+from dojo_env.instant import Instant
+from dojo_env.worker import open_world
+from dojo_env.world import World
+
+_LARGEST_SEED = 2**31 - 2
+
+
+class TrafficSignalEnv(gymnasium.Env[Any, Any]):
+    """One signal of a scenario, as contract and README describe it; see `config` for the keywords."""
+
+    metadata: dict[str, Any] = {"render_modes": [], "render_fps": 4}  # noqa: RUF012 - Gymnasium's own way
+
+    def __init__(
+        self,
+        config: EnvConfig | None = None,
+        *,
+        render_mode: str | None = None,
+        own_process: bool = False,
+        **keywords: Any,
+    ) -> None:
+        """Open the map.
+
+        Args:
+            config: all settings at once, instead of keywords.
+            render_mode: one of `metadata["render_modes"]`, or None.
+            own_process: run the simulation in a process of its own, so that several fit into this one.
+            keywords: settings by their names in `config`'s groups.
+
+        Raises:
+            ConfigError: a setting cannot work, or the scenario has several signals and none is named.
+        """
+        if render_mode is not None and render_mode not in self.metadata["render_modes"]:
+            raise ConfigError(f"render_mode={render_mode!r}: expected one of {self.metadata['render_modes']}")
+        self.render_mode = render_mode
+        self.config = one_config(config, keywords)
+        self.world: World = open_world(self.config, own_process=own_process)
+        if len(self.world.signals) != 1:
+            names = ", ".join(self.world.signals)
+            self.world.close()
+            raise ConfigError(
+                f"scenario {self.config.scenario.name} has several signals ({names}): "
+                "name one, as in ts_ids=[...], or use dojo_env.parallel_env"
+            )
+        self.signal = self.world.signals[0]
+        self.observation_space, self.action_space = self.world.spaces()[self.signal]
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Any, dict[str, Any]]:
+        """Begin an episode; without a seed, one follows from the seed before."""
+        super().reset(seed=seed, options=options)
+        observations, info = self.world.reset(choose_seed(seed, self.config, self.np_random))
+        return observations[self.signal], info
+
+    def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:
+        """Act, and simulate until the next decision; an episode is only ever truncated, at its end."""
+        observations, rewards, ended, info = self.world.step({self.signal: read_action(action)})
+        return observations[self.signal], rewards[self.signal], False, ended, info
+
+    @property
+    def instant(self) -> Instant:
+        """What is known at the present decision; not in a process of its own."""
+        return self.world.instant
+
+    def metrics(self) -> dict[str, Any]:
+        """Compute the figures of the episode so far; `travel_time` and so on."""
+        return self.world.metrics()
+
+    def save(self) -> dict[str, Any]:
+        """Save the full state of the episode, as plain values."""
+        return self.world.save()
+
+    def restore(self, state: dict[str, Any]) -> tuple[Any, dict[str, Any]]:
+        """Go to a saved state; returns its observation and figures."""
+        observations, info = self.world.restore(state)
+        return observations[self.signal], info
+
+    def close(self) -> None:
+        """End the simulation; safe at any time."""
+        world = getattr(self, "world", None)
+        if world is not None:
+            world.close()
+
+
+def choose_seed(seed: int | None, config: EnvConfig, generator: np.random.Generator) -> int:
+    """Take the seed given to `reset`, else the configured one, else the next of the generator."""
+    if seed is not None:
+        return seed
+    configured = config.traffic.sumo_seed
+    return configured if isinstance(configured, int) else int(generator.integers(_LARGEST_SEED))
+
+
+def read_action(action: Any) -> Any:
+    """Take the number out of what agents hand over: a number, or an array of one.
+
+    Raises:
+        ConfigError: it is none.
+    """
+    array = np.asarray(action)
+    if array.size != 1 or array.dtype.kind not in "iuf" or not np.isfinite(array).all():
+        raise ConfigError(f"action {action!r}: expected one whole number")
+    return array.reshape(-1)[0].item()
+
+
+def one_config(config: EnvConfig | None, keywords: dict[str, Any]) -> EnvConfig:
+    """Take the settings given whole, or build them from keywords.
+
+    Raises:
+        ConfigError: both are given, or a setting cannot work.
+    """
+    if config is None:
+        return build_config(**keywords)
+    if keywords:
+        raise ConfigError(f"config is given whole, and {', '.join(keywords)} beside it; leave one out")
+    return config

@@ -1,0 +1,54 @@
+"""A CSV and a JSON file per episode; none is lost and none is overwritten."""
+
+import csv
+import json
+from pathlib import Path
+from typing import Any
+
+
+class EpisodeFiles:
+    """Collects an episode's rows and writes them when it ends: at its limit, at a reset or at the close."""
+
+    def __init__(self, stem: str | None) -> None:
+        """Take the beginning of the files' names; None writes nothing."""
+        self._stem = None if stem is None else Path(stem)
+        self._rows: list[dict[str, Any]] = []
+        self._episode = 0
+        self._label: int | None = None
+
+    @property
+    def has_rows(self) -> bool:
+        """Tell whether an episode waits to be written."""
+        return bool(self._rows)
+
+    def add(self, row: dict[str, Any]) -> None:
+        """Add a decision's figures."""
+        if self._stem is not None:
+            self._rows.append(dict(row))
+
+    def finish(self, figures: dict[str, Any]) -> None:
+        """Write the episode as `{stem}_conn{label}_ep{number}.csv` and `.json`, in SUMO-RL's way."""
+        rows, self._rows = self._rows, []
+        if self._stem is None or not rows:
+            return
+        self._episode += 1
+        self._stem.parent.mkdir(parents=True, exist_ok=True)
+        path = self._claim()
+        with path.open("w", newline="", encoding="utf-8") as file:
+            writer = csv.DictWriter(file, fieldnames=list(rows[0]))
+            writer.writeheader()
+            writer.writerows(rows)
+        path.with_suffix(".json").write_text(json.dumps(figures, indent=1) + "\n", encoding="utf-8")
+
+    def _claim(self) -> Path:
+        """Take the first label that no environment, in whatever process, has taken with this stem."""
+        label = 0 if self._label is None else self._label
+        while True:
+            path = Path(f"{self._stem}_conn{label}_ep{self._episode}.csv")
+            try:
+                path.touch(exist_ok=False)
+            except FileExistsError:
+                label += 1
+            else:
+                self._label = label
+                return path

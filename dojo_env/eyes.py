@@ -1,0 +1,121 @@
+"""What the sensors of an environment share: one scene, one renderer, and the conditions of the episode.
+
+Drawing needs a compiler in memory, so its modules are loaded when somebody looks for the first time.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+from dojo_env.conditions import Conditions, sample_conditions
+from dojo_env.config import SensingConfig
+from dojo_env.sensors.camera import Camera
+from dojo_env.snapshot import Snapshot
+from dojo_maps.bundle import Bundle
+
+if TYPE_CHECKING:
+    from dojo_env.rendering.bullet import BulletWorld
+    from dojo_env.rendering.renderer import Picture, Renderer
+    from dojo_env.rendering.scene import Scene
+    from dojo_env.sensors.lidar import Lidar, LidarScanner, Scan
+    from dojo_env.sensors.noise import Lens
+
+
+class Eyes:
+    """Draws and scans for all signals of an environment."""
+
+    def __init__(self, bundle: Bundle, config: SensingConfig) -> None:
+        """Note what is to be seen, and how; nothing is loaded yet."""
+        self._bundle, self.config = bundle, config
+        self._placed: dict[str, tuple[Camera, ...]] = {}
+        self._hung: dict[Camera, Camera] = {}
+        self._renderer: Renderer | BulletWorld | None = None
+        self._scanner: LidarScanner | None = None
+        self._lens: Lens | None = None
+        self.conditions = config.conditions if isinstance(config.conditions, Conditions) else Conditions()
+
+    @cached_property
+    def scene(self) -> "Scene":
+        """The static world."""
+        from dojo_env.rendering.scene import build_scene
+
+        return build_scene(self._bundle)
+
+    def reset(self, seed: int) -> None:
+        """Begin an episode: draw its conditions, unless they are fixed."""
+        wanted = self.config.conditions
+        drawn = sample_conditions(wanted, seed) if isinstance(wanted, Mapping) else wanted
+        if drawn.outside != self.conditions.outside:
+            # Another light needs other backgrounds; the same keeps them.
+            self.close()
+        self.conditions = replace(drawn, seed=seed)
+        self._hung, self._scanner, self._lens = {}, None, None
+
+    def close(self) -> None:
+        """Free what draws; it is made anew when somebody looks."""
+        if self._renderer is not None:
+            self._renderer.close()
+        self._renderer = None
+
+    def cameras(self, signal: str) -> tuple[Camera, ...]:
+        """List a signal's cameras: those that were given for it, else placed from the map."""
+        from dojo_env.sensors.placement import place_cameras
+
+        if signal not in self._placed:
+            given = self.config.cameras.get(signal, ())
+            width, height = self.config.width, self.config.height
+            self._placed[signal] = tuple(given) or place_cameras(
+                self.scene, signal, width=width, height=height
+            )
+        return self._placed[signal]
+
+    def look(
+        self, snapshot: Snapshot, cameras: Sequence[Camera], outputs: Sequence[str] = ("rgb",)
+    ) -> "tuple[Picture, ...]":
+        """Draw an instant through each camera, with all that the episode's conditions do to it."""
+        pictures = self._draws.render(snapshot, [self._mount(camera) for camera in cameras], outputs)
+        return tuple(self._delivered(picture, snapshot.time) for picture in pictures)
+
+    def scan(self, snapshot: Snapshot, lidars: "Sequence[Lidar]") -> "tuple[Scan, ...]":
+        """Scan an instant with each lidar."""
+        from dojo_env.sensors.lidar import LidarScanner
+
+        if self._scanner is None:
+            self._scanner = LidarScanner(self.scene, seed=self.conditions.seed)
+        return self._scanner.scan(snapshot, lidars)
+
+    @property
+    def _draws(self) -> "Renderer | BulletWorld":
+        from dojo_env.rendering.bullet import BulletWorld
+        from dojo_env.rendering.renderer import Renderer
+
+        if self._renderer is None and self.config.renderer == "bullet":
+            self._renderer = BulletWorld(self.scene)
+        elif self._renderer is None:
+            self._renderer = Renderer(
+                self.scene,
+                conditions=self.conditions,
+                smooth=self.config.smooth,
+                show_links=self.config.show_links,
+            )
+        return self._renderer
+
+    def _mount(self, camera: Camera) -> Camera:
+        """Hang a camera where its shaken mount puts it in this episode."""
+        if not (self.conditions.shake_m or self.conditions.shake_deg):
+            return camera
+        if camera not in self._hung:
+            from dojo_env.sensors.noise import shake_cameras
+
+            (self._hung[camera],) = shake_cameras([camera], self.conditions)
+        return self._hung[camera]
+
+    def _delivered(self, picture: "Picture", time: float) -> "Picture":
+        if picture.rgb is None or not self.conditions.spoils_pictures:
+            return picture
+        if self._lens is None:
+            from dojo_env.sensors.noise import Lens
+
+            self._lens = Lens(self.conditions)
+        return replace(picture, rgb=self._lens.spoil(picture.rgb, picture.camera.name, time))

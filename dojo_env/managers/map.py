@@ -1,0 +1,41 @@
+"""The map of the episode: the bundle, and what there is to control on it."""
+
+from collections.abc import Mapping
+
+from dojo_env.config import SignalConfig
+from dojo_env.errors import ConfigError
+from dojo_env.managers.base import Manager
+from dojo_env.signals.plan import SignalPlan, build_plan
+from dojo_maps.bundle import Bundle
+from dojo_maps.description import LinkKind, Signal
+
+
+class MapManager(Manager):
+    """Holds the bundle and a plan for each signal that agents control. A map never changes in an episode."""
+
+    def __init__(self, bundle: Bundle, config: SignalConfig) -> None:
+        """Plan the signals.
+
+        Raises:
+            ConfigError: the map has no signal to control, or lacks one that is named.
+        """
+        self.bundle = bundle
+        wanted = _choose_signals(bundle, config.ts_ids)
+        self.plans: Mapping[str, SignalPlan] = {
+            signal.id: build_plan(bundle.road_map, signal, config) for signal in wanted
+        }
+
+
+def _choose_signals(bundle: Bundle, ids: tuple[str, ...] | None) -> list[Signal]:
+    usable = {
+        signal.id: signal
+        for signal in bundle.road_map.signals
+        if any(link.kind is LinkKind.VEHICLE for link in signal.links)
+    }
+    name = bundle.road_map.name
+    if not usable:
+        raise ConfigError(f"map {name} has no signals to control; choose a map with traffic lights")
+    missing = [signal for signal in ids or () if signal not in usable]
+    if missing or (ids is not None and not ids):
+        raise ConfigError(f"map {name} has no signal {missing}; it has {', '.join(usable)}")
+    return [usable[signal] for signal in (ids if ids is not None else usable)]

@@ -1,0 +1,136 @@
+"""The signals of the episode: actions become states, and a watch looks at what is really shown."""
+
+from collections.abc import Mapping
+
+from dojo_env.config import SignalConfig
+from dojo_env.errors import ConfigError
+from dojo_env.instant import SignalView
+from dojo_env.managers.base import Manager, Turn
+from dojo_env.reading import LaneReading
+from dojo_env.signals.plan import SignalPlan
+from dojo_env.signals.safety import SafetyLog, SignalWatch
+from dojo_env.signals.switching import SignalSwitch
+from dojo_env.simulation import Simulation
+
+
+class SignalManager(Manager):
+    """Switches every signal by its plan and the rules; with `fixed_ts` it only looks on."""
+
+    def __init__(
+        self,
+        simulation: Simulation,
+        plans: Mapping[str, SignalPlan],
+        config: SignalConfig,
+        *,
+        interval: float,
+    ) -> None:
+        """Take the signals to control; `interval` is the time between decisions."""
+        self._simulation, self._plans, self._config, self._interval = simulation, plans, config, interval
+        self._switches: dict[str, SignalSwitch] = {}
+        self._watches: dict[str, SignalWatch] = {}
+        self.safety = SafetyLog()
+        self._action = {
+            "choose_phase": self._choose_phase,
+            "next_or_keep": self._next_or_keep,
+            "set_duration": self._set_duration,
+        }[config.action_mode]
+
+    def count_actions(self, signal: str) -> int:
+        """Tell how many actions a signal's agent has."""
+        if self._config.action_mode == "next_or_keep":
+            return 2
+        if self._config.action_mode == "set_duration":
+            longest = self._config.max_green or self._config.min_green
+            return 1 + int((longest - self._config.min_green) // self._interval)
+        return len(self._plans[signal].phases)
+
+    def before_reset(self, turn: Turn) -> None:
+        """Forget the last episode."""
+        self.safety = SafetyLog()
+
+    def reset(self, turn: Turn) -> None:
+        """Show each signal's first phase, or hand it to SUMO."""
+        time = self._simulation.time
+        self._switches = {name: SignalSwitch(plan, self._config) for name, plan in self._plans.items()}
+        self._watches = {
+            name: SignalWatch(plan, self._config, self.safety, time=time)
+            for name, plan in self._plans.items()
+        }
+        for signal, switch in self._switches.items():
+            if self._config.program != "network":
+                limits = {"min_green": self._config.min_green, "max_green": self._config.max_green or 0.0}
+                self._simulation.run_program(signal, self._config.program, **limits)
+            elif not self._config.fixed_ts:
+                self._simulation.show(signal, switch.state)
+        self._look()
+
+    def before_step(self, turn: Turn) -> None:
+        """Ask for what the agents want.
+
+        Raises:
+            ConfigError: an action is none of the signal's.
+        """
+        if self._config.fixed_ts:
+            return
+        for signal, action in turn.actions.items():
+            if signal not in self._switches:
+                raise ConfigError(f"no agent {signal!r}; the agents are {', '.join(self._switches)}")
+            count = self.count_actions(signal)
+            if int(action) != action or not 0 <= action < count:
+                raise ConfigError(
+                    f"signal {signal}: action {action!r}, expected a whole number from 0 to {count - 1}"
+                )
+            switch = self._switches[signal]
+            before = switch.state
+            self._action(switch, int(action))
+            if switch.state != before:
+                self._simulation.show(signal, switch.state)
+        self._look()
+
+    def step(self, turn: Turn) -> None:
+        """Let a second pass at every signal."""
+        if self._config.fixed_ts:
+            self._look()
+            return
+        for signal, switch in self._switches.items():
+            if switch.advance():
+                self._simulation.show(signal, switch.state)
+                self._watches[signal].look(self._simulation.time, self._simulation.read_state(signal))
+
+    def after_step(self, turn: Turn) -> None:
+        """Look at every signal, and judge how long greens have lasted."""
+        self._look()
+        for watch in self._watches.values():
+            watch.look_back(self._simulation.time)
+
+    def view(self, signal: str, lanes: LaneReading) -> SignalView:
+        """Describe a signal as it is now."""
+        switch, plan = self._switches[signal], self._plans[signal]
+        if not self._config.fixed_ts:
+            return SignalView(
+                plan=plan,
+                phase=switch.phase,
+                state=switch.state,
+                green_time=switch.green_time,
+                may_change=switch.may_change,
+                lanes=lanes,
+            )
+        state = self._simulation.read_state(signal)
+        phase = plan.phases.index(state) if state in plan.phases else switch.phase
+        switch.phase = phase
+        return SignalView(plan=plan, phase=phase, state=state, green_time=0.0, may_change=True, lanes=lanes)
+
+    def _look(self) -> None:
+        time, read = self._simulation.time, self._simulation.read_state
+        for signal, watch in self._watches.items():
+            watch.look(time, read(signal))
+
+    def _choose_phase(self, switch: SignalSwitch, action: int) -> None:
+        switch.request_phase(action)
+
+    def _next_or_keep(self, switch: SignalSwitch, action: int) -> None:
+        if action:
+            switch.request_phase(switch.next_phase)
+
+    def _set_duration(self, switch: SignalSwitch, action: int) -> None:
+        switch.request_duration(self._config.min_green + action * self._interval)

@@ -1,0 +1,107 @@
+"""The figures of an episode, defined once. Means are over the decisions of the episode.
+
+Figures of lanes are summed over the lanes that lead to the signals that agents control.
+"""
+
+from collections import defaultdict
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from dojo_env.instant import Instant
+from dojo_env.reading import Figures, Trip
+from dojo_env.signals.plan import SignalPlan
+
+SIX = ("travel_time", "throughput", "delay", "accumulated_waiting", "queue", "co2")
+"""The six figures of the paper's table."""
+
+
+class Metrics:
+    """Adds up an episode's figures."""
+
+    def __init__(self, plans: Mapping[str, SignalPlan], *, begin: float) -> None:
+        """Begin an episode."""
+        self._plans, self._begin = plans, begin
+        self._time = begin
+        self._decisions = 0
+        self._sums = dict.fromkeys(("delay", "accumulated_waiting", "queue", "co2"), 0.0)
+        self._mean_trips: list[float] = []
+        self._pedestrians = [0.0, 0.0]
+
+    def note(self, instant: Instant, *, arrived: int, travelled: float) -> None:
+        """Take in a decision: `arrived` vehicles so far have been on their way for `travelled` seconds."""
+        self._time = instant.time
+        self._decisions += 1
+        sums = self._sums
+        for view in instant.signals.values():
+            sums["delay"] += view.lanes.delay
+            sums["accumulated_waiting"] += view.lanes.total_waiting
+            sums["queue"] += view.lanes.total_halting
+            sums["co2"] += view.lanes.total_co2
+        if arrived:
+            self._mean_trips.append(travelled / arrived)
+        self._pedestrians[0] += instant.traffic.pedestrians
+        self._pedestrians[1] += instant.traffic.pedestrian_waiting
+
+    def compute(self, trips: Mapping[str, Trip], pending_delays: Figures) -> dict[str, Any]:
+        """Compute all figures up to now.
+
+        `travel_time` is the mean over decisions of the mean trip duration of all vehicles arrived so far.
+        `mean_trip_duration` is the plain mean over arrived vehicles, `mean_trip_duration_all` the mean over
+        all vehicles whose time to depart has come, with their departure delay and up to now.
+        """
+        decisions = max(self._decisions, 1)
+        durations = [t.arrival - t.depart for t in trips.values() if t.arrival is not None]
+        every = [(t.arrival or self._time) - t.depart + t.depart_delay for t in trips.values()]
+        hours = (self._time - self._begin) / 3600.0
+        return {
+            "travel_time": _mean(self._mean_trips),
+            "throughput": len(durations) / hours if hours else 0.0,
+            **{name: value / decisions for name, value in self._sums.items()},
+            "mean_trip_duration": _mean(durations),
+            "mean_trip_duration_all": _mean([*every, *pending_delays.tolist()]),
+            "arrived": len(durations),
+            "departed": len(trips),
+            "backlogged": len(pending_delays),
+            "pedestrians": self._pedestrians[0] / decisions,
+            "pedestrian_waiting": self._pedestrians[1] / decisions,
+            "modes": _group(trips, lambda trip: [trip.mode]),
+            "movements": self._movements(trips),
+        }
+
+    def _movements(self, trips: Mapping[str, Trip]) -> dict[str, dict[str, dict[str, float]]]:
+        """Group trips by the movements of each signal that they take."""
+        found = {}
+        for signal, plan in self._plans.items():
+            ways = {(_road(source), _road(target)) for _, source, target in plan.links}
+
+            def taken(trip: Trip, ways: set[tuple[str, str]] = ways) -> list[str]:
+                steps = zip(trip.route, trip.route[1:], strict=False)
+                return [f"{a}->{b}" for a, b in steps if (a, b) in ways]
+
+            found[signal] = _group(trips, taken)
+        return found
+
+
+def _group(trips: Mapping[str, Trip], key: Any) -> dict[str, dict[str, float]]:
+    groups: dict[str, list[Trip]] = defaultdict(list)
+    for trip in trips.values():
+        for name in key(trip):
+            groups[name].append(trip)
+    return {
+        name: {
+            "departed": len(members),
+            "arrived": sum(t.arrival is not None for t in members),
+            "mean_trip_duration": _mean([t.arrival - t.depart for t in members if t.arrival is not None]),
+        }
+        for name, members in sorted(groups.items())
+    }
+
+
+def _road(lane: str) -> str:
+    return lane.rpartition("_")[0]
+
+
+def _mean(values: list[float]) -> float:
+    return float(np.mean(values)) if values else 0.0

@@ -1,0 +1,87 @@
+"""What an agent sees. An observer turns an instant into one value per signal; new kinds register here."""
+
+from collections.abc import Callable, Mapping
+from typing import Any, Protocol, runtime_checkable
+
+import numpy as np
+from gymnasium import spaces
+from numpy.typing import NDArray
+
+from dojo_env.errors import ConfigError
+from dojo_env.eyes import Eyes
+from dojo_env.instant import Instant
+from dojo_env.signals.plan import SignalPlan
+
+
+@runtime_checkable
+class Observer(Protocol):
+    """Sees for every signal. `reset` tells the seed of an episode, for those that draw noise."""
+
+    def space(self, signal: str) -> spaces.Space[Any]:
+        """Give the space of a signal's observations."""
+        ...
+
+    def reset(self, seed: int) -> None:
+        """Begin an episode."""
+        ...
+
+    def observe(self, signal: str, instant: Instant) -> Any:
+        """Observe for a signal."""
+        ...
+
+
+ObserverFactory = Callable[[Eyes, Mapping[str, SignalPlan]], Observer]
+
+
+class Features:
+    """Phase one-hot, minimum-green flag, lane densities, lane queues, in SUMO-RL's order; all 0 to 1."""
+
+    def __init__(self, _eyes: Eyes, plans: Mapping[str, SignalPlan]) -> None:
+        """Measure the signals."""
+        self._plans = plans
+
+    def space(self, signal: str) -> spaces.Box:
+        """A value per phase, the flag, two per lane."""
+        plan = self._plans[signal]
+        size = len(plan.phases) + 1 + 2 * len(plan.lanes)
+        return spaces.Box(0.0, 1.0, shape=(size,), dtype=np.float32)
+
+    def reset(self, seed: int) -> None:
+        """Nothing is kept between decisions."""
+
+    def observe(self, signal: str, instant: Instant) -> NDArray[np.float32]:
+        """Measure the lanes as they are."""
+        view = instant.signals[signal]
+        count = len(view.plan.phases)
+        seen = np.zeros(count + 1 + 2 * len(view.plan.lanes), dtype=np.float32)
+        seen[view.phase] = 1
+        seen[count] = view.may_change
+        seen[count + 1 :] = view.lanes.shares.ravel()
+        return seen
+
+
+OBSERVERS: dict[str, ObserverFactory] = {"features": Features}
+"""Observers by name, beside those of `sensor_observations`."""
+_SEEING = ("bev", "multi_view", "detector")
+
+
+def build_observer(wanted: Any, eyes: Eyes, plans: Mapping[str, SignalPlan]) -> Observer:
+    """Find an observer by name, name its sensors, call a factory, or take an observer as it is.
+
+    Raises:
+        ConfigError: there is none of that name.
+    """
+    if isinstance(wanted, str) and wanted in OBSERVERS:
+        return OBSERVERS[wanted](eyes, plans)
+    if isinstance(wanted, Mapping) or wanted in _SEEING:
+        # Who only measures does without the compiler that drawing loads.
+        from dojo_env.sensor_observations import build_sensor_observer  # noqa: PLC0415
+
+        return build_sensor_observer(wanted, eyes, plans)
+    if isinstance(wanted, Observer) and not isinstance(wanted, type):
+        return wanted
+    if callable(wanted):
+        built: Observer = wanted(eyes, plans)
+        return built
+    known = ", ".join((*OBSERVERS, *_SEEING))
+    raise ConfigError(f"observation={wanted!r}: expected one of {known}, a dict of sensors, or an observer")

@@ -1,0 +1,131 @@
+"""The PettingZoo environment: every signal an agent, all acting at once."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from gymnasium import spaces
+from pettingzoo import ParallelEnv
+
+from dojo_env.config import EnvConfig
+from dojo_env.env import choose_seed, one_config, read_action
+from dojo_env.errors import ConfigError, EpisodeOverError
+from dojo_env.instant import Instant
+from dojo_env.worker import open_world
+from dojo_env.world import SIGNAL_FIGURES, World
+
+
+class TrafficSignalsEnv(ParallelEnv):  # type: ignore[misc]
+    """Every signal of a scenario, or those named in `ts_ids`; see `config` for the keywords."""
+
+    metadata: dict[str, Any] = {  # noqa: RUF012 - PettingZoo's own way
+        "name": "dojo_traffic_signals_v0",
+        "render_modes": [],
+        "is_parallelizable": True,
+    }
+
+    def __init__(
+        self,
+        config: EnvConfig | None = None,
+        *,
+        render_mode: str | None = None,
+        own_process: bool = False,
+        **keywords: Any,
+    ) -> None:
+        """Open the map; the arguments are those of `TrafficSignalEnv`.
+
+        Raises:
+            ConfigError: a setting cannot work.
+        """
+        if render_mode is not None and render_mode not in self.metadata["render_modes"]:
+            raise ConfigError(f"render_mode={render_mode!r}: expected one of {self.metadata['render_modes']}")
+        self.render_mode = render_mode
+        self.config = one_config(config, keywords)
+        self.world: World = open_world(self.config, own_process=own_process)
+        self.possible_agents = list(self.world.signals)
+        self.agents: list[str] = []
+        self._spaces = self.world.spaces()
+        self._generator = np.random.default_rng()
+
+    def observation_space(self, agent: str) -> spaces.Space[Any]:
+        """Give an agent's observation space."""
+        return self._spaces[agent][0]
+
+    def action_space(self, agent: str) -> spaces.Discrete:
+        """Give an agent's action space."""
+        return self._spaces[agent][1]
+
+    def reset(
+        self, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[dict[str, Any], dict[str, dict[str, Any]]]:
+        """Begin an episode; without a seed, one follows from the seed before."""
+        if seed is not None:
+            self._generator = np.random.default_rng(seed)
+        observations, info = self.world.reset(choose_seed(seed, self.config, self._generator))
+        self.agents = list(self.possible_agents)
+        return observations, self._infos(info)
+
+    def step(
+        self, actions: Mapping[str, Any]
+    ) -> tuple[dict[str, Any], dict[str, float], dict[str, bool], dict[str, bool], dict[str, dict[str, Any]]]:
+        """Act, and simulate until the next decision; a signal without an action keeps its phase.
+
+        Raises:
+            EpisodeOverError: no episode is running.
+            ConfigError: an action is none of its signal's.
+        """
+        if not self.agents:
+            raise EpisodeOverError("no episode is running; call reset first")
+        asked = {agent: read_action(action) for agent, action in actions.items()}
+        observations, rewards, ended, info = self.world.step(asked)
+        present, infos = self.agents, self._infos(info)
+        if ended:
+            self.agents = []
+        return (
+            observations,
+            rewards,
+            dict.fromkeys(present, False),
+            dict.fromkeys(present, ended),
+            infos,
+        )
+
+    @property
+    def instant(self) -> Instant:
+        """What is known at the present decision; not in a process of its own."""
+        return self.world.instant
+
+    def metrics(self) -> dict[str, Any]:
+        """Compute the figures of the episode so far."""
+        return self.world.metrics()
+
+    def save(self) -> dict[str, Any]:
+        """Save the full state of the episode, as plain values."""
+        return self.world.save()
+
+    def restore(self, state: dict[str, Any]) -> tuple[dict[str, Any], dict[str, dict[str, Any]]]:
+        """Go to a saved state; returns its observations and figures."""
+        observations, info = self.world.restore(state)
+        self.agents = list(self.possible_agents)
+        return observations, self._infos(info)
+
+    def render(self) -> None:
+        """Draw nothing: there is no render mode yet."""
+
+    def close(self) -> None:
+        """End the simulation; safe at any time."""
+        world = getattr(self, "world", None)
+        if world is not None:
+            world.close()
+
+    def _infos(self, info: dict[str, Any]) -> dict[str, dict[str, Any]]:
+        """Give each agent the figures of all and its own."""
+        shared = {key: value for key, value in info.items() if key.startswith(("step", "system_", "agents_"))}
+        return {
+            agent: {**shared, **{f"{agent}_{name}": info[f"{agent}_{name}"] for name in SIGNAL_FIGURES}}
+            for agent in self.possible_agents
+        }
+
+
+def parallel_env(**keywords: Any) -> TrafficSignalsEnv:
+    """Make an environment with an agent per signal."""
+    return TrafficSignalsEnv(**keywords)

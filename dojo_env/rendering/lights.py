@@ -1,0 +1,135 @@
+"""Kernels that draw lights: head lamps on the ground, signal lamps, and link paths in their colours."""
+
+from math import cos, pi, sin, sqrt
+
+import numpy as np
+
+from dojo_env.rendering.compiling import kernel
+from dojo_env.rendering.raster import NEARER, SHADED, SHADOW, draw_face
+from dojo_env.rendering.target import project, touch, turn
+
+LAMP, PATH = -1, -2
+"""Owners of faces that belong to no road user."""
+LIGHT_STEPS = 20
+"""Steps from dark to the full light of head lamps."""
+_LAMP_RADIUS, _LAMP_CORNERS, _LAMP_OUT = 0.115, 12, 0.015
+"""A lit lamp lies this far before the unlit one, metres."""
+_LEAST_LAMP, _SMALL_LAMP = 1.2, 2.5
+"""Pixels: no lit lamp shows smaller than the first, so that cameras see it; up to the second as a spot."""
+_BEAM_LENGTH, _BEAM_WIDTH, _BEAM_CORNERS = 14.0, 2.6, 14
+_NARROW = 0.7
+"""Road users narrower than this have no head lamps, metres."""
+
+
+@kernel
+def draw_beams(near, users, view, target):
+    """Lay the light of head lamps on the ground: nested ellipses, from wide and weak to narrow and strong."""
+    corners, rim, ground, seen = np.empty((3, 3)), np.empty((_BEAM_CORNERS, 3)), np.empty(3), np.empty(3)
+    screen = np.empty((_BEAM_CORNERS, 3))
+    for k in near:
+        frame = users.frames[k]
+        length = sqrt(frame[0, 0] ** 2 + frame[1, 0] ** 2 + frame[2, 0] ** 2)
+        width = sqrt(frame[0, 1] ** 2 + frame[1, 1] ** 2)
+        if width < _NARROW:
+            continue
+        for step in range(LIGHT_STEPS):
+            share = 1.0 - step / LIGHT_STEPS
+            for corner in range(_BEAM_CORNERS):
+                angle = 2.0 * pi * corner / _BEAM_CORNERS
+                ahead = _BEAM_LENGTH * (0.42 + 0.58 * share * cos(angle)) / length
+                aside = _BEAM_WIDTH * share * sin(angle) / width
+                for axis in range(3):
+                    ground[axis] = users.places[k, axis] + frame[axis, 0] * ahead + frame[axis, 1] * aside
+                turn(ground, view, seen)
+                rim[corner] = seen
+            touch(screen, _BEAM_CORNERS, project(rim, _BEAM_CORNERS, view, screen), target)
+            for second in range(1, _BEAM_CORNERS - 1):
+                corners[0], corners[1], corners[2] = rim[0], rim[second], rim[second + 1]
+                draw_face(corners, view.lens, SHADED - 1 - step, SHADOW, target.depths, target.tags)
+
+
+@kernel
+def draw_lamps(lamps, palette, table, view, target, count):
+    """Draw the lit lamps that shine this way as discs; returns the number of faces in the target."""
+    seen, corners = np.empty(3), np.empty((3, 3))
+    for k in range(len(lamps.centres)):
+        facing = 0.0
+        for axis in range(3):
+            facing += (view.eye[axis] - lamps.centres[k, axis]) * lamps.directions[k, axis]
+        turn(lamps.centres[k], view, seen)
+        if facing <= 0.0 or seen[2] < view.lens[3] or seen[2] > view.lens[4]:
+            continue
+        if _LAMP_RADIUS * view.lens[0] < _SMALL_LAMP * seen[2]:
+            changed = _draw_spot(seen, view, count, target)
+        else:
+            changed = _draw_disc(lamps.centres[k], lamps.directions[k], corners, view, count, target)
+        if changed:
+            _plain(palette[lamps.colours[k]], table, target.shades[count])
+            target.owners[count] = LAMP
+            count += 1
+    return count
+
+
+@kernel
+def draw_flat(paths, palette, table, view, target, count):
+    """Draw triangles in plain colours, from both sides; returns the number of faces in the target."""
+    corners, screen, seen = np.empty((3, 3)), np.empty((3, 3)), np.empty(3)
+    for k in range(len(paths.triangles)):
+        for c in range(3):
+            turn(paths.triangles[k, c], view, seen)
+            corners[c] = seen
+        touch(screen, 3, project(corners, 3, view, screen), target)
+        if draw_face(corners, view.lens, count, NEARER, target.depths, target.tags):
+            _plain(palette[paths.colours[k]], table, target.shades[count])
+            target.owners[count] = PATH
+            count += 1
+    return count
+
+
+@kernel
+def _plain(colour, table, shade):
+    for c in range(3):
+        shade[c] = table[int(colour[c] * 4095.0 + 0.5)]
+
+
+@kernel
+def _draw_disc(centre, direction, corners, view, tag, target):
+    """Draw a disc that faces a level direction; returns how many pixels changed."""
+    place, seen, screen = np.empty(3), np.empty(3), np.empty((3, 3))
+    changed = 0
+    for k in range(_LAMP_CORNERS):
+        angle = 2.0 * pi * k / _LAMP_CORNERS
+        aside, up = _LAMP_RADIUS * cos(angle), _LAMP_RADIUS * sin(angle)
+        place[0] = centre[0] + _LAMP_OUT * direction[0] - aside * direction[1]
+        place[1] = centre[1] + _LAMP_OUT * direction[1] + aside * direction[0]
+        place[2] = centre[2] + up
+        turn(place, view, seen)
+        corners[min(k, 2)] = seen
+        if k >= 2:
+            touch(screen, 3, project(corners, 3, view, screen), target)
+            changed += draw_face(corners, view.lens, tag, NEARER, target.depths, target.tags)
+            corners[1] = corners[2]
+    return changed
+
+
+@kernel
+def _draw_spot(seen, view, tag, target):
+    """Draw a spot that faces the camera, large enough to be seen; returns how many pixels changed."""
+    height, width = target.tags.shape
+    scale = view.lens[0] / seen[2]
+    column, row = view.lens[1] + seen[0] * scale, view.lens[2] + seen[1] * scale
+    radius = max(_LEAST_LAMP, _LAMP_RADIUS * scale)
+    w = 1.0 / (seen[2] - 0.06)
+    changed = 0
+    for v in range(max(0, int(row - radius)), min(height, int(row + radius) + 1)):
+        for u in range(max(0, int(column - radius)), min(width, int(column + radius) + 1)):
+            square = (u + 0.5 - column) ** 2 + (v + 0.5 - row) ** 2
+            if square <= radius * radius and w > target.depths[v, u]:
+                target.depths[v, u] = w
+                target.tags[v, u] = tag
+                target.spans[v, 0], target.spans[v, 1] = (
+                    min(target.spans[v, 0], u),
+                    max(target.spans[v, 1], u + 1),
+                )
+                changed += 1
+    return changed

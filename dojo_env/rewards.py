@@ -1,0 +1,95 @@
+"""What an agent is paid: a function of a signal and the instants before and after a decision interval."""
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+from dojo_env.errors import ConfigError
+from dojo_env.instant import Instant
+
+Reward = Callable[[str, Instant, Instant], float]
+
+
+def diff_waiting_time(signal: str, before: Instant, now: Instant) -> float:
+    """How much the accumulated waiting on the signal's lanes has gone down, in 100 s."""
+    return (_waiting(signal, before) - _waiting(signal, now)) / 100.0
+
+
+def average_speed(signal: str, _before: Instant, now: Instant) -> float:
+    """Speed over speed limit, averaged over the vehicles on the signal's lanes; 1 where there are none."""
+    return now.signals[signal].lanes.average_speed
+
+
+def queue(signal: str, _before: Instant, now: Instant) -> float:
+    """Halting vehicles, negative."""
+    return -now.signals[signal].lanes.total_halting
+
+
+def pressure(signal: str, _before: Instant, now: Instant) -> float:
+    """Vehicles on the lanes that lead away, less those on the lanes that lead here."""
+    view = now.signals[signal]
+    return float(now.count_vehicles(view.plan.out_lanes).sum() - view.lanes.total_vehicles)
+
+
+def co2(signal: str, _before: Instant, now: Instant) -> float:
+    """CO2 emitted on the signal's lanes, g/s, negative."""
+    return -now.signals[signal].lanes.total_co2
+
+
+def delay(signal: str, _before: Instant, now: Instant) -> float:
+    """Sum over lanes of 1 - mean speed / speed limit, negative."""
+    return -now.signals[signal].lanes.delay
+
+
+def throughput(_signal: str, before: Instant, now: Instant) -> float:
+    """Vehicles that have arrived anywhere on the map in the interval."""
+    return float(now.traffic.arrived - before.traffic.arrived)
+
+
+REWARDS: dict[str, Reward] = {
+    "diff-waiting-time": diff_waiting_time,
+    "average-speed": average_speed,
+    "queue": queue,
+    "pressure": pressure,
+    "co2": co2,
+    "delay": delay,
+    "throughput": throughput,
+}
+"""Rewards by name."""
+
+
+def build_rewards(wanted: Any, signals: Sequence[str]) -> dict[str, Reward]:
+    """Give each signal its reward: one for all, or a dict that names every signal.
+
+    Raises:
+        ConfigError: a name is unknown, or a dict names neither rewards nor all signals.
+    """
+    if isinstance(wanted, Mapping) and set(wanted) == set(signals):
+        return {signal: _build_reward(wanted[signal]) for signal in signals}
+    return dict.fromkeys(signals, _build_reward(wanted))
+
+
+def _build_reward(wanted: Any) -> Reward:
+    known = ", ".join(REWARDS)
+    if isinstance(wanted, str) and wanted in REWARDS:
+        return REWARDS[wanted]
+    if isinstance(wanted, Mapping) and wanted and set(wanted) <= set(REWARDS):
+        return _Weighted({name: float(weight) for name, weight in wanted.items()})
+    if callable(wanted):
+        return wanted
+    raise ConfigError(
+        f"reward_fn={wanted!r}: expected one of {known}, a callable, or a dict of these and weights"
+    )
+
+
+class _Weighted:
+    """A sum of rewards with weights; a class, so that it can be sent to a worker process."""
+
+    def __init__(self, weights: Mapping[str, float]) -> None:
+        self._weights = dict(weights)
+
+    def __call__(self, signal: str, before: Instant, now: Instant) -> float:
+        return sum(weight * REWARDS[name](signal, before, now) for name, weight in self._weights.items())
+
+
+def _waiting(signal: str, instant: Instant) -> float:
+    return instant.signals[signal].lanes.total_waiting

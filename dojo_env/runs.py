@@ -1,0 +1,53 @@
+"""Run a controller for whole episodes and collect their figures."""
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+
+from dojo_env.config import build_config
+from dojo_env.controllers import make_controller
+from dojo_env.metrics import SIX
+from dojo_env.world import World
+
+
+def run_controller(
+    name: str,
+    seeds: Sequence[int],
+    *,
+    on_episode: Callable[[dict[str, Any]], None] = lambda _figures: None,
+    **keywords: Any,
+) -> list[dict[str, Any]]:
+    """Run an episode per seed; returns the figures of each.
+
+    Raises:
+        ConfigError: the controller or a setting is unknown.
+        SimulationError: SUMO refuses the scenario.
+    """
+    controller = make_controller(name)
+    world = World(build_config(**{**keywords, **controller.settings}))
+    figures = []
+    try:
+        for seed in seeds:
+            controller.reset(seed)
+            world.reset(seed)
+            ended = False
+            while not ended:
+                _, _, ended, _ = world.step(controller.act(world.instant))
+            figures.append(world.metrics())
+            on_episode(figures[-1])
+    finally:
+        world.close()
+    return figures
+
+
+def summarize(figures: Sequence[dict[str, Any]]) -> dict[str, dict[str, float]]:
+    """Give mean and standard deviation over episodes of every figure that is a number."""
+    numbers = [*SIX, "mean_trip_duration", "mean_trip_duration_all", "arrived", "pedestrian_waiting"]
+    return {
+        name: {
+            "mean": float(np.mean([f[name] for f in figures])),
+            "std": float(np.std([f[name] for f in figures], ddof=1)) if len(figures) > 1 else 0.0,
+        }
+        for name in numbers
+    }

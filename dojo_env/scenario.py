@@ -1,0 +1,245 @@
+"""What is simulated: a map, its demand and its time; the packaged scenarios by name; any .sumocfg.
+
+A network that is not yet a bundle is converted on first use, into a cache of the user's.
+"""
+
+import fcntl
+import hashlib
+import importlib.util
+import tempfile
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from functools import cache
+from pathlib import Path
+from xml.parsers import expat
+
+import dojo_maps
+from dojo_env.cache import cache_folder
+from dojo_env.demand import write_two_way_demand
+from dojo_env.errors import ConfigError
+from dojo_maps.bundle import Bundle, read_bundle
+
+Files = str | Path | Sequence[str | Path]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Scenario:
+    """A map with its demand.
+
+    Attributes:
+        map: a bundle's folder, or a SUMO network, which is converted on first use.
+        routes: route files.
+        additional: additional files.
+        begin: simulated seconds at which an episode begins.
+        end: seconds at which the demand ends; None where it is not known.
+        config: a .sumocfg whose options hold where nothing else is said.
+        name: shown in tables.
+        licence: of the network and the demand.
+    """
+
+    map: Path
+    routes: tuple[Path, ...] = ()
+    additional: tuple[Path, ...] = ()
+    begin: float = 0.0
+    end: float | None = None
+    config: Path | None = None
+    name: str = ""
+    licence: str = ""
+
+    def __post_init__(self) -> None:
+        """Accept plain strings and single files, and refuse files that are not there."""
+        object.__setattr__(self, "map", Path(self.map))
+        object.__setattr__(self, "routes", _paths(self.routes))
+        object.__setattr__(self, "additional", _paths(self.additional))
+        object.__setattr__(self, "name", self.name or self.map.name.split(".")[0])
+        for path in (self.map, *self.routes, *self.additional, *filter(None, [self.config])):
+            if not path.exists():
+                raise ConfigError(f"scenario {self.name}: {path} does not exist; correct the path")
+        if self.end is not None and self.end <= self.begin:
+            raise ConfigError(
+                f"scenario {self.name}: it ends at {self.end} s, before it begins at {self.begin} s"
+            )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PackagedScenario:
+    """A scenario whose files another installed package holds."""
+
+    name: str
+    network: str
+    routes: str
+    begin: float
+    licence: str
+
+
+_COLOGNE, _GRID, _INGOLSTADT = "CC BY-NC-SA 4.0", "CC BY-NC-ND 4.0", "GPL-3.0"
+_RESCO = (
+    ("cologne1", "cologne1", 25200, _COLOGNE),
+    ("cologne3", "cologne3", 25200, _COLOGNE),
+    ("cologne8", "cologne8", 25200, _COLOGNE),
+    ("ingolstadt1", "ingolstadt1", 57600, _INGOLSTADT),
+    ("ingolstadt7", "ingolstadt7", 57600, _INGOLSTADT),
+    ("ingolstadt21", "ingolstadt21", 57600, _INGOLSTADT),
+    ("grid4x4", "grid4x4_1", 0, _GRID),
+    ("arterial4x4", "arterial4x4_1", 0, _GRID),
+)
+PACKAGED = {
+    "two-way": PackagedScenario(
+        name="two-way",
+        network="2way-single-intersection/single-intersection.net.xml",
+        routes="",
+        begin=0,
+        licence="MIT",
+    ),
+    **{
+        name: PackagedScenario(
+            name=name,
+            network=f"RESCO/{name}/{name}.net.xml",
+            routes=f"RESCO/{name}/{routes}.rou.xml",
+            begin=begin,
+            licence=licence,
+        )
+        for name, routes, begin, licence in _RESCO
+    },
+}
+"""Scenarios by name, inside the installed `sumo_rl` package; each lasts 3,600 s."""
+_DURATION = 3600
+
+
+def find_scenario(value: str | Path | Scenario) -> Scenario:
+    """Find a scenario: itself, a packaged one by name, or a .sumocfg by path.
+
+    Raises:
+        ConfigError: there is none of that name, or the path alone names no demand.
+    """
+    if isinstance(value, Scenario):
+        return value
+    if str(value) in PACKAGED:
+        return packaged_scenario(str(value))
+    path = Path(value)
+    if path.name.endswith((".sumocfg", ".sumocfg.xml")):
+        return _read_sumocfg(path)
+    if path.exists():
+        raise ConfigError(
+            f"{path}: a map alone has no demand; give scenario=Scenario(map={str(path)!r}, routes=...)"
+        )
+    known = ", ".join(PACKAGED)
+    raise ConfigError(f"scenario {str(value)!r} is not known; give a .sumocfg, a Scenario, or one of {known}")
+
+
+def packaged_scenario(name: str) -> Scenario:
+    """Build a packaged scenario from the installed sumo-rl package, which is not imported.
+
+    Raises:
+        ConfigError: the package is not installed, or lacks the files.
+    """
+    entry = PACKAGED[name]
+    spec = importlib.util.find_spec("sumo_rl")
+    if spec is None or not spec.submodule_search_locations:
+        raise ConfigError(f"scenario {name} is part of the package sumo-rl: pip install sumo-rl")
+    nets = Path(spec.submodule_search_locations[0]) / "nets"
+    routes = nets / entry.routes if entry.routes else write_two_way_demand(cache_folder())
+    return Scenario(
+        map=nets / entry.network,
+        routes=(routes,),
+        begin=entry.begin,
+        end=entry.begin + _DURATION,
+        name=name,
+        licence=entry.licence,
+    )
+
+
+def open_map(scenario: Scenario, *, on_stage: Callable[[str], None] = lambda _stage: None) -> Bundle:
+    """Read the scenario's bundle; convert its network into the cache first where there is none.
+
+    Raises:
+        SourceError: the map is neither a bundle of this version nor a readable network.
+    """
+    if scenario.map.is_dir():
+        return read_bundle(scenario.map)
+    digest = hashlib.sha256(scenario.map.read_bytes() + _converter_fingerprint()).hexdigest()[:16]
+    stem = scenario.map.name.split(".")[0]
+    folder = cache_folder() / f"{stem}-{digest}.dojo"
+    if not folder.is_dir():
+        with _locked(folder.with_suffix(".lock")):
+            if not folder.is_dir():
+                _convert_into(scenario.map, folder, on_stage)
+    return read_bundle(folder)
+
+
+def with_files(
+    scenario: Scenario, *, net_file: str | Path | None = None, route_file: Files | None = None
+) -> Scenario:
+    """Replace a scenario's network or routes."""
+    changed = scenario if net_file is None else replace(scenario, map=Path(net_file))
+    return changed if route_file is None else replace(changed, routes=_paths(route_file))
+
+
+def _convert_into(network: Path, folder: Path, on_stage: Callable[[str], None]) -> None:
+    """Convert beside the target and move it there whole, so that readers never see a part of it."""
+    with tempfile.TemporaryDirectory(dir=folder.parent, prefix=".converting-") as work:
+        fresh = Path(work) / folder.name
+        dojo_maps.convert(str(network), fresh, on_stage=on_stage)
+        fresh.rename(folder)
+
+
+@contextmanager
+def _locked(path: Path) -> Iterator[None]:
+    with path.open("w") as handle:
+        fcntl.flock(handle, fcntl.LOCK_EX)
+        yield
+
+
+@cache
+def _converter_fingerprint() -> bytes:
+    """Hash the converter's own code: a bundle made by another one is made again."""
+    code = hashlib.sha256()
+    for path in sorted(Path(dojo_maps.__file__).parent.rglob("*.py")):
+        code.update(path.read_bytes())
+    return code.digest()
+
+
+def _paths(files: Files) -> tuple[Path, ...]:
+    """List files given as one path, as SUMO's comma-separated text, or as a sequence."""
+    if isinstance(files, str):
+        return tuple(Path(name.strip()) for name in files.split(",") if name.strip())
+    return (files,) if isinstance(files, Path) else tuple(Path(file) for file in files)
+
+
+def _read_sumocfg(path: Path) -> Scenario:
+    """Read where a SUMO configuration's network lies and when it begins; SUMO reads the rest."""
+    options = _read_options(path)
+    network = options.get("net-file") or options.get("n")
+    if not network:
+        raise ConfigError(f"{path}: names no net-file; add <net-file value='...'/>")
+    try:
+        begin = float(options.get("begin") or options.get("b") or 0)
+        end = float(options.get("end") or options.get("e") or -1)
+    except ValueError:
+        raise ConfigError(f"{path}: begin and end must be numbers of seconds") from None
+    return Scenario(
+        map=path.parent / network,
+        begin=begin,
+        end=end if end >= 0 else None,
+        config=path,
+        name=path.name.split(".")[0],
+    )
+
+
+def _read_options(path: Path) -> dict[str, str]:
+    options: dict[str, str] = {}
+
+    def refuse(*_: object) -> None:
+        raise ConfigError(f"{path}: has a document type, which no SUMO configuration has; refused as unsafe")
+
+    parser = expat.ParserCreate()
+    parser.StartElementHandler = lambda name, a: options.update({name: a["value"]} if "value" in a else {})
+    parser.StartDoctypeDeclHandler = refuse
+    try:
+        parser.Parse(path.read_bytes(), True)
+    except OSError as error:
+        raise ConfigError(f"{path}: cannot be read ({error.strerror}); correct the path") from error
+    except (expat.ExpatError, ValueError, LookupError) as error:
+        raise ConfigError(f"{path}: not a SUMO configuration ({error})") from error
+    return options

@@ -1,0 +1,1 @@
+"""Signals as an engineer sees them: what conflicts, which phases there are, how one follows another."""

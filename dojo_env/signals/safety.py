@@ -1,0 +1,128 @@
+"""A watch over what a signal really shows, apart from the code that sets it: every breach is counted."""
+
+from collections import Counter
+from dataclasses import dataclass
+
+import numpy as np
+
+from dojo_env.config import SignalConfig
+from dojo_env.signals.conflicts import GREEN
+from dojo_env.signals.plan import SignalPlan
+
+_KEPT = 20
+_LONG_AGO = -1e9
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Violation:
+    """A breach of a rule: which, when, at which signal and by which links."""
+
+    rule: str
+    time: float
+    signal: str
+    links: tuple[int, ...]
+
+
+class SafetyLog:
+    """Counts violations by rule and keeps the first ones."""
+
+    def __init__(self) -> None:
+        """Begin with a clean record."""
+        self.counts: Counter[str] = Counter()
+        self.first: list[Violation] = []
+
+    def add(self, violation: Violation) -> None:
+        """Count a violation."""
+        self.counts[violation.rule] += 1
+        if len(self.first) < _KEPT:
+            self.first.append(violation)
+
+
+class SignalWatch:
+    """Looks at one signal's letters whenever they may have changed, and at every decision.
+
+    Rules: `unknown_state`, `conflict` (two links green that must not be), `skipped_yellow`, `short_yellow`,
+    `short_green`, `long_green`, `short_red` (green before all-red is over) and `walker_cut_off` (green
+    before walkers are across). A program that no agent controls has its own greens; there only conflicts
+    and skipped yellows count.
+    """
+
+    def __init__(self, plan: SignalPlan, config: SignalConfig, log: SafetyLog, *, time: float) -> None:
+        """Begin to watch; what was before counts as long ago."""
+        self._plan, self._config, self._log = plan, config, log
+        self._state = ""
+        self._since = [time] * len(plan.phases[0])
+        self._stopped = [_LONG_AGO] * len(plan.phases[0])
+        self._phase_since = time
+        self._judged: dict[str, list[tuple[int, int]]] = {}
+        # Plain lists: a change is judged letter by letter, and thousands of times an episode.
+        self._foes = [np.flatnonzero(row).tolist() for row in plan.conflicts.foes]
+        self._walks, self._yellow = plan.is_crossing.tolist(), plan.yellow.tolist()
+
+    def look(self, time: float, state: str) -> None:
+        """Judge the letters that are shown from `time` on."""
+        if state == self._state:
+            return
+        if len(state) != len(self._since):
+            self._report("unknown_state", time, ())
+            return
+        if state not in self._judged:
+            self._judged[state] = self._plan.conflicts.find_unsafe(state)
+        for pair in self._judged[state]:
+            self._report("conflict", time, pair)
+        if self._state:
+            self._judge_changes(time, state)
+        self._state = state
+
+    def look_back(self, time: float) -> None:
+        """Judge at the end of a decision interval how long the present green has lasted."""
+        limit = self._config.max_green
+        greens = [k for k, letter in enumerate(self._state) if letter in GREEN]
+        if limit is None or self._config.fixed_ts or not greens or len(self._plan.phases) == 1:
+            return
+        if time - self._phase_since > limit and self._state in self._plan.phases:
+            self._report("long_green", time, tuple(greens))
+
+    def _judge_changes(self, time: float, state: str) -> None:
+        self._phase_since = time
+        for link, (old, new) in enumerate(zip(self._state, state, strict=True)):
+            if old == new:
+                continue
+            if old in GREEN and new not in GREEN:
+                self._judge_end_of_green(link, time, new)
+            elif old == "y":
+                self._judge_end_of_yellow(link, time, new)
+            if new in GREEN and old not in GREEN:
+                self._judge_start_of_green(link, time, state)
+            if (old in GREEN) != (new in GREEN) or "y" in (old, new):
+                self._since[link] = time
+                if new not in GREEN and new != "y":
+                    self._stopped[link] = time
+
+    def _judge_end_of_green(self, link: int, time: float, new: str) -> None:
+        if new != "y" and not self._walks[link]:
+            self._report("skipped_yellow", time, (link,))
+        if not self._config.fixed_ts and time - self._since[link] < self._config.min_green:
+            self._report("short_green", time, (link,))
+
+    def _judge_end_of_yellow(self, link: int, time: float, new: str) -> None:
+        short = time - self._since[link] < self._yellow[link]
+        if not self._config.fixed_ts and (short or new in GREEN):
+            self._report("short_yellow", time, (link,))
+
+    def _judge_start_of_green(self, link: int, time: float, state: str) -> None:
+        if self._config.fixed_ts:
+            return
+        for foe in self._foes[link]:
+            if state[foe] in GREEN or state[foe] == "y":
+                if state[foe] == "y":
+                    self._report("short_red", time, (link, foe))
+                continue
+            stopped = time if self._state[foe] in GREEN or self._state[foe] == "y" else self._stopped[foe]
+            if self._walks[foe] and time - stopped < self._plan.clearance[foe]:
+                self._report("walker_cut_off", time, (link, foe))
+            elif not self._walks[foe] and time - stopped < self._config.all_red:
+                self._report("short_red", time, (link, foe))
+
+    def _report(self, rule: str, time: float, links: tuple[int, ...]) -> None:
+        self._log.add(Violation(rule=rule, time=time, signal=self._plan.signal, links=links))

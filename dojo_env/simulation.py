@@ -1,0 +1,313 @@
+"""SUMO itself: the only module that talks to libsumo or TraCI.
+
+libsumo holds one simulation per process. Who starts a second one gets a clear error that names the way out.
+"""
+
+import importlib.util
+import os
+import shlex
+import weakref
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from dojo_env.config import TrafficConfig
+from dojo_env.errors import SimulationError
+from dojo_env.reading import RAW, Figures, TrafficReading, Trip
+from dojo_env.road_users import RoadUsers
+from dojo_env.scenario import Scenario
+from dojo_env.snapshot import Snapshot
+
+_HALTING = 0.1
+"""m/s; SUMO's own limit below which a vehicle counts as stopped."""
+_LOGICS = {"actuated": 3, "delay_based": 5}
+"""SUMO's numbers of its logics."""
+_LARGEST_SEED = 2**31 - 1
+_owner: "weakref.ref[Simulation] | None" = None
+_labels = iter(range(1 << 62))
+
+
+class Simulation:
+    """One run of SUMO, from `start` to `close`; it may be started again."""
+
+    def __init__(self, network: Path, scenario: Scenario, config: TrafficConfig, *, begin: float) -> None:
+        """Note what is to be run; nothing starts yet."""
+        self._network, self._scenario, self._config, self._begin = network, scenario, config, begin
+        self._sumo: Any = None
+        self._get: Any = None
+        self._failures: tuple[type[Exception], ...] = ()
+        self._trips: dict[str, Trip] = {}
+        self._known_types = 0
+        self._users: RoadUsers | None = None
+        self.time = begin
+        self.is_over = False
+        """The episode is over: another simulation of this process may take its place."""
+        self.arrived = 0
+        """Vehicles arrived since the start."""
+        self.travelled = 0.0
+        """The seconds that these were on their way, together."""
+
+    @property
+    def is_running(self) -> bool:
+        """Tell whether SUMO runs."""
+        return self._sumo is not None
+
+    @property
+    def trips(self) -> Mapping[str, Trip]:
+        """Every vehicle that has departed, by its id."""
+        return self._trips
+
+    def start(self, seed: int, *, more: Sequence[str] = ()) -> None:
+        """Start SUMO at the begin of the episode.
+
+        Args:
+            seed: of all of SUMO's random numbers.
+            more: further options.
+
+        Raises:
+            SimulationError: SUMO refuses the input, or this process runs another simulation.
+        """
+        self.close()
+        self._trips, self._known_types, self.time = {}, 0, self._begin
+        self.arrived, self.travelled, self.is_over = 0, 0.0, False
+        command = [*self._options(seed), *more]
+        try:
+            self._connect(command)
+            self._users = RoadUsers(self._get)
+            self._force_emission_class()
+        except BaseException:
+            self.close()
+            raise
+
+    def step(self) -> None:
+        """Simulate one second and note who departed and who arrived.
+
+        Raises:
+            SimulationError: SUMO stopped; the message holds its own words.
+        """
+        self._running()
+        get = self._get
+        try:
+            get.simulation_step()
+        except self._failures as error:
+            self.close()
+            raise SimulationError(f"SUMO stopped after {self.time:g} s: {_words(error)}") from error
+        self.time += 1.0
+        for vehicle in get.simulation_getDepartedIDList():
+            self._note_departure(vehicle)
+        for vehicle in get.simulation_getArrivedIDList():
+            self._note_arrival(vehicle)
+
+    def show(self, signal: str, state: str) -> None:
+        """Set a signal's letters."""
+        self._running().trafficlight.setRedYellowGreenState(signal, state)
+
+    def read_state(self, signal: str) -> str:
+        """Read the letters that a signal shows."""
+        state: str = self._get.trafficlight_getRedYellowGreenState(signal)
+        return state
+
+    def count_vehicles(self, lanes: Iterable[str]) -> Figures:
+        """Count the vehicles on each lane."""
+        return _floats(map(self._get.lane_getLastStepVehicleNumber, lanes))
+
+    def list_vehicles(self, lane: str) -> tuple[str, ...]:
+        """List the vehicles on a lane by their ids."""
+        return tuple(self._get.lane_getLastStepVehicleIDs(lane))
+
+    def read_lanes(self, lanes: Sequence[str]) -> Figures:
+        """Measure lanes; returns the first rows of a `LaneReading`'s table."""
+        get = self._get
+        on_lane = list(map(get.lane_getLastStepVehicleIDs, lanes))
+        waiting = get.vehicle_getAccumulatedWaitingTime
+        values = [
+            *map(len, on_lane),
+            *map(get.lane_getLastStepHaltingNumber, lanes),
+            *map(get.lane_getLastStepMeanSpeed, lanes),
+            *map(get.lane_getLastStepLength, lanes),
+            *[sum(map(waiting, ids)) for ids in on_lane],
+            *map(get.lane_getCO2Emission, lanes),
+        ]
+        return np.array(values, dtype=np.float64).reshape(RAW, len(lanes))
+
+    def run_program(self, signal: str, kind: str, *, min_green: float, max_green: float) -> None:
+        """Let SUMO's own logic run the phases of a signal's program, its greens within bounds."""
+        lights = self._running().trafficlight
+        phases = [
+            lights.Phase(p.duration, p.state, min_green, max_green)
+            if set("Gg") & set(p.state) and not set("yY") & set(p.state)
+            else lights.Phase(p.duration, p.state, p.duration, p.duration)
+            for p in lights.getAllProgramLogics(signal)[-1].phases
+        ]
+        lights.setProgramLogic(signal, lights.Logic("dojo", _LOGICS[kind], 0, phases))
+
+    def read_traffic(self) -> TrafficReading:
+        """Measure all traffic."""
+        self._running()
+        get = self._get
+        self._force_emission_class()
+        ids = get.vehicle_getIDList()
+        speeds = list(map(get.vehicle_getSpeed, ids))
+        # Who moves has a waiting time of zero.
+        stopped = [vehicle for vehicle, speed in zip(ids, speeds, strict=True) if speed < _HALTING]
+        people = get.person_getIDList()
+        return TrafficReading(
+            running=len(ids),
+            backlogged=int(float(get.simulation_getParameter("", "stats.vehicles.waiting"))),
+            stopped=len(stopped),
+            waiting_time=float(sum(map(get.vehicle_getWaitingTime, stopped))),
+            mean_speed=sum(speeds) / len(speeds) if speeds else 0.0,
+            arrived=self.arrived,
+            departed=len(self._trips),
+            teleported=int(float(get.simulation_getParameter("", "stats.teleports.total"))),
+            pedestrians=len(people),
+            pedestrian_waiting=float(sum(map(get.person_getWaitingTime, people))),
+        )
+
+    def read_pending_delays(self) -> Figures:
+        """Measure how long each vehicle waits that has not found a place yet, seconds."""
+        self._running()
+        return _floats(map(self._get.vehicle_getDepartDelay, self._get.simulation_getPendingVehicles()))
+
+    def read_snapshot(self) -> Snapshot:
+        """Picture every road user and every signal."""
+        self._running()
+        if self._users is None:
+            raise SimulationError("the simulation has not been started; call reset first")
+        return self._users.read_snapshot(self.time)
+
+    def close(self) -> None:
+        """End SUMO; safe at any time and more than once."""
+        global _owner  # noqa: PLW0603 - the process has one libsumo, so it has one owner
+        sumo, self._sumo, self._users = self._sumo, None, None
+        if _owner is not None and _owner() is self:
+            _owner = None
+        if sumo is not None:
+            try:
+                sumo.close()
+            except self._failures:
+                return  # It is gone already.
+
+    def _running(self) -> Any:
+        if self._sumo is None:
+            raise SimulationError("no simulation is running; call reset first")
+        return self._sumo
+
+    def _note_departure(self, vehicle: str) -> None:
+        get = self._get
+        self._trips[vehicle] = Trip(
+            mode=get.vehicle_getVehicleClass(vehicle),
+            route=tuple(get.vehicle_getRoute(vehicle)),
+            depart=self.time,
+            depart_delay=get.vehicle_getDepartDelay(vehicle),
+        )
+
+    def _note_arrival(self, vehicle: str) -> None:
+        trip = self._trips.get(vehicle)
+        if trip is not None:
+            trip.arrival = self.time
+            self.arrived += 1
+            self.travelled += self.time - trip.depart
+
+    def _force_emission_class(self) -> None:
+        """Give each vehicle type, also one that the demand has only now brought, the emission class."""
+        wanted, types = self._config.emission_class, self._sumo.vehicletype
+        if wanted is None or types.getIDCount() == self._known_types:
+            return
+        for name in types.getIDList():
+            if not types.getEmissionClass(name).startswith("Zero"):
+                types.setEmissionClass(name, wanted)
+        self._known_types = types.getIDCount()
+
+    def _options(self, seed: int) -> list[str]:
+        """Write SUMO's command line, the user's own options last so that they win."""
+        config, scenario = self._config, self._scenario
+        options = ["-c", str(scenario.config)] if scenario.config else []
+        options += ["-n", str(self._network)]
+        for option, files in (("-r", scenario.routes), ("-a", scenario.additional)):
+            options += [option, ",".join(map(str, files))] if files else []
+        settings = {
+            "--begin": self._begin,
+            "--seed": seed % _LARGEST_SEED,
+            "--max-depart-delay": config.max_depart_delay,
+            "--waiting-time-memory": config.waiting_time_memory,
+            "--time-to-teleport": config.time_to_teleport,
+            "--step-length": 1,
+            "--no-step-log": "true",
+            "--xml-validation": "never",
+            "--xml-validation.net": "never",
+            "--no-warnings": "false" if config.sumo_warnings else "true",
+        }
+        options += [word for name, value in settings.items() for word in (name, str(value))]
+        return options + shlex.split(config.additional_sumo_cmd)
+
+    def _connect(self, command: list[str]) -> None:
+        try:
+            if self._config.backend == "libsumo":
+                self._connect_libsumo(command)
+            else:
+                self._connect_traci(command)
+        except self._failures as error:
+            raise SimulationError(f"SUMO does not start: {_words(error)}") from error
+
+    def _connect_libsumo(self, command: list[str]) -> None:
+        global _owner
+        import libsumo  # noqa: PLC0415 - only who runs it loads it
+
+        other = _owner() if _owner is not None else None
+        if other is not None and other.is_running and not other.is_over:
+            raise SimulationError(
+                "another environment of this process is running, and libsumo holds one simulation per "
+                "process; close it first, or give own_process=True to run this one in a process of its own"
+            )
+        if other is not None:
+            other.close()
+        self._failures = (libsumo.TraCIException, libsumo.FatalTraCIError)
+        # Its getters without their Python wrappers, which cost as much again.
+        _owner, self._sumo, self._get = weakref.ref(self), libsumo, libsumo._libsumo
+        libsumo.start(["sumo", *command])
+
+    def _connect_traci(self, command: list[str]) -> None:
+        import traci  # noqa: PLC0415
+
+        self._failures = (traci.TraCIException, traci.FatalTraCIError, OSError)
+        program = "sumo-gui" if self._config.use_gui else "sumo"
+        if self._config.use_gui:
+            command = [*command, "--start", "--quit-on-end"]
+        label = f"dojo-{os.getpid()}-{next(_labels)}"
+        traci.start([_find_program(program), *command], label=label, numRetries=20)
+        self._sumo = traci.getConnection(label)
+        self._get = _TraciGetters(self._sumo)
+
+
+class _TraciGetters:
+    """Gives a TraCI connection's getters the names that libsumo's have: `vehicle_getSpeed`."""
+
+    def __init__(self, connection: Any) -> None:
+        self._connection = connection
+        self.simulation_step = connection.simulationStep
+
+    def __getattr__(self, name: str) -> Any:
+        domain, _, getter = name.partition("_")
+        found = getattr(getattr(self._connection, domain), getter)
+        setattr(self, name, found)
+        return found
+
+
+def _floats(values: Iterable[float]) -> Figures:
+    return np.array(list(values), dtype=np.float64)
+
+
+def _find_program(name: str) -> str:
+    """Find SUMO's program in the installed package, without importing it."""
+    spec = importlib.util.find_spec("sumo")
+    if spec is None or not spec.submodule_search_locations:
+        raise SimulationError(f"{name} is part of the package eclipse-sumo: pip install eclipse-sumo")
+    return str(Path(spec.submodule_search_locations[0]) / "bin" / name)
+
+
+def _words(error: Exception) -> str:
+    """Quote SUMO on one line."""
+    return " ".join(str(error).split()) or type(error).__name__

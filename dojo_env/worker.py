@@ -1,0 +1,126 @@
+"""A world in a process of its own: libsumo holds one simulation per process, so this makes room for more."""
+
+import contextlib
+import multiprocessing
+from collections.abc import Mapping
+from multiprocessing.connection import Connection
+from multiprocessing.context import SpawnProcess
+from typing import Any
+
+from dojo_env.config import EnvConfig
+from dojo_env.errors import SimulationError
+from dojo_env.world import Answer, World
+
+_PATIENCE = 10.0
+"""Seconds that a process gets to end by itself."""
+
+
+def open_world(config: EnvConfig, *, own_process: bool) -> Any:
+    """Open a world here, or in a process of its own."""
+    return WorldProcess(config) if own_process else World(config)
+
+
+class WorldProcess:
+    """Stands in for a world and hands every call on to its process."""
+
+    def __init__(self, config: EnvConfig) -> None:
+        """Start the process; it opens the map."""
+        context = multiprocessing.get_context("spawn")
+        self._pipe, theirs = context.Pipe()
+        self._process: SpawnProcess | None = context.Process(
+            target=_serve, args=(theirs, config), daemon=True
+        )
+        self._process.start()
+        theirs.close()
+        try:
+            self.signals: tuple[str, ...] = self._receive()
+        except BaseException:
+            self.close()
+            raise
+
+    def spaces(self) -> Any:
+        """See `World`."""
+        return self._call("spaces")
+
+    def reset(self, seed: int) -> tuple[dict[str, Any], dict[str, Any]]:
+        """See `World`."""
+        found: tuple[dict[str, Any], dict[str, Any]] = self._call("reset", seed)
+        return found
+
+    def step(self, actions: Mapping[str, int]) -> Answer:
+        """See `World`."""
+        found: Answer = self._call("step", dict(actions))
+        return found
+
+    def metrics(self) -> dict[str, Any]:
+        """See `World`."""
+        found: dict[str, Any] = self._call("metrics")
+        return found
+
+    def save(self) -> dict[str, Any]:
+        """See `World`."""
+        found: dict[str, Any] = self._call("save")
+        return found
+
+    def restore(self, state: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:
+        """See `World`."""
+        found: tuple[dict[str, Any], dict[str, Any]] = self._call("restore", dict(state))
+        return found
+
+    def close(self) -> None:
+        """End the process; safe at any time."""
+        if self._process is None:
+            return
+        process, self._process = self._process, None
+        with contextlib.suppress(OSError):
+            self._pipe.send(("close", ()))
+        self._pipe.close()
+        process.join(_PATIENCE)
+        if process.is_alive():
+            process.kill()
+            process.join()
+
+    def _call(self, name: str, *arguments: Any) -> Any:
+        if self._process is None:
+            raise SimulationError("the environment is closed; make a new one")
+        try:
+            self._pipe.send((name, arguments))
+        except OSError as error:
+            raise SimulationError("the simulation's process has died; make a new environment") from error
+        return self._receive()
+
+    def _receive(self) -> Any:
+        try:
+            error, value = self._pipe.recv()
+        except (EOFError, OSError) as problem:
+            raise SimulationError("the simulation's process has died; make a new environment") from problem
+        if error is not None:
+            raise error
+        return value
+
+
+def _answer(world: World, name: str, arguments: tuple[Any, ...]) -> tuple[Exception | None, Any]:
+    try:
+        return None, getattr(world, name)(*arguments)
+    except Exception as error:  # noqa: BLE001 - it is raised at the other end
+        return error, None
+
+
+def _serve(pipe: Connection, config: EnvConfig) -> None:
+    """Answer calls until told to close, or until the other end is gone."""
+    try:
+        world = World(config)
+    except Exception as error:  # noqa: BLE001 - it is raised at the other end
+        pipe.send((error, None))
+        return
+    pipe.send((None, world.signals))
+    try:
+        while True:
+            name, arguments = pipe.recv()
+            if name == "close":
+                return
+            pipe.send(_answer(world, name, arguments))
+    except (EOFError, OSError, KeyboardInterrupt):
+        return
+    finally:
+        world.close()

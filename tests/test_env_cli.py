@@ -1,0 +1,61 @@
+"""The command `dojo-env`."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from dojo_env.cli import main
+from dojo_env.controllers import CONTROLLERS
+
+
+@pytest.mark.parametrize("controller", CONTROLLERS)
+def test_run_works_with_every_controller(
+    controller: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    target = tmp_path / "out.json"
+    arguments = [
+        "run",
+        "--scenario",
+        "two-way",
+        "--controller",
+        controller,
+        "--seeds",
+        "2",
+        "--seconds",
+        "300",
+    ]
+    assert main([*arguments, "--json", str(target)]) == 0
+    assert "travel_time" in capsys.readouterr().out
+    found = json.loads(target.read_text())
+    assert [episode["seed"] for episode in found["episodes"]] == [0, 1]
+    assert found["summary"]["arrived"]["mean"] > 20
+    assert all(not episode["violations"] for episode in found["episodes"])
+
+
+def test_scenarios_lists_signals_demand_and_licence(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["scenarios"]) == 0
+    lines = {line.split()[0]: line.split() for line in capsys.readouterr().out.splitlines()}
+    assert lines["cologne1"][1:4] == ["1", "2015", "25200"]
+    assert lines["ingolstadt21"][1] == "21"
+    assert "GPL-3.0" in lines["ingolstadt21"]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "status", "words"),
+    [
+        (["run", "--scenario", "nowhere", "--controller", "random"], 2, "nowhere"),
+        (["run", "--scenario", "two-way", "--controller", "magic"], 2, "magic"),
+        (["run", "--scenario", "two-way", "--controller", "random", "--seeds", "0"], 2, "--seeds"),
+        (["run", "--scenario", "two-way", "--controller", "random", "--min-green", "0"], 2, "min_green"),
+        (["run", "--scenario", "missing.sumocfg", "--controller", "random"], 2, "missing.sumocfg"),
+    ],
+)
+def test_wrong_usage_is_one_line_and_a_status(
+    arguments: list[str], status: int, words: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(arguments) == status
+    said = capsys.readouterr()
+    assert not said.out
+    assert words in said.err
+    assert said.err.count("\n") == 1

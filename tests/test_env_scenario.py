@@ -1,0 +1,94 @@
+"""Scenarios by name, and the cache of converted maps when several processes want one at once."""
+
+import subprocess
+import sys
+import xml.etree.ElementTree as ET
+from pathlib import Path
+
+import pytest
+from conftest import command_environment
+
+from dojo_env.demand import build_two_way_demand
+from dojo_env.errors import ConfigError
+from dojo_env.scenario import PACKAGED, Scenario, find_scenario, open_map, packaged_scenario
+from dojo_maps.description import RoadMap
+from dojo_maps.sources.sumo_net import read_network
+
+
+@pytest.mark.parametrize("name", PACKAGED)
+def test_every_packaged_scenario_is_there(name: str) -> None:
+    scenario = find_scenario(name)
+    assert scenario.end == scenario.begin + 3600
+    assert scenario.licence
+    assert scenario.routes[0].stat().st_size > 1000
+
+
+def test_two_way_demand_changes_four_times_an_hour() -> None:
+    flows = [flow.attrib for flow in ET.fromstring(build_two_way_demand()).iter("flow")]  # noqa: S314
+    assert sorted({float(flow["end"]) for flow in flows}) == [900, 1800, 2700, 3600]
+    assert sum(float(flow["vehsPerHour"]) for flow in flows) / 4 == 2500
+
+
+def test_processes_that_convert_at_once_share_one_bundle(tmp_path: Path) -> None:
+    code = "from dojo_env.scenario import *; print(open_map(packaged_scenario('cologne1')).folder)"
+    command = [sys.executable, "-c", code]
+    environment = command_environment(DOJO_CACHE=str(tmp_path))
+    running = [
+        subprocess.Popen(command, env=environment, stdout=subprocess.PIPE, text=True) for _ in range(3)
+    ]
+    said = {process.communicate(timeout=120)[0].strip() for process in running}
+    assert {process.returncode for process in running} == {0}
+    assert len(said) == 1
+    assert sorted(path.suffix for path in tmp_path.iterdir()) == [".dojo", ".lock"]
+
+
+def test_the_cached_bundle_holds_the_network_byte_for_byte() -> None:
+    scenario = packaged_scenario("cologne1")
+    assert open_map(scenario).network.read_bytes() == scenario.map.read_bytes()
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("<configuration/>", "net-file"),
+        ("<configuration><net-file value='a.net.xml'/><begin value='soon'/></configuration>", "numbers"),
+        ("<!DOCTYPE x [<!ENTITY a 'b'>]><configuration/>", "unsafe"),
+        ("<configuration>", "not a SUMO configuration"),
+    ],
+)
+def test_bad_configurations_get_one_clear_error(tmp_path: Path, text: str, words: str) -> None:
+    path = tmp_path / "bad.sumocfg"
+    path.write_text(text, encoding="utf-8")
+    with pytest.raises(ConfigError, match=words):
+        find_scenario(path)
+
+
+def test_a_map_alone_is_no_scenario(tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match="routes"):
+        find_scenario(tmp_path)
+    with pytest.raises(ConfigError, match="before it begins"):
+        Scenario(map=tmp_path, begin=10, end=5)
+
+
+def read(name: str) -> RoadMap:
+    path = packaged_scenario(name).map
+    return read_network(path.read_bytes(), path=path, name=name, sha256="0" * 64)[0]
+
+
+@pytest.mark.parametrize("name", ["cologne1", "cologne8", "ingolstadt7"])
+def test_right_of_way_is_the_networks_own(name: str) -> None:
+    described = read(name)
+    connections = {c.id for c in described.connections}
+    ways = {j.id: j.right_of_way for j in described.junctions if j.right_of_way}
+    requests = {
+        junction.get("id", ""): list(junction.iter("request"))
+        for junction in ET.parse(packaged_scenario(name).map).iter("junction")  # noqa: S314
+        if junction.get("type") != "internal"
+    }
+    assert ways
+    for junction, links in ways.items():
+        assert {link.link for link in links} <= connections
+        assert len(links) == len(requests[junction])
+        for link, request in zip(links, requests[junction], strict=True):
+            assert sum(1 << foe for foe in link.foes) == int(request.get("foes", "0"), 2)
+            assert sum(1 << foe for foe in link.response) == int(request.get("response", "0"), 2)

@@ -1,0 +1,195 @@
+"""How fast environments are beside bare libsumo, all with the same decisions.
+
+Each run has a process of its own. The variants take turns, so that a busy machine slows all alike, and the
+ratios are medians over the rounds. SUMO is bare where only its steps and the signals' states are asked for.
+"""
+
+import argparse
+import json
+import os
+import resource
+import statistics
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+from dojo_env.config import build_config
+from dojo_env.scenario import find_scenario, open_map
+from dojo_env.signals.switching import SignalSwitch
+from dojo_env.world import World
+
+SECONDS, INTERVAL, HOLD = 3600, 5, 3
+"""An episode, a decision interval, and how many decisions a phase stays."""
+ALL_SENSORS = {
+    "bev": "bev", "depth": "bev:depth", "classes": "bev:semantic", "users": "bev:instance",
+    "approach": "approach_0", "lidar": "lidar",
+}  # fmt: skip
+OBSERVED = ("features", "bev", "multi_view", "detector", "all-sensors")
+SETTINGS = {"min_green": 8, "emission_class": None}
+
+
+def wanted_phase(decision: int, phases: int) -> int:
+    """Take the phases in turn: the same decisions whatever is seen."""
+    return (decision // HOLD) % phases
+
+
+def run_bare(scenario: str) -> dict[str, Any]:
+    """Step libsumo and set states from a list made before."""
+    import libsumo  # noqa: PLC0415
+
+    found = find_scenario(scenario)
+    world = World(build_config(scenario=scenario, **SETTINGS))
+    shown = {signal: _states(world, signal) for signal in world.signals}
+    network = open_map(found).network
+    options = ["-n", str(network), "-r", str(found.routes[0]), "-b", str(found.begin), "--seed", "1"]
+    options += ["--no-step-log", "--no-warnings", "--xml-validation", "never", "--time-to-teleport", "-1"]
+    start = time.perf_counter()
+    libsumo.start(["sumo", *options, "--waiting-time-memory", "1000", "--max-depart-delay", "-1"])
+    arrived = 0
+    for second in range(SECONDS):
+        for signal, states in shown.items():
+            if second in states:
+                libsumo.trafficlight.setRedYellowGreenState(signal, states[second])
+        libsumo.simulationStep()
+        arrived += libsumo.simulation.getArrivedNumber()
+    seconds = time.perf_counter() - start
+    libsumo.close()
+    return {"seconds": seconds, "arrived": arrived}
+
+
+def _states(world: World, signal: str) -> dict[int, str]:
+    """List the states that the decisions lead to, by the second at which they begin."""
+    switch = SignalSwitch(world.map.plans[signal], world.config.signals)
+    states, last = {0: switch.state}, switch.state
+    for second in range(SECONDS):
+        if second % INTERVAL == 0:
+            switch.request_phase(wanted_phase(second // INTERVAL, len(world.map.plans[signal].phases)))
+        if switch.state != last:
+            states[second] = last = switch.state
+        if switch.advance():
+            states[second + 1] = last = switch.state
+    return states
+
+
+def run_sumo_rl(scenario: str) -> dict[str, Any]:
+    """Run SUMO-RL's environment on libsumo."""
+    found = find_scenario(scenario)
+    from sumo_rl import SumoEnvironment  # noqa: PLC0415
+
+    env = SumoEnvironment(
+        net_file=str(found.map), route_file=str(found.routes[0]), begin_time=int(found.begin),
+        num_seconds=SECONDS, delta_time=INTERVAL, yellow_time=2, min_green=8, sumo_seed=1,
+        sumo_warnings=False, additional_sumo_cmd="--no-step-log --xml-validation never",
+    )  # fmt: skip
+    start = time.perf_counter()
+    env.reset()
+    decision, ended = 0, False
+    while not ended:
+        actions = {
+            name: wanted_phase(decision, signal.num_green_phases)
+            for name, signal in env.traffic_signals.items()
+        }
+        _, _, dones, _ = env.step(actions)
+        decision, ended = decision + 1, dones["__all__"]
+    seconds = time.perf_counter() - start
+    arrived = int(float(env.sumo.simulation.getParameter("", "stats.vehicles.inserted"))) - len(
+        env.sumo.vehicle.getIDList()
+    )
+    env.close()
+    return {"seconds": seconds, "arrived": arrived}
+
+
+def run_ours(scenario: str, observation: str) -> dict[str, Any]:
+    """Run our environment with one kind of observation."""
+    wanted: Any = ALL_SENSORS if observation == "all-sensors" else observation
+    world = World(build_config(scenario=scenario, observation=wanted, num_seconds=SECONDS, **SETTINGS))
+    counts = {signal: len(plan.phases) for signal, plan in world.map.plans.items()}
+    world.reset(1)  # Loading libsumo and drawing backgrounds come once, as does the end of the run before.
+    world.simulation.close()
+    start = time.perf_counter()
+    world.reset(1)
+    decision, ended = 0, False
+    while not ended:
+        _, _, ended, _ = world.step({name: wanted_phase(decision, count) for name, count in counts.items()})
+        decision += 1
+    seconds = time.perf_counter() - start
+    arrived = world.simulation.arrived
+    world.close()
+    return {"seconds": seconds, "arrived": arrived}
+
+
+def measure(variant: str, scenario: str) -> dict[str, Any]:
+    """Run a variant in a process of its own."""
+    home = Path(__import__("sumo").__file__).parent
+    environment = {**os.environ, "SUMO_HOME": str(home), "LIBSUMO_AS_TRACI": "1"}
+    command = [sys.executable, __file__, "--variant", variant, "--scenarios", scenario]
+    done = subprocess.run(command, capture_output=True, text=True, check=False, env=environment)  # noqa: S603
+    if done.returncode:
+        raise RuntimeError(f"{variant} on {scenario} failed: {done.stderr[-2000:]}")
+    result: dict[str, Any] = json.loads(done.stdout.splitlines()[-1])
+    return result
+
+
+def run_variant(variant: str, scenario: str) -> dict[str, Any]:
+    """Run a variant here, and measure the memory it took."""
+    runners = {"bare": run_bare, "sumo-rl": run_sumo_rl}
+    result = runners[variant](scenario) if variant in runners else run_ours(scenario, variant)
+    result["megabytes"] = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+    return result
+
+
+def compare(scenario: str, variants: list[str], rounds: int) -> list[dict[str, Any]]:
+    """Measure the variants in turns; a table row each."""
+    runs = [{variant: measure(variant, scenario) for variant in variants} for _ in range(rounds)]
+    rows = []
+    for variant in variants:
+        seconds = statistics.median(run[variant]["seconds"] for run in runs)
+        rows.append(
+            {
+                "scenario": scenario,
+                "variant": variant,
+                "seconds": seconds,
+                "simulated_per_s": SECONDS / seconds,
+                "steps_per_s": SECONDS / INTERVAL / seconds,
+                "of_bare": statistics.median(r["bare"]["seconds"] / r[variant]["seconds"] for r in runs),
+                "arrived": runs[0][variant]["arrived"],
+                "megabytes": max(run[variant]["megabytes"] for run in runs),
+            }
+        )
+    return rows
+
+
+def main() -> int:
+    """Print a table, and write it as JSON where asked."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--scenarios", nargs="+", default=["two-way", "cologne1", "cologne8", "ingolstadt21"])
+    parser.add_argument("--observations", nargs="+", default=list(OBSERVED), choices=list(OBSERVED))
+    parser.add_argument("--rounds", type=int, default=5)
+    parser.add_argument("--json", type=Path)
+    parser.add_argument("--variant", help=argparse.SUPPRESS)
+    options = parser.parse_args()
+    if options.variant:
+        print(json.dumps(run_variant(options.variant, options.scenarios[0])))
+        return 0
+    print(
+        f"{'scenario':14}{'variant':12}{'seconds':>8}{'sim s/s':>9}{'steps/s':>9}{'of bare':>9}"
+        f"{'arrived':>9}{'MB':>6}"
+    )
+    rows = []
+    for scenario in options.scenarios:
+        open_map(find_scenario(scenario))
+        for row in compare(scenario, ["bare", "sumo-rl", *options.observations], options.rounds):
+            rows.append(row)
+            print(
+                f"{row['scenario']:14}{row['variant']:12}{row['seconds']:8.2f}{row['simulated_per_s']:9.0f}"
+                f"{row['steps_per_s']:9.0f}{row['of_bare']:9.2f}{row['arrived']:9d}{row['megabytes']:6.0f}"
+            )
+    if options.json:
+        options.json.write_text(json.dumps(rows, indent=1) + "\n", encoding="utf-8")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

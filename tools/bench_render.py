@@ -1,0 +1,239 @@
+"""Frames per second of the raster renderer, beside pybullet's TinyRenderer and Panda3D's software renderer.
+
+    pip install 'traffic-dojo[bench]'
+    python tools/bench_render.py [--quick]
+
+All draw the same frames of 356 x 256 pixels on one core in one run. `cologne1` at rush hour is real traffic
+from SUMO; the other rows place vehicles along the lanes around a signal. `dense` is cologne1 with thousands
+of blocks around it: twenty times as many static triangles. The last lines say which goals hold.
+"""
+
+import argparse
+import json
+import os
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from bench_panda import PandaWorld
+
+from dojo_env.config import TrafficConfig
+from dojo_env.rendering.bullet import BulletWorld
+from dojo_env.rendering.renderer import Renderer
+from dojo_env.rendering.scene import Scene, build_scene
+from dojo_env.scenario import find_scenario, open_map
+from dojo_env.sensors.camera import Camera
+from dojo_env.sensors.placement import place_cameras
+from dojo_env.simulation import Simulation
+from dojo_env.snapshot import Snapshot
+from dojo_maps.errors import ToolMissingError
+
+RUSH_HOUR = {"cologne1": 35, "cologne8": 35}
+"""Vehicles within `NEAR` of the junction that the benchmark waits for."""
+NEAR = 100.0
+GOALS = {"frames a second": 2000.0, "times Panda3D": 4.0, "times pybullet": 50.0, "MB an environment": 150.0}
+
+
+def rush_hour(name: str, signal_position: np.ndarray, wanted: int) -> Snapshot:
+    """Run a scenario until this many vehicles are near its first signal, or for as long as it lasts."""
+    scenario = find_scenario(name)
+    bundle = open_map(scenario)
+    simulation = Simulation(bundle.network, scenario, TrafficConfig(), begin=scenario.begin)
+    simulation.start(seed=1)
+    best, most = Snapshot(time=0.0), -1
+    for second in range(3000):
+        simulation.step()
+        if second % 20 == 0:
+            snapshot = simulation.read_snapshot()
+            near = int((np.linalg.norm(snapshot.positions[:, :2] - signal_position, axis=1) < NEAR).sum())
+            if near > most:
+                best, most = snapshot, near
+            if most >= wanted:
+                break
+    simulation.close()
+    return best
+
+
+def crowd(base: Snapshot, count: int, centre: np.ndarray) -> Snapshot:
+    """The vehicles nearest to a place, or copies of them beside each other where there are too few."""
+    order = np.argsort(np.linalg.norm(base.positions[:, :2] - centre, axis=1), kind="stable")
+    rows = np.resize(order, count) if len(order) else np.empty(0, dtype=int)
+    moved = base.positions[rows].copy()
+    moved[:, :2] += 0.7 * (np.arange(count) // max(1, len(order)))[:, None]
+    columns = ("kinds", "headings", "slopes", "sizes", "colours", "lights", "speeds")
+    return replace(
+        base,
+        ids=tuple(f"v{k}" for k in range(count)),
+        numbers=np.arange(1, count + 1, dtype=np.int32),
+        positions=moved,
+        lanes=tuple(base.lanes[k] for k in rows),
+        **{name: getattr(base, name)[rows] for name in columns},
+    )
+
+
+def densify(scene: Scene, times: int) -> Scene:
+    """Put blocks on the map until it has this many times its triangles."""
+    generator = np.random.default_rng(1)
+    count = (times - 1) * len(scene.faces) // 12
+    low, high = scene.vertices.min(axis=0)[:2], scene.vertices.max(axis=0)[:2]
+    corners = np.array([(x, y, z) for z in (0, 1) for y in (0, 1) for x in (0, 1)], dtype=float)
+    faces = np.array([(0, 2, 1), (1, 2, 3), (4, 5, 6), (5, 7, 6), (0, 1, 4), (1, 5, 4), (2, 6, 3), (3, 6, 7),
+                      (0, 4, 2), (2, 4, 6), (1, 3, 5), (3, 7, 5)])  # fmt: skip
+    places = np.column_stack([generator.uniform(low, high, (count, 2)), np.full(count, -0.5)])
+    sizes = generator.uniform(0.2, 0.6, (count, 1, 3))
+    vertices = (places[:, None] + corners * sizes).reshape(-1, 3)
+    more = (faces + 8 * np.arange(count)[:, None, None]).reshape(-1, 3) + len(scene.vertices)
+    same = np.zeros(len(more), dtype=int)
+    return replace(
+        scene,
+        vertices=np.concatenate([scene.vertices, vertices]),
+        faces=np.concatenate([scene.faces, more.astype(np.int32)]),
+        normals=np.concatenate([scene.normals, np.tile([0.0, 0.0, 1.0], (len(more), 1))]),
+        semantics=np.concatenate([scene.semantics, scene.semantics[same]]),
+        surfaces=np.concatenate([scene.surfaces, scene.surfaces[same]]),
+        colours=np.concatenate([scene.colours, scene.colours[same]]),
+    )
+
+
+def milliseconds(draw: Callable[[], object], budget: float) -> float:
+    """Time one call: the median over as many as fit a budget of seconds, five at least."""
+    draw()
+    taken: list[float] = []
+    end = time.perf_counter() + budget
+    while len(taken) < 5 or time.perf_counter() < end:
+        start = time.perf_counter()
+        draw()
+        taken.append(time.perf_counter() - start)
+    return 1000 * statistics.median(taken)
+
+
+def several(cameras: Sequence[Camera], count: int) -> tuple[Camera, ...]:
+    """Take this many cameras, the same ones under other names where there are too few."""
+    return tuple(replace(cameras[k % len(cameras)], name=f"c{k}") for k in range(count))
+
+
+def compare(
+    label: str, scene: Scene, snapshot: Snapshot, cameras: Sequence[Camera], budget: float
+) -> dict[str, float]:
+    """Draw the same frames with each renderer, and print a row."""
+    renderer = Renderer(scene)
+    start = time.perf_counter()
+    renderer.render(snapshot, cameras)
+    first = time.perf_counter() - start
+    row = {"raster": milliseconds(lambda: renderer.render(snapshot, cameras), budget) / len(cameras)}
+    for name, world in (("bullet", BulletWorld), ("panda3d", PandaWorld)):
+        try:
+            peer = world(scene)
+        except ToolMissingError as error:
+            print(f"  {name}: {error}", file=sys.stderr)
+            continue
+        row[name] = milliseconds(lambda peer=peer: peer.render(snapshot, cameras), budget) / len(cameras)
+        peer.close()
+    mine = row["raster"]
+    peers = "".join(f"  {name} {row[name]:7.2f} ms = {row[name] / mine:5.1f} x" for name in list(row)[1:])
+    print(
+        f"{label:<19} {len(cameras):>2} cameras {len(snapshot.ids):>4} vehicles {len(scene.faces):>6} faces:"
+        f" {mine:6.3f} ms a camera = {1000 / mine:5.0f} frames/s; first {first:4.1f} s;{peers}",
+        flush=True,
+    )
+    return row
+
+
+_MEMORY = """
+import json, sys
+def measure():
+    rows = dict(line.split(":") for line in open("/proc/self/smaps_rollup").read().splitlines()[1:])
+    return {name: int(rows[name].split()[0]) / 1024 for name in ("Rss", "Pss")}
+import libsumo, numpy
+alone = measure()
+if sys.argv[1:]:
+    import pathlib
+    from dojo_env.rendering.renderer import Renderer
+    from dojo_env.rendering.scene import build_scene
+    from dojo_env.sensors.placement import place_cameras
+    from dojo_env.snapshot import Snapshot
+    from dojo_maps.bundle import read_bundle
+    scene = build_scene(read_bundle(sys.argv[1]))
+    renderer = Renderer(scene)
+    renderer.render(Snapshot(time=0.0), place_cameras(scene, scene.road_map.signals[0].id))
+print(json.dumps([alone, measure()]))
+"""
+_FIRST = """
+import sys, time
+start = time.perf_counter()
+from dojo_env.rendering.renderer import Renderer
+from dojo_env.rendering.scene import build_scene
+from dojo_env.sensors.camera import Camera
+from dojo_env.snapshot import Snapshot
+from dojo_maps.bundle import read_bundle
+scene = build_scene(read_bundle(sys.argv[1]))
+camera = Camera(name="c", position=(*scene.origin[:2], 10.0), width=16, height=16)
+Renderer(scene).render(Snapshot(time=0.0), [camera])
+print(time.perf_counter() - start)
+"""
+
+
+def in_process(script: str, *arguments: object, **environment: str) -> str:
+    """Run a script in a process of its own."""
+    command = [sys.executable, "-c", script, *map(str, arguments)]
+    return subprocess.run(  # noqa: S603 - our own script
+        command, env={**os.environ, **environment}, check=True, capture_output=True, text=True
+    ).stdout
+
+
+def report_costs(bundle: Path) -> float:
+    """Print memory and compile time; returns what an environment adds to libsumo, MB."""
+    in_process(_MEMORY, bundle)
+    alone, drawing = json.loads(in_process(_MEMORY, bundle))
+    added = {name: drawing[name] - alone[name] for name in alone}
+    print(f"memory beside libsumo: {added['Rss']:.0f} MB, {added['Pss']:.0f} MB with shared pages divided")
+    with tempfile.TemporaryDirectory() as cache:
+        cold = float(in_process(_FIRST, bundle, NUMBA_CACHE_DIR=cache))
+        warm = float(in_process(_FIRST, bundle, NUMBA_CACHE_DIR=cache))
+    print(f"first picture of a process: {cold:.1f} s where kernels are compiled, {warm:.1f} s from the cache")
+    return added["Rss"]
+
+
+def main() -> None:
+    """Run the benchmark."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--quick", action="store_true", help="fewer rows, less time for each")
+    quick = parser.parse_args().quick
+    if hasattr(os, "sched_setaffinity"):
+        os.sched_setaffinity(0, {min(os.sched_getaffinity(0))})
+    budget = 0.5 if quick else 2.0
+    goal: dict[str, float] = {}
+    for name in ("cologne1",) if quick else ("cologne1", "cologne8"):
+        bundle = open_map(find_scenario(name))
+        scene = build_scene(bundle)
+        signal = scene.road_map.signals[0]
+        cameras = place_cameras(scene, signal.id)
+        centre = np.mean([head.position for head in signal.heads], axis=0)[:2]
+        real = rush_hour(name, centre, RUSH_HOUR[name])
+        goal = goal or compare(f"{name}, rush hour", scene, real, cameras, budget)
+        for cameras_wanted in (1, 4, 5, 16):
+            for vehicles in (35,) if quick else (0, 35, 100, 200):
+                views = several(cameras, cameras_wanted)
+                compare(name, scene, crowd(real, vehicles, centre), views, budget / 2)
+        if name == "cologne1":
+            dense = compare("dense", densify(scene, 20), real, cameras, budget)["raster"]
+            print(f"twenty times the static triangles: {dense / goal['raster']:.2f} times the time")
+            memory = report_costs(bundle.folder)
+    reached = {"frames a second": 1000 / goal["raster"], "MB an environment": memory}
+    peers = {"panda3d": "times Panda3D", "bullet": "times pybullet"}
+    reached |= {shown: goal[name] / goal["raster"] for name, shown in peers.items() if name in goal}
+    for what, value in reached.items():
+        holds = value <= GOALS[what] if what.startswith("MB") else value >= GOALS[what]
+        print(f"{'holds ' if holds else 'MISSED'}  {what}: {value:.0f}, goal {GOALS[what]:.0f}")
+
+
+if __name__ == "__main__":
+    main()
