@@ -69,6 +69,15 @@ class Net:
             found.setdefault(c.get("from", ""), []).append(c)
         return found
 
+    def chain(self, c: ET.Element) -> list[str]:
+        """The internal lanes of a connection, one after the other."""
+        onward = {lane_of(x, "from"): x.get("via", "") for x in self.root.iter("connection") if x.get("via")}
+        found, lane = [], c.get("via", "")
+        while lane and lane not in found:
+            found.append(lane)
+            lane = onward.get(lane, "")
+        return found
+
     def driven(self) -> list[ET.Element]:
         """Lanes that cars use and that a drawn way leaves."""
         left = {lane_of(c, "from") for c in self.connections() if c.get("via")}

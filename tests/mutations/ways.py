@@ -92,7 +92,7 @@ def misname_junction(net: Net, chance: random.Random) -> Planted:
     edge = choose(chance, net.normal())
     edge.set("to", "nowhere")
     also = WAYS | TIMES | SHAPES | {"geometry.short_edge", "pedestrians.missing_crossing"}
-    return Planted("topology.dangling_reference", ("road", edge.get("id", "")), also)
+    return Planted("topology.dangling_reference", ("road", edge.get("id", "")), also, everywhere=True)
 
 
 def _leads_on(net: Net, edge: str, c: ET.Element) -> bool:
