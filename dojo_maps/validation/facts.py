@@ -87,12 +87,15 @@ class Facts:
     @cached_property
     def signals(self) -> tuple[Signal, ...]:
         """The signals of the street: those that control railways only are left out."""
-        return tuple(
-            signal
-            for signal in self.map.signals
-            if not any(program.kind.startswith("rail") for program in signal.programs)
-            and not (signal.junctions and all(self.kind(id_) in _RAILWAY for id_ in signal.junctions))
-        )
+        return tuple(signal for signal in self.map.signals if not self._is_of_railway(signal))
+
+    def _is_of_railway(self, signal: Signal) -> bool:
+        if any(program.kind.startswith("rail") for program in signal.programs):
+            return True
+        if signal.junctions and all(self.kind(id_) in _RAILWAY for id_ in signal.junctions):
+            return True
+        lanes = [self.lanes[link.from_id] for link in signal.links if link.from_id in self.lanes]
+        return bool(lanes) and all(lane.kind is LaneKind.RAIL for lane in lanes)
 
     def kind(self, junction: str) -> str:
         """Name a junction's type; an unknown junction has none."""
