@@ -101,6 +101,14 @@ class Facts:
         """Name a junction's type; an unknown junction has none."""
         return self.junctions[junction].kind if junction in self.junctions else ""
 
+    def legs(self, junction: str) -> int:
+        """Count a junction's neighbours."""
+        if junction not in self.junctions:
+            return 0
+        found = self.junctions[junction]
+        ends = {self.roads[road].from_junction for road in found.incoming}
+        return len(ends | {self.roads[road].to_junction for road in found.outgoing})
+
     def lanes_of(self, road: str) -> list[Lane]:
         """List a road's lanes, the outermost first."""
         return [self.lanes[lane] for lane in self.roads[road].lanes if lane in self.lanes]

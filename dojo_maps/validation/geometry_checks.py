@@ -66,7 +66,7 @@ def _joint_place(facts: Facts, connection: Connection, place: int) -> Floats:
 
 
 def check_short_edge(facts: Facts, limits: Limits) -> Iterator[Finding]:
-    """Find roads too short to hold a car, or, before a signal, three."""
+    """Find roads too short to hold a car, or, before a signal, three; stubs at the map's edge are fine."""
     for road in facts.map.roads:
         lanes = [lane for lane in facts.lanes_of(road.id) if lane.kind in DRIVABLE]
         if not lanes:
@@ -74,7 +74,8 @@ def check_short_edge(facts: Facts, limits: Limits) -> Iterator[Finding]:
         signal = facts.kind(road.to_junction).startswith("traffic_light")
         limit = limits.signal_road_length if signal else limits.road_length
         length = min(lane.length for lane in lanes)
-        if length < limit:
+        inside = min(facts.legs(road.from_junction), facts.legs(road.to_junction)) > 1
+        if length < limit and (inside or signal):
             where = " before a signal" if signal else ""
             yield Finding(
                 elements=element("road", road.id),
@@ -179,6 +180,11 @@ def _crossing_turns(one: Connection, other: Connection, crossing: shapely.Geomet
 
 
 def _are_opposite(facts: Facts, one: Connection, other: Connection) -> bool:
+    """Tell whether two turns come from opposite sides and neither leads to where the other comes from."""
+    for turn, facing in ((one, other), (other, one)):
+        left, came = (facts.roads[facts.lanes[lane].road] for lane in (turn.to_lane, facing.from_lane))
+        if left.to_junction == came.from_junction:
+            return False
     ahead = [
         facts.lanes[c.from_lane].shape[-1, :2] - facts.lanes[c.from_lane].shape[-2, :2] for c in (one, other)
     ]

@@ -58,6 +58,11 @@ class Net:
         """Edges between junctions."""
         return [e for e in self.edges.values() if e.get("function", "normal") == "normal"]
 
+    def neighbours(self, junction: str) -> set[str]:
+        """The junctions that edges lead to or come from."""
+        ends = [(e.get("from", ""), e.get("to", "")) for e in self.normal()]
+        return {b if a == junction else a for a, b in ends if junction in (a, b)}
+
     def remove(self, connections: Iterable[ET.Element]) -> None:
         for c in list(connections):
             self.root.remove(c)

@@ -124,7 +124,7 @@ def kink_lane(net: Net, chance: random.Random) -> Planted:
     if length < 12:
         raise NoPlaceError
     ahead = ((u - x) / length, (v - y) / length)
-    spike = (x + ahead[0] * 6 - ahead[1] * 8, y + ahead[1] * 6 + ahead[0] * 8, *z)
+    spike = (x + ahead[0] * 3 - ahead[1] * 8, y + ahead[1] * 3 + ahead[0] * 8, *z)
     set_shape(lane, [points[0], (x + ahead[0] * 5, y + ahead[1] * 5, *z), spike, *points[1:]])
     return Planted("geometry.kink", ("lane", lane.get("id", "")), SHAPES)
 
@@ -255,7 +255,8 @@ def loop_lane(net: Net, chance: random.Random) -> Planted:
 
 def shorten_edge(net: Net, chance: random.Random) -> Planted:
     edges = [e for e in net.normal() if all(float(x.get("length", "0")) > 20 for x in e.iter("lane"))]
-    edge = choose(chance, (e for e in edges if any(map(is_for_cars, e.iter("lane")))))
+    inside = [e for e in edges if all(len(net.neighbours(e.get(end, ""))) > 1 for end in ("from", "to"))]
+    edge = choose(chance, (e for e in inside if any(map(is_for_cars, e.iter("lane")))))
     for lane in edge.iter("lane"):
         lane.set("length", "2.00")
     return Planted("geometry.short_edge", ("road", edge.get("id", "")), SHAPES)
@@ -330,7 +331,7 @@ def stray_over_road(net: Net, chance: random.Random) -> Planted:
     options = [
         (c, third)
         for c in net.connections()
-        if c.get("via") in inner and drives(net, c)
+        if c.get("via") in inner and drives(net, c) and c.get("dir") != "t"
         for third in at.get(net.edges[c.get("from", "")].get("to"), [])
         if third.get("id") != c.get("to") and all(map(_is_drivable_line, third.iter("lane")))
     ]
