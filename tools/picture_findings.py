@@ -21,6 +21,7 @@ from dojo_maps.description import RoadMap
 from dojo_maps.geometry.pieces import lane_strips
 from dojo_maps.meshes.mesh import Mesh
 from dojo_maps.report.overview import draw_overview
+from dojo_maps.sources.files import find_network
 
 _SIZE = 360
 _LEAST, _MOST = 12.0, 60.0
@@ -84,6 +85,9 @@ def main() -> int:
     options = parser.parse_args()
     options.folder.mkdir(parents=True, exist_ok=True)
     for network in options.networks:
+        path, _ = find_network(network)
+        stem, above = path.name.split(".")[0], path.parent.name
+        label = stem if stem == above else f"{above}-{stem}"
         with tempfile.TemporaryDirectory() as folder:
             bundle, report = convert(network, Path(folder) / "map.dojo")
             meshes, drawn = bundle.read_meshes(), dict[str, int]()
@@ -93,7 +97,7 @@ def main() -> int:
                     continue
                 count = drawn[check] = drawn.get(check, 0) + 1
                 if count <= options.most:
-                    name = f"{Path(network).name.split('.')[0]}-{check}{f'-{count}' if count > 1 else ''}.png"
+                    name = f"{label}-{check}{f'-{count}' if count > 1 else ''}.png"
                     draw(bundle.road_map, meshes, issue, options.folder / name)
                     print(f"{name}: {issue['message']}")
     return 0
