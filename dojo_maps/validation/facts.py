@@ -222,10 +222,15 @@ def turn_deg(before: Sequence[float] | Floats, after: Sequence[float] | Floats) 
     return math.degrees(math.atan2(cross, dot))
 
 
-def twisted_share(polygon: shapely.Polygon) -> float:
-    """Measure the share of a ring's ground that it runs around more than once or the wrong way."""
-    mended = shapely.make_valid(polygon).area
-    return float(1.0 - abs(shapely.Polygon(polygon.exterior).area) / mended) if mended > 0 else 1.0
+def twisted_share(polygon: shapely.Polygon, mended: float | None = None) -> float:
+    """Measure the share of a ring's ground that it runs around more than once or the wrong way.
+
+    Args:
+        polygon: as drawn.
+        mended: its ground in square metres once it is mended, where that is known.
+    """
+    ground = shapely.make_valid(polygon).area if mended is None else mended
+    return float(1.0 - abs(shapely.Polygon(polygon.exterior).area) / ground) if ground > 0 else 1.0
 
 
 def _mended(shapes: Shapes) -> Shapes:

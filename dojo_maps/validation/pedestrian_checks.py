@@ -169,13 +169,15 @@ def check_walking_area_invalid(facts: Facts, limits: Limits) -> Iterator[Finding
     Those that only carry one path on into the next are as thin as the bend there, and are fine.
     """
     joins = _joins(facts)
-    for area in facts.walking_areas.values():
-        if len(joins[area.id]) < 3 and not joins[area.id] & facts.crossings.keys():
-            continue
+    areas = [
+        area
+        for area in facts.walking_areas.values()
+        if len(joins[area.id]) > 2 or any(name in facts.crossings for name in joins[area.id])
+    ]
+    mended = shapely.area(facts.polygons_of([area.polygon for area in areas]))
+    for area, size in zip(areas, mended.tolist(), strict=True):
         ring = area.polygon[:, :2] - facts.origin[:2]
-        polygon = shapely.Polygon(ring) if len(ring) > 2 else shapely.Polygon()
-        twisted = not polygon.is_valid and twisted_share(polygon) > limits.twisted
-        size = float(shapely.make_valid(polygon).area)
+        twisted = len(ring) > 2 and twisted_share(shapely.Polygon(ring), size) > limits.twisted
         if twisted or size < limits.walking_area:
             problem = "crosses itself" if twisted else f"has {size:.2f} m²"
             yield Finding(
