@@ -204,12 +204,12 @@ def _damage_lines(data: bytearray, chance: random.Random) -> None:
     data[:] = b"\n".join(lines)
 
 
-def _written(positions: list[tuple[float, float]]) -> str:
+def written(positions: list[tuple[float, float]]) -> str:
     return " ".join(f"{x:.2f},{y:.2f}" for x, y in positions)
 
 
 def zigzag(count: int, step: float) -> str:
-    return _written([(step * k, 50.0 * (k % 2)) for k in range(count)])
+    return written([(step * k, 50.0 * (k % 2)) for k in range(count)])
 
 
 def network_of(*shapes: str, floor: str = "0,0 1,0 1,1") -> bytes:
@@ -228,7 +228,7 @@ def network_of(*shapes: str, floor: str = "0,0 1,0 1,1") -> bytes:
 
 def _scribble(count: int, size: float) -> str:
     chance = random.Random(1)  # noqa: S311 - any scribble will do
-    return _written([(chance.uniform(0, size), chance.uniform(0, size)) for _ in range(count)])
+    return written([(chance.uniform(0, size), chance.uniform(0, size)) for _ in range(count)])
 
 
 ENDLESS: dict[str, Callable[[], bytes]] = {
@@ -247,10 +247,10 @@ ENDLESS: dict[str, Callable[[], bytes]] = {
 
 LARGE: dict[str, Callable[[], bytes]] = {
     "widezigzag": lambda: network_of(zigzag(5000, 1.5)),
-    "winding_road": lambda: network_of(_written([(k, 5 * math.sin(k / 10)) for k in range(5000)])),
+    "winding_road": lambda: network_of(written([(k, 5 * math.sin(k / 10)) for k in range(5000)])),
     "round_floor": lambda: network_of(
         "0,0 100,0",
-        floor=_written([(500 * math.cos(k / 800), 500 * math.sin(k / 800)) for k in range(5000)]),
+        floor=written([(500 * math.cos(k / 800), 500 * math.sin(k / 800)) for k in range(5000)]),
     ),
     "stack": lambda: network_of(*["0,0 100,0"] * 80),
 }
