@@ -200,16 +200,18 @@ def check_mesh_health(facts: Facts, _limits: Limits) -> Iterator[Finding]:
             continue
         if mesh.name in RAISED and not is_watertight(mesh):
             yield _unhealthy(facts, mesh, 0, "is not watertight")
-        if mesh.name in ("road", "junction"):
-            yield from _flipped(facts, mesh)
+        if mesh.name in ("road", "junction", *RAISED):
+            yield from _bad_faces(facts, mesh)
 
 
-def _flipped(facts: Facts, mesh: Mesh) -> Iterator[Finding]:
-    """Find floors that face down; under a bridge some do, though never most."""
+def _bad_faces(facts: Facts, mesh: Mesh) -> Iterator[Finding]:
+    """Find faces without area, and floors that face down; under a bridge some do, though never most."""
     corners = mesh.vertices[mesh.faces]
-    edge, other = (corners[:, 1] - corners[:, 0]).T, (corners[:, 2] - corners[:, 0]).T
-    down = edge[0] * other[1] < edge[1] * other[0]
-    if down.sum() > len(down) / 2:
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    empty, down = ~normals.any(axis=1), normals[:, 2] < 0
+    if empty.any():
+        yield _unhealthy(facts, mesh, int(empty.argmax()), f"has {empty.sum()} faces without area")
+    if mesh.name not in RAISED and down.sum() > len(down) / 2:
         yield _unhealthy(facts, mesh, int(down.argmax()), "faces down")
 
 
@@ -297,7 +299,7 @@ CHECKS = (
     Check(
         id="geometry.mesh_health",
         code="GEO016",
-        title="Raised surfaces are closed, floors face up, and every position is a number",
+        title="Raised surfaces are closed, floors face up, faces have area, positions are numbers",
         severity=ERROR,
         limit="every edge shared by two faces",
         source="glTF 2.0, trimesh",
