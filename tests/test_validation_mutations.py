@@ -31,7 +31,7 @@ NETWORKS = (
 SEEDS, SAMPLE = 4, 2
 LEAST_FOUND = 0.98
 NEAR = 5.0
-Key = tuple[str, tuple[tuple[str, str], ...], str, float | None]
+Key = tuple[str, tuple[tuple[str, str], ...], str, float | None, float | None]
 
 
 @lru_cache(maxsize=len(NETWORKS))
@@ -47,7 +47,8 @@ def _inspect(root: ET.Element) -> tuple[RoadMap, dict[Key, Issue]]:
     issues, states = find_issues(road_map, None, known)
     assert not [state for state in states.values() if state.startswith("crashed")], states
     return road_map, {
-        (i.check, tuple((e.kind, e.id) for e in i.elements), i.severity.value, i.measured): i for i in issues
+        (i.check, tuple((e.kind, e.id) for e in i.elements), i.severity.value, i.measured, i.limit): i
+        for i in issues
     }
 
 
