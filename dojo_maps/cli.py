@@ -10,6 +10,8 @@ from dojo_maps.errors import DojoError
 from dojo_maps.interruption import Interruption
 
 EXPORT_NAMES = ("metadrive", "opendrive", "geojson")
+_PROFILES = ("default", "rl", "strict")
+_REPORTS = {"json": "the report", "html": "a page", "sarif": "SARIF", "geojson": "the issues as GeoJSON"}
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -89,6 +91,18 @@ def _parser() -> argparse.ArgumentParser:
     )
     view.set_defaults(run=_view)
 
+    validate = commands.add_parser("validate", help="check a network or a bundle")
+    validate.add_argument(
+        "source", metavar="NET_OR_BUNDLE", help="a network, a packaged scenario or a bundle"
+    )
+    for name, what in _REPORTS.items():
+        validate.add_argument(f"--{name}", metavar="FILE", type=Path, help=f"write {what} here")
+    validate.add_argument("--netedit", metavar="FOLDER", type=Path, help="write selections and views here")
+    validate.add_argument("--profile", choices=_PROFILES, default=_PROFILES[0], help="limits and severities")
+    validate.add_argument("--exclude", metavar="FILE", type=Path, help="known issues to leave out, as JSON")
+    validate.add_argument("--strict", action="store_true", help="exit with 1 on warnings, too")
+    validate.set_defaults(run=_validate)
+
     checks = commands.add_parser("checks", help="list the checks")
     checks.set_defaults(run=_list_checks)
     return parser
@@ -123,6 +137,23 @@ def _convert(options: argparse.Namespace, interrupted: Interruption) -> int:
     return int(counts["error"] > 0 or (options.strict and counts["warning"] > 0))
 
 
+def _validate(options: argparse.Namespace, interrupted: Interruption) -> int:
+    from dojo_maps.inspection import inspect, write_reports
+    from dojo_maps.report.formats import as_text
+    from dojo_maps.validation.exclusions import read_exclusions
+    from dojo_maps.validation.profiles import PROFILES
+
+    interrupted.raise_from_now_on()
+    exclusions = read_exclusions(options.exclude) if options.exclude else ()
+    read, report = inspect(options.source, PROFILES[options.profile], exclusions)
+    targets = {name: getattr(options, name) for name in (*_REPORTS, "netedit")}
+    write_reports(read, report, **targets)
+    for line in as_text(report):
+        print(line)
+    counts = report["counts"]
+    return int(counts["error"] > 0 or (options.strict and counts["warning"] > 0))
+
+
 def _view(options: argparse.Namespace, interrupted: Interruption) -> int:
     import tempfile
     import webbrowser
@@ -143,7 +174,7 @@ def _view(options: argparse.Namespace, interrupted: Interruption) -> int:
 
 
 def _list_checks(_options: argparse.Namespace, interrupted: Interruption) -> int:
-    from dojo_maps.validation.runner import CHECKS
+    from dojo_maps.validation.catalogue import CHECKS
 
     interrupted.raise_from_now_on()
     for check in CHECKS:

@@ -142,5 +142,5 @@ def _write(
     draw_overview(road_map, meshes, folder / bundle.OVERVIEW)
     report = run_checks(road_map, meshes, issues)
     bundle.write_json(folder / bundle.REPORT, report)
-    write_page(report, folder / bundle.OVERVIEW, folder / bundle.REPORT_PAGE)
+    write_page(report, road_map, folder / bundle.REPORT_PAGE)
     return report

@@ -90,7 +90,13 @@ def _read_program(record: LogicRecord, path: Path) -> Program:
                 min_duration=seconds(phase, "minDur"),
                 max_duration=seconds(phase, "maxDur"),
                 state=read_text(phase, "state", path, what),
+                following=_read_following(phase, len(record.phases)),
             )
             for phase in record.phases
         ),
     )
+
+
+def _read_following(phase: Attributes, count: int) -> tuple[int, ...]:
+    places = (int(text) for text in phase.get("next", "").split() if text.isdecimal() and len(text) < 9)
+    return tuple(place for place in places if place < count)
