@@ -33,7 +33,7 @@ def check_yellow_short(facts: Facts, limits: Limits) -> Iterator[Finding]:
         short: dict[int, list[tuple[float, float, int]]] = defaultdict(list)
         for index in signal.vehicle:
             letters = signal.letters(program, index)
-            wanted = _yellow_for(signal, index, limits.yellow)
+            wanted = yellow_for(signal, index, limits.yellow)
             for phase in starts(program, letters, YELLOW):
                 shown = run_from(program, letters, phase, YELLOW)
                 if shown < limits.yellow or shown < wanted - limits.yellow_tolerance:
@@ -51,7 +51,8 @@ def check_yellow_short(facts: Facts, limits: Limits) -> Iterator[Finding]:
             )
 
 
-def _yellow_for(signal: SignalFacts, index: int, shortest: float) -> float:
+def yellow_for(signal: SignalFacts, index: int, shortest: float) -> float:
+    """Compute the yellow that a link's speed needs, in seconds."""
     lanes = [way.from_lane for way in signal.links.get(index, ()) if isinstance(way, Connection)]
     speed = max((signal.facts.lanes[lane].speed for lane in lanes), default=0.0)
     return min(max(_REACTION + speed / (2 * _DECELERATION), shortest), _LONGEST_YELLOW)
