@@ -1,1 +1,1 @@
-"""Repair a network: one small function per check proposes edits, rounds keep those that make nothing worse."""
+"""Repair a network: a function per check proposes edits, rounds keep those that make nothing worse."""

@@ -1,5 +1,6 @@
 """A network's text, changed element by element: every byte that no change names stays as it is."""
 
+import itertools
 import re
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
@@ -14,6 +15,7 @@ Span = tuple[int, int]
 _VALUE = rb"\"[^\"]*\"|'[^']*'"
 _TAG = re.compile(rb"<[^\s/>]+(?:\s+[^\s=/>]+\s*=\s*(?:" + _VALUE + rb"))*\s*/?>")
 _ATTRIBUTE = re.compile(rb"\s+([^\s=/>]+)\s*=\s*(" + _VALUE + rb")")
+_ENCODING = re.compile(rb"\s*<\?xml[^>]*encoding\s*=\s*[\"']([A-Za-z0-9._-]+)")
 _IDENTITY = {
     "edge": ("id",),
     "lane": ("id",),
@@ -52,9 +54,11 @@ class NetText:
         """List the programs of a signal."""
         return [logic for logic in self.records.logics if logic.attributes.get("id") == signal]
 
-    def copies(self, key: tuple[str, ...]) -> list[bytes]:
+    def copies(self, key: tuple[str, ...]) -> list[str]:
         """Give the text of every element with one identity."""
-        return [self.data[start:end] for start, end in self._spans.get(key, ())]
+        declared = _ENCODING.match(self.data[:200])
+        encoding = declared.group(1).decode() if declared else "utf-8"
+        return [self.data[start:end].decode(encoding, "replace") for start, end in self._spans.get(key, ())]
 
     def set_attributes(self, key: tuple[str, ...], values: Mapping[str, str | None]) -> tuple[Span, bytes]:
         """Write an element's start tag with other values."""
@@ -87,9 +91,11 @@ class NetText:
     ) -> tuple[Span, bytes]:
         """Write a program's phases anew; what stands between them comes after the last, equal ones stay."""
         spans = self._phases[key]
-        same = {tuple(a.items()): self.data[s:e] for a, (s, e) in zip(self._attributes(key), spans, strict=True)}
+        same = {
+            tuple(a.items()): self.data[s:e] for a, (s, e) in zip(self._attributes(key), spans, strict=True)
+        }
         written = [same.get(tuple(phase)) or _phase(phase) for phase in phases]
-        gaps = (self.data[a[1] : b[0]].strip() for a, b in zip(spans, spans[1:], strict=False))
+        gaps = (self.data[a[1] : b[0]].strip() for a, b in itertools.pairwise(spans))
         start = spans[0][0]
         indent = self.data[len(self.data[:start].rstrip(b" \t")) : start]
         return (start, spans[-1][1]), (b"\n" + indent).join([*written, *filter(None, gaps)])

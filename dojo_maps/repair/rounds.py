@@ -44,7 +44,7 @@ class Made:
 
 @dataclass(slots=True, kw_only=True)
 class Fixed:
-    """What came of it: the network before and after, what was done, what was given up, and in how many rounds."""
+    """The network before and after, the edits that were kept and given up, and how many rounds it took."""
 
     before: State
     after: State
@@ -53,9 +53,7 @@ class Fixed:
     rounds: int = 0
 
 
-def fix_network(
-    data: bytes, path: Path, only: Collection[str] = (), profile: Profile = DEFAULT
-) -> Fixed:
+def fix_network(data: bytes, path: Path, only: Collection[str] = (), profile: Profile = DEFAULT) -> Fixed:
     """Repair a network in memory.
 
     Args:

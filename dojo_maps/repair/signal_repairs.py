@@ -119,7 +119,8 @@ def let_yield(signal: SignalFacts, draft: Draft, _limits: Limits) -> None:
         for k in range(len(junction.right_of_way))
         for j in junction.right_of_way[k].response
     ]
-    yields, changed = set(rules), set()
+    yields: set[tuple[str, str]] = set(rules)
+    changed: dict[int, None] = {}
     for conflict in signal.conflicts:
         one, other = conflict.one.id, conflict.other.id
         minor = conflict.indices[0] if (one, other) in yields else conflict.indices[1]
@@ -129,8 +130,9 @@ def let_yield(signal: SignalFacts, draft: Draft, _limits: Limits) -> None:
             letters = [attributes.get("state", "")[k : k + 1] for k in conflict.indices]
             if letters == ["G", "G"]:
                 draft.set_state(phase, {minor: "g"})
-                changed.add((minor, phase))
-    draft.lines += [f"link {minor} yields in phase {phase} (g)" for minor, phase in sorted(changed)]
+                changed[minor] = None
+    if changed:
+        draft.lines.append(f"links {' '.join(map(str, sorted(changed)))} yield where they had a foe's G (g)")
 
 
 def complete_states(signal: SignalFacts, draft: Draft, _limits: Limits) -> None:

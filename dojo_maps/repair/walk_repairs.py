@@ -1,4 +1,4 @@
-"""Repairs of what walkers are shown: greens that end early enough to get across, and are long enough to start."""
+"""Repairs of what walkers are shown: greens that end in time to get across, and are long enough to start."""
 
 from dojo_maps.description import Crossing
 from dojo_maps.geometry.polylines import along
@@ -10,7 +10,7 @@ _SIMULTANEOUS = 1e-6
 
 
 def clear_crossings(signal: SignalFacts, draft: Draft, limits: Limits) -> None:
-    """End walkers' greens early enough; vehicles are shown the same, for longer if there is too little time."""
+    """End walkers' greens early enough; vehicles are shown the same, longer if time is short."""
     cut: dict[int, float] = {}
     for _ in range(4 * len(draft.phases)):
         worst = _worst_clearance(signal, draft, limits)

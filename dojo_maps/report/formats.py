@@ -12,16 +12,16 @@ def as_text(report: Mapping[str, Any]) -> Iterator[str]:
     for issue in report["issues"]:
         if issue["check"] != last:
             last = issue["check"]
-            yield f"{last}: {_plain(issue['hint'])}"
+            yield f"{last}: {printable(issue['hint'])}"
         x, y = issue["position"][:2]
-        yield f"  {issue['severity']:7} at {x:.1f},{y:.1f}: {_plain(issue['message'])}"
+        yield f"  {issue['severity']:7} at {x:.1f},{y:.1f}: {printable(issue['message'])}"
     for check in report["checks"]:
         if check["status"] == "crashed":
-            yield f"{check['id']}: crashed: {_plain(check.get('reason', ''))}"
+            yield f"{check['id']}: crashed: {printable(check.get('reason', ''))}"
     skipped = sum(check["status"] == "skipped" for check in report["checks"])
     counts = ", ".join(f"{count} {severity}s" for severity, count in report["counts"].items())
     excluded = f", {len(report['excluded'])} excluded" if report.get("excluded") else ""
-    yield f"{_plain(report['map'])}: {counts}{excluded}; {len(report['checks'])} checks, {skipped} skipped"
+    yield f"{printable(report['map'])}: {counts}{excluded}; {len(report['checks'])} checks, {skipped} skipped"
 
 
 def as_sarif(report: Mapping[str, Any], network: str) -> dict[str, Any]:
@@ -79,6 +79,6 @@ def as_geojson(report: Mapping[str, Any]) -> dict[str, Any]:
     }
 
 
-def _plain(text: str) -> str:
+def printable(text: str) -> str:
     """Keep a line one line, and terminals as they are, whatever the map's names hold."""
     return "".join(letter if letter.isprintable() else "?" for letter in text)
