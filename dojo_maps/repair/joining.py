@@ -20,7 +20,7 @@ def join_signals(site: Site, issues: Sequence[Issue]) -> Iterator[Edit]:
         ids = [e.id for e in issue.elements if e.kind == "signal"]
         if len(ids) != 2 or taken & set(ids):
             continue
-        logics = [_fixed(site, id_) for id_ in ids]
+        logics = [_fixed(site, id_) for id_ in ids] if _joined_by_road(site, *ids) else [None, None]
         if logics[0] is None or logics[1] is None:
             continue
         phases = _overlay(logics[0], logics[1])
@@ -29,6 +29,17 @@ def join_signals(site: Site, issues: Sequence[Issue]) -> Iterator[Edit]:
             what = f"one program of {len(phases)} phases with {ids[1]}"
             changes = tuple(_changes(site, logics[0], logics[1], phases))
             yield Edit(element=Element(kind="signal", id=ids[0]), what=what, changes=changes)
+
+
+def _joined_by_road(site: Site, one: str, other: str) -> bool:
+    """Tell whether cars drive straight from a junction of one signal to one of the other."""
+    owner = {j: signal.id for signal in site.facts.signals for j in signal.junctions}
+    pair = {one, other}
+    return any(
+        {owner.get(road.from_junction), owner.get(road.to_junction)} == pair
+        and "passenger" in site.facts.classes(road.id)
+        for road in site.facts.roads.values()
+    )
 
 
 def _fixed(site: Site, signal: str) -> LogicRecord | None:

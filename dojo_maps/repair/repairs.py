@@ -1,5 +1,6 @@
 """Every repair by its check, in the order in which they are made."""
 
+from dojo_maps.repair.crossing_repairs import add_crossings
 from dojo_maps.repair.edits import Repair
 from dojo_maps.repair.joining import join_signals
 from dojo_maps.repair.reference_repairs import (
@@ -31,8 +32,9 @@ REPAIRS: dict[str, Repair] = {
     "signals.green_conflict": repair_programs(let_yield),
     "signals.missing_yellow": repair_programs(add_yellow),
     "signals.yellow_short": repair_programs(lengthen_yellow),
+    "pedestrians.missing_crossing": add_crossings,
     "pedestrians.crossing_clearance": repair_programs(clear_crossings),
     "pedestrians.walk_min": repair_programs(lengthen_walks),
 }
-ON_REQUEST: frozenset[str] = frozenset()
+ON_REQUEST = frozenset({"pedestrians.missing_crossing"})
 """Checks that are repaired only when they are named: their repair adds to a network what it never had."""

@@ -114,15 +114,32 @@ def _try(
     changes: list[Change] = [change for edit in batch for change in edit.changes]
     try:
         after = look(apply_changes(state.site.text, changes, state.site.path))
+        if check in ON_REQUEST:
+            after = _follow_up(state, after, look)
     except DojoError as error:
         return None, str(error)
-    for other in sorted({*state.counts, *after.counts}):
-        old, new = (s.counts.get(other, (0, 0)) for s in (state, after))
-        if new[0] > old[0] or new[1] > old[1]:
-            return None, f"it would make {other} worse ({old[0]} -> {new[0]})"
+    for other in _worse(state, after):
+        old, new = (s.counts.get(other, (0, 0))[0] for s in (state, after))
+        return None, f"it would make {other} worse ({old} -> {new})"
     if after.counts.get(check, (0, 0)) == state.counts.get(check, (0, 0)):
         return None, "it would not help"
     return after, ""
+
+
+def _worse(before: State, after: State) -> list[str]:
+    """List the checks that find more issues, or more errors."""
+    pairs = {check: (before.counts.get(check, (0, 0)), count) for check, count in after.counts.items()}
+    return sorted(check for check, (old, new) in pairs.items() if new[0] > old[0] or new[1] > old[1])
+
+
+def _follow_up(before: State, after: State, look: Callable[[bytes], State]) -> State:
+    """Mend at once what an addition brings with it, such as programs that leave too little time to walk."""
+    for check in _worse(before, after):
+        if check in REPAIRS and check not in ON_REQUEST:
+            issues = [issue for issue in after.issues if issue.check == check]
+            changes = [change for edit in REPAIRS[check](after.site, issues) for change in edit.changes]
+            after = look(apply_changes(after.site.text, changes, after.site.path))
+    return after
 
 
 def _inspect(data: bytes, path: Path, profile: Profile) -> State:
