@@ -185,12 +185,17 @@ class Facts:
 
     @cached_property
     def way_lengths(self) -> Floats:
-        """The length of each connection's way, metres."""
+        """The length of each connection's way, metres; gaps between its parts do not count."""
         places, owners = in_a_row([connection.shape for connection in self.map.connections])
         steps = np.hypot(*np.diff(places[:, :2], axis=0).T) * (owners[1:] == owners[:-1])
         lengths = np.zeros(len(self.map.connections))
         np.add.at(lengths, owners[1:], steps)
-        return lengths
+        return lengths - [sum(across for across, _ in c.joints) for c in self.map.connections]
+
+    @cached_property
+    def way_length(self) -> dict[str, float]:
+        """`way_lengths` by the connections' ids."""
+        return dict(zip((c.id for c in self.map.connections), self.way_lengths.tolist(), strict=True))
 
 
 def in_a_row(lines: Sequence[Points]) -> tuple[Floats, Ints]:

@@ -89,7 +89,7 @@ def _all_red_for(facts: Facts, way: Connection | Crossing) -> float:
     if isinstance(way, Crossing):
         return 0.0
     speed = max(facts.lanes[way.from_lane].speed, 1.0)
-    return min((float(along(way.shape)[-1]) + _CAR) / speed, _LONGEST_ALL_RED)
+    return min((facts.way_length[way.id] + _CAR) / speed, _LONGEST_ALL_RED)
 
 
 def _time_between(signal: SignalFacts, program: Program, one: int, other: int, last: str) -> float | None:
