@@ -45,7 +45,15 @@ class Rebuild:
     connections: tuple[str, ...] = ()
 
 
-Change = SetAttributes | Remove | SetPhases | Rebuild
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SetRequests:
+    """Give a junction the rules of who yields to whom, as attributes in order."""
+
+    key: Key
+    requests: tuple[tuple[tuple[str, str], ...], ...]
+
+
+Change = SetAttributes | Remove | SetPhases | SetRequests | Rebuild
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -56,11 +64,13 @@ class Edit:
         element: what is mended.
         what: what is done to it, in a few words.
         changes: to the network's text.
+        uncovers: elements that could not be checked before; what is found there then was only hidden.
     """
 
     element: Element
     what: str
     changes: tuple[Change, ...]
+    uncovers: tuple[Element, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -23,6 +23,7 @@ _IDENTITY = {
     "connection": ("from", "fromLane", "to", "toLane"),
     "tlLogic": ("id", "programID"),
 }
+_ROWS = {"tlLogic": "phase", "junction": "request"}
 
 
 class NetText:
@@ -47,7 +48,7 @@ class NetText:
         self.elements: dict[tuple[str, ...], Attributes] = {}
         self.edge_of: dict[str, str] = {}
         self._spans: dict[tuple[str, ...], list[Span]] = defaultdict(list)
-        self._phases: dict[tuple[str, ...], list[Span]] = defaultdict(list)
+        self._rows: dict[tuple[str, ...], list[Span]] = defaultdict(list)
         self._find()
 
     def logics(self, signal: str) -> list[LogicRecord]:
@@ -86,15 +87,16 @@ class NetText:
             start = line - (2 if self.data[line - 2 : line] == b"\r\n" else 1)
         return (start, end), b""
 
-    def set_phases(
-        self, key: tuple[str, ...], phases: Sequence[Sequence[tuple[str, str]]]
-    ) -> tuple[Span, bytes]:
-        """Write a program's phases anew; what stands between them comes after the last, equal ones stay."""
-        spans = self._phases[key]
+    def set_rows(self, key: tuple[str, ...], rows: Sequence[Sequence[tuple[str, str]]]) -> tuple[Span, bytes]:
+        """Write a program's phases, or a junction's requests, anew.
+
+        Rows that are as they were keep their text; what stands between rows comes after the last.
+        """
+        spans, tag = self._rows[key], _ROWS[key[0]]
         same = {
             tuple(a.items()): self.data[s:e] for a, (s, e) in zip(self._attributes(key), spans, strict=True)
         }
-        written = [same.get(tuple(phase)) or _phase(phase) for phase in phases]
+        written = [same.get(tuple(row)) or _row(tag, row) for row in rows]
         gaps = (self.data[a[1] : b[0]].strip() for a, b in itertools.pairwise(spans))
         start = spans[0][0]
         indent = self.data[len(self.data[:start].rstrip(b" \t")) : start]
@@ -109,6 +111,8 @@ class NetText:
         return b"".join([*parts, self.data[at:]])
 
     def _attributes(self, key: tuple[str, ...]) -> list[Attributes]:
+        if key[0] == "junction":
+            return self.records.requests[key[1]]
         logics = (r for r in self.records.logics if key_of("tlLogic", r.attributes) == key)
         return next(logics, LogicRecord({})).phases
 
@@ -118,7 +122,7 @@ class NetText:
         def start(name: str, attributes: Attributes) -> None:
             at = parser.CurrentByteIndex
             inside = opened[-1][1] if opened else ()
-            if name == "phase" and inside[:1] == ("tlLogic",):
+            if inside and name == _ROWS.get(inside[0]):
                 opened.append((name, inside if len(self._spans[inside]) < 1 else (), at))
                 return
             key = key_of(name, attributes)
@@ -129,8 +133,8 @@ class NetText:
 
         def end(_name: str) -> None:
             name, key, at = opened.pop()
-            if name == "phase":
-                self._phases[key].append((at, _end(self.data, at, parser.CurrentByteIndex)))
+            if name in _ROWS.values():
+                self._rows[key].append((at, _end(self.data, at, parser.CurrentByteIndex)))
             elif name in _IDENTITY:
                 self._spans[key].append((at, _end(self.data, at, parser.CurrentByteIndex)))
 
@@ -152,8 +156,8 @@ def key_of(name: str, attributes: Attributes) -> tuple[str, ...]:
     return (name, *(attributes.get(part, "") for part in _IDENTITY.get(name, ())))
 
 
-def _phase(attributes: Sequence[tuple[str, str]]) -> bytes:
-    return b"<phase" + b"".join(f" {k}=".encode() + _quoted(v) for k, v in attributes) + b"/>"
+def _row(tag: str, attributes: Sequence[tuple[str, str]]) -> bytes:
+    return f"<{tag}".encode() + b"".join(f" {k}=".encode() + _quoted(v) for k, v in attributes) + b"/>"
 
 
 def _quoted(value: str) -> bytes:

@@ -9,7 +9,7 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from xml.sax.saxutils import quoteattr
 
-from dojo_maps.repair.edits import Change, Edit, Key, Rebuild, Remove, SetAttributes, SetPhases
+from dojo_maps.repair.edits import Change, Edit, Key, Rebuild, Remove, SetAttributes, SetPhases, SetRequests
 from dojo_maps.repair.net_text import NetText, Span
 from dojo_maps.repair.rebuilding import rebuild
 
@@ -32,7 +32,9 @@ def apply_changes(text: NetText, changes: Iterable[Change], path: Path) -> bytes
         elif isinstance(change, Remove):
             pieces.append(text.remove(change.key, change.copy))
         elif isinstance(change, SetPhases):
-            pieces.append(text.set_phases(change.key, change.phases))
+            pieces.append(text.set_rows(change.key, change.phases))
+        elif isinstance(change, SetRequests):
+            pieces.append(text.set_rows(change.key, change.requests))
         else:
             rebuilds.append(change)
     pieces += [text.set_attributes(key, wanted) for key, wanted in values.items()]
@@ -76,20 +78,25 @@ def _document(root: str, elements: Sequence[str]) -> str:
 def _plain(after: NetText, change: Change) -> list[tuple[str, str]]:
     """Write a change as elements, each with the file that it belongs in."""
     if isinstance(change, Rebuild):
-        return [("con", element) for element in change.connections] or [
-            ("con", _comment("netconvert builds all ways across junctions anew"))
-        ]
+        built = _comment("netconvert builds all ways across junctions anew")
+        return [("con", element) for element in change.connections or (built,)]
     tag = change.key[0]
     if isinstance(change, SetPhases):
         return [("tll", element) for element in after.copies(change.key)[:1]]
+    if isinstance(change, SetRequests):
+        return [("con", _comment(f"junction {change.key[1]}: netconvert computes its rules anew"))]
     if tag == "connection":
         return _plain_connection(change)
-    if isinstance(change, SetAttributes) and tag == "lane":
+    if tag == "lane":
         return _plain_lane(after, change.key)
-    if isinstance(change, SetAttributes):
-        return [("con", _comment(f"{tag} {change.key[1]}: {_attributes(dict(change.values))}"))]
+    return [_plain_other(tag, change)]
+
+
+def _plain_other(tag: str, change: SetAttributes | Remove) -> tuple[str, str]:
     kind = "edg" if tag == "edge" else "con"
-    return [(kind, _comment(f"copy {change.copy + 1} of the {tag} {change.key[1]} removed"))]
+    if isinstance(change, SetAttributes) and tag == "edge":
+        return kind, f"<edge{_attributes({'id': change.key[1], **dict(change.values)})}/>"
+    return kind, _comment(f"{tag} {change.key[1]}: one of its copies removed")
 
 
 def _plain_connection(change: SetAttributes | Remove) -> list[tuple[str, str]]:

@@ -1,5 +1,6 @@
 """Repairs of what refers to what: connections to nothing, copies, letters without a link, rules."""
 
+import math
 from collections.abc import Iterator, Sequence
 
 from dojo_maps.issue import Element, Issue
@@ -8,34 +9,96 @@ from dojo_maps.repair.edits import Change, Edit, Key, Rebuild, Remove, SetAttrib
 from dojo_maps.repair.net_text import key_of
 from dojo_maps.sources.sumo_xml import Attributes
 
+_TOUCHES = 2.0
+"""Metres between a lane's end and the start of a way that leaves it."""
+
 
 def mend_references(site: Site, issues: Sequence[Issue]) -> Iterator[Edit]:
-    """Let a connection name where its drawn way leads, or take it out; draw a way that is missing anew."""
+    """Let connections name where their drawn ways lead, and roads the junctions that they are drawn at."""
     records = {name: record for record in site.text.records.connections for name in _names(record)}
-    onward = {
-        f"{r.get('from')}_{r.get('fromLane')}": r
-        for r in site.text.records.connections
-        if r.get("from", ":")[0] == ":"
-    }
     for id_ in named(issues, "connection"):
         record = records.get(id_)
-        if record is None:
-            continue
-        element, key = Element(kind="connection", id=id_), key_of("connection", record)
-        if id_ in site.facts.connections:
-            yield Edit(element=element, what="its way drawn anew by netconvert", changes=(Rebuild(),))
-            continue
-        target = _lane_after(site, record.get("via", ""), onward)
-        if target is not None and f"{record.get('to')}_{record.get('toLane')}" not in site.facts.lanes:
-            lane = site.facts.lanes[target]
-            values = (("to", lane.road), ("toLane", str(lane.index)))
-            yield Edit(
-                element=element,
-                what=f"leads to {target}, as its way does",
-                changes=(SetAttributes(key=key, values=values),),
-            )
-        else:
-            yield Edit(element=element, what="removed", changes=(Remove(key=key),))
+        if record is not None:
+            lost = id_ not in site.facts.connections
+            change, what = _retarget(site, record) if lost else _redraw(site, record)
+            element = Element(kind="connection", id=id_)
+            signal = (Element(kind="signal", id=record["tl"]),) if "tl" in record else ()
+            lane = Element(kind="lane", id=f"{record.get('from')}_{record.get('fromLane')}")
+            yield Edit(element=element, what=what, changes=(change,), uncovers=(element, lane, *signal))
+    for id_ in named(issues, "road"):
+        values = dict(_junctions_of(site, id_))
+        if values:
+            what = " and ".join(f"{end} {junction}" for end, junction in values.items())
+            change = SetAttributes(key=("edge", id_), values=tuple(values.items()))
+            element = Element(kind="road", id=id_)
+            yield Edit(element=element, what=f"leads {what}", changes=(change,), uncovers=(element,))
+
+
+def _onward(site: Site) -> dict[str, Attributes]:
+    """The connections from internal lanes."""
+    return {
+        f"{r.get('from')}_{r.get('fromLane')}": r
+        for r in site.text.records.connections
+        if r.get("from", "").startswith(":")
+    }
+
+
+def _retarget(site: Site, record: Attributes) -> tuple[Change, str]:
+    """Let a connection lead where its way does; without such a way there is nothing to keep."""
+    key = key_of("connection", record)
+    target = _lane_after(site, record.get("via", ""), _onward(site))
+    if target is None or f"{record.get('from')}_{record.get('fromLane')}" not in site.facts.lanes:
+        return Remove(key=key), "removed"
+    lane = site.facts.lanes[target]
+    values = (("to", lane.road), ("toLane", str(lane.index)))
+    return SetAttributes(key=key, values=values), f"leads to {target}, as its way does"
+
+
+def _redraw(site: Site, record: Attributes) -> tuple[Change, str]:
+    """Name the one drawn way between a connection's lanes that no other names, or have a way drawn."""
+    taken = {r.get("via") for r in site.text.records.connections}
+    source, target = (f"{record.get(end)}_{record.get(f'{end}Lane')}" for end in ("from", "to"))
+    onward = _onward(site)
+    free = [
+        lane
+        for lane in onward
+        if lane not in taken and _lane_after(site, lane, onward) == target and _begins_at(site, lane, source)
+    ]
+    if len(free) != 1:
+        return Rebuild(), "its way drawn anew by netconvert"
+    change = SetAttributes(key=key_of("connection", record), values=(("via", free[0]),))
+    return change, f"its way is {free[0]}"
+
+
+def _begins_at(site: Site, internal: str, lane: str) -> bool:
+    shape = site.text.elements.get(("lane", internal), {}).get("shape", "").split()
+    if not shape:
+        return False
+    x, y = (float(value) for value in shape[0].split(",")[:2])
+    end = site.facts.lanes[lane].shape[-1]
+    return math.hypot(x - end[0], y - end[1]) < _TOUCHES
+
+
+def _junctions_of(site: Site, road: str) -> Iterator[tuple[str, str]]:
+    """Find the junctions at the ends of a road whose names are wrong, by what lists its lanes."""
+    found = site.facts.roads[road]
+    if found.to_junction not in site.facts.junctions:
+        listing = [j.get("id", "") for j in site.text.records.junctions if found.lanes[0] in _incoming(j)]
+        if len(listing) == 1:
+            yield "to", listing[0]
+    if found.from_junction not in site.facts.junctions:
+        ways = {r.get("via", "") for r in site.text.records.connections if r.get("to") == road}
+        listing = [j.get("id", "") for j in site.text.records.junctions if ways & _inside(j)]
+        if len(listing) == 1:
+            yield "from", listing[0]
+
+
+def _incoming(junction: Attributes) -> set[str]:
+    return set(junction.get("incLanes", "").split())
+
+
+def _inside(junction: Attributes) -> set[str]:
+    return set(junction.get("intLanes", "").split()) if junction.get("type") != "internal" else set()
 
 
 def _names(record: Attributes) -> Iterator[str]:
@@ -122,13 +185,3 @@ def _names_links(site: Site, drafts: Sequence[Draft]) -> bool:
     """Tell whether a program's parameters may name links by number, which would then be wrong."""
     keys = (key_of("tlLogic", draft.record.attributes) for draft in drafts)
     return any("<param" in copy for key in keys for copy in site.text.copies(key))
-
-
-def rebuild_rules(_site: Site, issues: Sequence[Issue]) -> Iterator[Edit]:
-    """Let netconvert compute anew who yields to whom."""
-    for id_ in named(issues, "junction"):
-        yield Edit(
-            element=Element(kind="junction", id=id_),
-            what="rules computed by netconvert",
-            changes=(Rebuild(),),
-        )

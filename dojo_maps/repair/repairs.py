@@ -6,9 +6,9 @@ from dojo_maps.repair.joining import join_signals
 from dojo_maps.repair.reference_repairs import (
     drop_unused_letters,
     mend_references,
-    rebuild_rules,
     remove_copies,
 )  # fmt: skip
+from dojo_maps.repair.rule_repairs import complete_rules
 from dojo_maps.repair.shape_repairs import close_gaps, drop_repeated_points, trim_pavement
 from dojo_maps.repair.signal_repairs import (
     add_yellow,
@@ -22,11 +22,11 @@ from dojo_maps.repair.walk_repairs import clear_crossings, lengthen_walks
 REPAIRS: dict[str, Repair] = {
     "topology.duplicate_id": remove_copies,
     "topology.dangling_reference": mend_references,
-    "topology.request_mismatch": rebuild_rules,
+    "topology.request_mismatch": complete_rules,
     "geometry.lane_invalid": drop_repeated_points,
     "geometry.gap": close_gaps,
     "geometry.sidewalk_on_road": trim_pavement,
-    "signals.state_length": repair_programs(complete_states),
+    "signals.state_length": repair_programs(complete_states, uncovers=True),
     "signals.unused_index": drop_unused_letters,
     "signals.split_signals": join_signals,
     "signals.green_conflict": repair_programs(let_yield),

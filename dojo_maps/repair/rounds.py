@@ -1,11 +1,12 @@
 """Repair in rounds: propose, try, keep what mends its check and makes no other worse."""
 
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from collections.abc import Set as AbstractSet
 from dataclasses import dataclass, field
 from pathlib import Path
 
 from dojo_maps.errors import DojoError
-from dojo_maps.issue import Issue, Severity
+from dojo_maps.issue import Element, Issue, Severity
 from dojo_maps.repair.edits import Change, Edit, Site
 from dojo_maps.repair.net_text import NetText
 from dojo_maps.repair.patch import apply_changes
@@ -108,7 +109,7 @@ def _repair(check: str, fixed: Fixed, look: Callable[[bytes], State]) -> int:
 
 
 def _try(
-    check: str, state: State, batch: Iterable[Edit], look: Callable[[bytes], State]
+    check: str, state: State, batch: Sequence[Edit], look: Callable[[bytes], State]
 ) -> tuple[State | None, str]:
     """Make edits and look again; the network after, or why it stays as it was."""
     changes: list[Change] = [change for edit in batch for change in edit.changes]
@@ -118,7 +119,8 @@ def _try(
             after = _follow_up(state, after, look)
     except DojoError as error:
         return None, str(error)
-    for other in _worse(state, after):
+    uncovered = {element for edit in batch for element in edit.uncovers}
+    for other in _worse(state, after, uncovered):
         old, new = (s.counts.get(other, (0, 0))[0] for s in (state, after))
         return None, f"it would make {other} worse ({old} -> {new})"
     if after.counts.get(check, (0, 0)) == state.counts.get(check, (0, 0)):
@@ -126,9 +128,17 @@ def _try(
     return after, ""
 
 
-def _worse(before: State, after: State) -> list[str]:
-    """List the checks that find more issues, or more errors."""
-    pairs = {check: (before.counts.get(check, (0, 0)), count) for check, count in after.counts.items()}
+def _worse(before: State, after: State, uncovered: AbstractSet[Element] = frozenset()) -> list[str]:
+    """List the checks that find more issues, or more errors; what was only hidden before does not count."""
+    counts = after.counts
+    if uncovered:
+        known = {(issue.check, issue.message) for issue in before.issues}
+        counts = _count(
+            issue
+            for issue in after.issues
+            if (issue.check, issue.message) in known or not uncovered & set(issue.elements)
+        )
+    pairs = {check: (before.counts.get(check, (0, 0)), count) for check, count in counts.items()}
     return sorted(check for check, (old, new) in pairs.items() if new[0] > old[0] or new[1] > old[1])
 
 
@@ -145,9 +155,13 @@ def _follow_up(before: State, after: State, look: Callable[[bytes], State]) -> S
 def _inspect(data: bytes, path: Path, profile: Profile) -> State:
     road_map, known = read_network(data, path=path, name=path.name, sha256="")
     issues, _ = find_issues(road_map, None, known, profile)
+    site = Site(facts=Facts(road_map), text=NetText(data, path), limits=profile.limits, path=path)
+    return State(data=data, site=site, issues=issues, counts=_count(issues))
+
+
+def _count(issues: Iterable[Issue]) -> dict[str, tuple[int, int]]:
     counts: dict[str, tuple[int, int]] = {}
     for issue in issues:
         count, errors = counts.get(issue.check, (0, 0))
         counts[issue.check] = (count + 1, errors + (issue.severity is Severity.ERROR))
-    site = Site(facts=Facts(road_map), text=NetText(data, path), limits=profile.limits, path=path)
-    return State(data=data, site=site, issues=issues, counts=counts)
+    return counts

@@ -15,8 +15,10 @@ from dojo_maps.validation.facts import Facts
 _TINY = 2.0
 """Metres: a wider gap is no slip of a pen, and somebody has to look at it."""
 _AGREES = 0.02
-_STEP = 0.05
-"""Metres by which pavement is narrowed at a time."""
+_STEP, _STRIDE = 0.05, 0.25
+"""Metres by which pavement is narrowed, or moved, at a time."""
+_FARTHEST = 4.0
+"""Metres; pavement that lies farther off belongs to something else."""
 
 
 def close_gaps(site: Site, issues: Sequence[Issue]) -> Iterator[Edit]:
@@ -39,7 +41,7 @@ def close_gaps(site: Site, issues: Sequence[Issue]) -> Iterator[Edit]:
 
 
 def _agreed_place(site: Site, lane: str, end: int) -> str | None:
-    """Find the one place where all ways of a lane begin (or end), if it is near the lane's end and not on it."""
+    """Find the one place where all ways of a lane begin or end, near the lane's end but not on it."""
     ways = (site.facts.leaving if end else site.facts.entering)[lane]
     places = {_tokens(site, way.via[0 if end else -1])[0 if end else -1] for way in ways if way.via}
     if len(ways) < 2 or len(places) != 1:
@@ -97,29 +99,44 @@ def _union(facts: Facts, lanes: Sequence[Lane]) -> shapely.Geometry:
 
 
 def _narrow(site: Site, lane: Lane, road: shapely.Geometry) -> Iterator[Edit]:
-    """Try widths from wide to narrow, with the left edge, the right edge or the middle moved."""
-    line = lane.shape[:, :2] - site.facts.origin[:2]
-    cuts = np.arange(_STEP, lane.width - site.limits.sidewalk_width + 1e-9, _STEP)
-    for cut in cuts:
+    """Narrow a sidewalk from the left, the right or both sides, or else move it outwards."""
+    middle = shapely.LineString(lane.shape[:, :2] - site.facts.origin[:2])
+    for cut in np.arange(_STEP, lane.width - site.limits.sidewalk_width + 1e-9, _STEP):
         for side in (-0.5, 0.5, 0.0):
-            middle = shapely.LineString(line)
-            if side:
-                middle = shapely.offset_curve(middle, side * cut, join_style="mitre", mitre_limit=2.0)
-            if middle.geom_type != "LineString" or middle.is_empty:
-                continue
-            strip = middle.buffer(
-                (lane.width - cut) / 2, cap_style="flat", join_style="mitre", mitre_limit=2.0
-            )
-            if strip.intersection(road).area <= site.limits.pavement_overlap / 2:
-                heights = np.interp(
-                    np.linspace(0, 1, len(middle.coords)), np.linspace(0, 1, len(line)), lane.shape[:, 2]
-                )
-                places = np.column_stack([np.array(middle.coords) + site.facts.origin[:2], heights])
-                width = (("width", f"{lane.width - cut:.2f}"),)
-                what = f"{cut:.2f} m narrower, off the road"
-                flat = not lane.shape[:, 2].any()
-                yield _reshape("lane", lane.id, lane.id, [_token(p, flat=flat) for p in places], what, width)
+            moved = _clear_of(site, _shifted(middle, side * cut), lane.width - cut, road)
+            if moved is not None:
+                width = ("width", f"{lane.width - cut:.2f}")
+                yield _redrawn(site, lane, moved, f"{cut:.2f} m narrower, off the road", width)
                 return
+    outwards = 1 if site.facts.map.left_hand else -1
+    for distance in np.arange(_STRIDE, _FARTHEST + 1e-9, _STRIDE):
+        moved = _clear_of(site, _shifted(middle, outwards * distance), lane.width, road)
+        if moved is not None:
+            yield _redrawn(site, lane, moved, f"moved {distance:.2f} m outwards, off the road")
+            return
+
+
+def _shifted(line: shapely.LineString, left: float) -> shapely.Geometry:
+    return shapely.offset_curve(line, left, join_style="mitre", mitre_limit=2.0) if left else line
+
+
+def _clear_of(
+    site: Site, line: shapely.Geometry, width: float, road: shapely.Geometry
+) -> shapely.LineString | None:
+    """Give a line back if a strip along it keeps off the road."""
+    if line.geom_type != "LineString" or line.is_empty:
+        return None
+    strip = line.buffer(width / 2, cap_style="flat", join_style="mitre", mitre_limit=2.0)
+    return line if strip.intersection(road).area <= site.limits.pavement_overlap / 2 else None
+
+
+def _redrawn(site: Site, lane: Lane, line: shapely.LineString, what: str, *more: tuple[str, str]) -> Edit:
+    """Draw a lane along a line, at the heights that it has along its own."""
+    places = np.array(line.coords)
+    steps = (np.linspace(0, 1, len(places)), np.linspace(0, 1, len(lane.shape)))
+    places = np.column_stack([places + site.facts.origin[:2], np.interp(*steps, lane.shape[:, 2])])
+    flat = not lane.shape[:, 2].any()
+    return _reshape("lane", lane.id, lane.id, [_token(place, flat=flat) for place in places], what, more)
 
 
 def _cut_out(site: Site, area: str, road: shapely.Geometry) -> Iterator[Edit]:

@@ -17,8 +17,8 @@ _LONGEST_CLEARANCE = 8.0
 Mend = Callable[[SignalFacts, Draft, Limits], None]
 
 
-def repair_programs(mend: Mend) -> Repair:
-    """Make a repair of what mends one program."""
+def repair_programs(mend: Mend, *, uncovers: bool = False) -> Repair:
+    """Make a repair of what mends one program; with `uncovers`, broken ones hide from other checks."""
 
     def repair(site: Site, issues: Sequence[Issue]) -> Iterator[Edit]:
         wanted = set(named(issues, "signal"))
@@ -31,7 +31,8 @@ def repair_programs(mend: Mend) -> Repair:
                 if draft.change is not None:
                     what = f"program {draft.name}: {', '.join(draft.lines)}"
                     element = Element(kind="signal", id=signal.signal.id)
-                    yield Edit(element=element, what=what, changes=(draft.change,))
+                    shown = (element,) if uncovers else ()
+                    yield Edit(element=element, what=what, changes=(draft.change,), uncovers=shown)
 
     return repair
 
@@ -112,20 +113,21 @@ def _between(old: str, new: str, cut: Sequence[int]) -> str:
 
 def let_yield(signal: SignalFacts, draft: Draft, _limits: Limits) -> None:
     """Give g, which yields, to the one of two colliding greens that the junction's rules make yield."""
-    rules = [
-        (junction.right_of_way[k].link, junction.right_of_way[j].link)
+    yields = {
+        (rule.link, junction.right_of_way[place].link)
         for name in signal.signal.junctions
         if (junction := signal.facts.junctions.get(name)) is not None
-        for k in range(len(junction.right_of_way))
-        for j in junction.right_of_way[k].response
-    ]
-    yields: set[tuple[str, str]] = set(rules)
+        for rule in junction.right_of_way
+        for place in rule.response
+    }
     changed: dict[int, None] = {}
     for conflict in signal.conflicts:
-        one, other = conflict.one.id, conflict.other.id
-        minor = conflict.indices[0] if (one, other) in yields else conflict.indices[1]
-        if ((one, other) in yields) == ((other, one) in yields):
+        ways = ((conflict.one, conflict.indices[0]), (conflict.other, conflict.indices[1]))
+        pairs = ((conflict.one.id, conflict.other.id), (conflict.other.id, conflict.one.id))
+        minors = [way for way, pair in zip(ways, pairs, strict=True) if pair in yields]
+        if not minors:
             continue
+        minor = min(minors, key=lambda way: getattr(way[0], "direction", "") == "s")[1]
         for phase, attributes in enumerate(draft.phases):
             letters = [attributes.get("state", "")[k : k + 1] for k in conflict.indices]
             if letters == ["G", "G"]:
