@@ -93,12 +93,15 @@ def _all_red_for(facts: Facts, way: Connection | Crossing) -> float:
 
 
 def _time_between(signal: SignalFacts, program: Program, one: int, other: int, last: str) -> float | None:
-    """Measure the least time from the end of one link's letters to the other's protected green; seconds."""
+    """Measure the least time from the end of one link's letters to the other's protected green; seconds.
+
+    Walkers who had a green beside that green all along yielded to it then, and do so still.
+    """
     ending, starting = signal.letters(program, one), signal.letters(program, other)
     times = [
         time
         for phase in range(len(program.phases))
-        if ending[phase] in last
+        if ending[phase] in last and not (last is GREEN and starting[phase] == "G")
         for after in following(program, phase)
         if ending[after] not in last + GREEN
         for time in (_time_until(program, starting, after),)
