@@ -7,7 +7,8 @@ from dojo_maps.issue import Element, Issue
 from dojo_maps.repair.draft import in_seconds
 from dojo_maps.repair.edits import Change, Edit, Remove, SetAttributes, SetPhases, Site
 from dojo_maps.repair.net_text import key_of
-from dojo_maps.sources.sumo_xml import Attributes, LogicRecord
+from dojo_maps.repair.reference_repairs import link_indices, links_of
+from dojo_maps.sources.sumo_xml import LogicRecord
 
 _TICK = 100
 """Hundredths of a second: the finest that programs are written in."""
@@ -99,10 +100,7 @@ def _changes(
     yield SetPhases(key=key_of("tlLogic", one.attributes), phases=written)
     yield Remove(key=key_of("tlLogic", other.attributes))
     size = len(one.phases[0].get("state", ""))
-    for record in site.text.records.connections:
-        if record.get("tl") == other.attributes.get("id") and record.get("linkIndex", "").isdecimal():
-            yield SetAttributes(key=key_of("connection", record), values=_controlled(record, one, size))
-
-
-def _controlled(record: Attributes, one: LogicRecord, size: int) -> tuple[tuple[str, str], ...]:
-    return (("tl", one.attributes["id"]), ("linkIndex", str(int(record["linkIndex"]) + size)))
+    for record in links_of(site, other.attributes["id"]):
+        moved = ((name, str(index + size)) for name, index in link_indices(record).items())
+        values = (("tl", one.attributes["id"]), *moved)
+        yield SetAttributes(key=key_of("connection", record), values=values)

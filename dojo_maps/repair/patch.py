@@ -86,7 +86,7 @@ def _plain(after: NetText, change: Change) -> list[tuple[str, str]]:
     if isinstance(change, SetRequests):
         return [("con", _comment(f"junction {change.key[1]}: netconvert computes its rules anew"))]
     if tag == "connection":
-        return _plain_connection(change)
+        return _plain_connection(after, change)
     if tag == "lane":
         return _plain_lane(after, change.key)
     return [_plain_other(tag, change)]
@@ -99,8 +99,10 @@ def _plain_other(tag: str, change: SetAttributes | Remove) -> tuple[str, str]:
     return kind, _comment(f"{tag} {change.key[1]}: one of its copies removed")
 
 
-def _plain_connection(change: SetAttributes | Remove) -> list[tuple[str, str]]:
+def _plain_connection(after: NetText, change: SetAttributes | Remove) -> list[tuple[str, str]]:
     ends: Values = dict(zip(("from", "fromLane", "to", "toLane"), change.key[1:], strict=True))
+    if change.key[1].startswith(":") or change.key[3].startswith(":"):
+        return [("con", _plain_step(after, change))]
     if isinstance(change, Remove) and change.copy:
         return [("con", _comment(f"copy {change.copy + 1} of the connection {_attributes(ends)} removed"))]
     if isinstance(change, Remove):
@@ -111,6 +113,17 @@ def _plain_connection(change: SetAttributes | Remove) -> list[tuple[str, str]]:
         return [("con", f"<delete{_attributes(ends)}/>"), ("con", f"<connection{fresh}/>")]
     kind = "tll" if values.keys() & {"tl", "linkIndex"} else "con"
     return [(kind, f"<connection{_attributes({**ends, **values})}/>")]
+
+
+def _plain_step(after: NetText, change: SetAttributes | Remove) -> str:
+    """Write a step on foot: the crossing with its signal's letter; netconvert makes other steps itself."""
+    start, target = change.key[1], change.key[3]
+    crossed = after.elements.get(("edge", target), {}).get("crossingEdges")
+    values = dict(change.values) if isinstance(change, SetAttributes) else {}
+    if crossed is None or "linkIndex" not in values:
+        return _comment(f"connection {start}->{target}: {_attributes(values) or 'removed'}")
+    crossing: Values = {"node": target[1:].rpartition("_c")[0], "edges": crossed}
+    return f"<crossing{_attributes({**crossing, 'linkIndex': values['linkIndex']})}/>"
 
 
 def _plain_lane(after: NetText, key: Key) -> list[tuple[str, str]]:

@@ -151,7 +151,7 @@ def _keys(site: Site, fault: Element) -> Iterator[Key]:
 def drop_unused_letters(site: Site, issues: Sequence[Issue]) -> Iterator[Edit]:
     """Take letters that control nothing out of all states of a signal, and number its links anew."""
     for id_ in named(issues, "signal"):
-        used = {int(r["linkIndex"]) for r in _links(site, id_)}
+        used = {index for record in links_of(site, id_) for index in link_indices(record).values()}
         drafts = [Draft(record, site.path) for record in site.text.logics(id_)]
         sizes = {len(phase.get("state", "")) for draft in drafts for phase in draft.phases}
         if not used or len(sizes) != 1 or max(used) >= min(sizes) or _names_links(site, drafts):
@@ -164,21 +164,24 @@ def drop_unused_letters(site: Site, issues: Sequence[Issue]) -> Iterator[Edit]:
         changes += [
             SetAttributes(
                 key=key_of("connection", record),
-                values=(("linkIndex", str(order[int(record["linkIndex"])])),),
+                values=tuple((name, str(order[index])) for name, index in link_indices(record).items()),
             )
-            for record in _links(site, id_)
-            if order[int(record["linkIndex"])] != int(record["linkIndex"])
+            for record in links_of(site, id_)
+            if any(order[index] != index for index in link_indices(record).values())
         ]
         what = f"{sizes.pop() - len(used)} letters without a link removed, links numbered anew"
         yield Edit(element=Element(kind="signal", id=id_), what=what, changes=tuple(changes))
 
 
-def _links(site: Site, signal: str) -> list[Attributes]:
-    return [
-        r
-        for r in site.text.records.connections
-        if r.get("tl") == signal and r.get("linkIndex", "").isdecimal()
-    ]
+def links_of(site: Site, signal: str) -> list[Attributes]:
+    """List what a signal controls."""
+    return [r for r in site.text.records.connections if r.get("tl") == signal]
+
+
+def link_indices(record: Attributes) -> dict[str, int]:
+    """Read a link's letters; a turn in two steps has one for each."""
+    values = {name: record.get(name, "") for name in ("linkIndex", "linkIndex2")}
+    return {name: int(value) for name, value in values.items() if value.isdecimal() and len(value) < 9}
 
 
 def _names_links(site: Site, drafts: Sequence[Draft]) -> bool:

@@ -39,7 +39,7 @@ def _worst_clearance(signal: SignalFacts, draft: Draft, limits: Limits) -> tuple
             walk, drive = signal.letters(program, index), signal.letters(program, foe)
             for phase in range(len(walk)):
                 for after in following(program, phase):
-                    if walk[phase] not in GREEN or walk[after] in GREEN:
+                    if walk[phase] not in GREEN or walk[after] in GREEN or drive[phase] == "G":
                         continue
                     shown = _time_until_green(draft, drive, after)
                     if shown is not None and shown < needed - _SIMULTANEOUS:
