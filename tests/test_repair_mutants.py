@@ -3,6 +3,7 @@
 `pytest tests/test_repair_mutants.py --all-mutants` takes every network; by default two run.
 """
 
+import logging
 import random
 from collections import Counter
 from pathlib import Path
@@ -53,7 +54,7 @@ def test_planted_defects_are_repaired(request: pytest.FixtureRequest) -> None:
             tally[after < before] += 1
             if after >= before:
                 left.append(f"{name} {kind.__name__}: {check} {before} -> {after}")
-    print(f"{tally[True]} of {tally.total()} planted defects repaired")
+    logging.getLogger(__name__).info("%s of %s planted defects repaired", tally[True], tally.total())
     assert tally.total() >= 12 * len(chosen)
     assert tally[True] >= LEAST_REPAIRED * tally.total(), "\n".join(left)
 
