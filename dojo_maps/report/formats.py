@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Mapping
 from typing import Any
+from urllib.parse import quote
 
 _SARIF = "https://json.schemastore.org/sarif-2.1.0.json"
 
@@ -24,40 +25,60 @@ def as_text(report: Mapping[str, Any]) -> Iterator[str]:
     yield f"{printable(report['map'])}: {counts}{excluded}; {len(report['checks'])} checks, {skipped} skipped"
 
 
-def as_sarif(report: Mapping[str, Any], network: str) -> dict[str, Any]:
-    """Write a report in the Static Analysis Results Interchange Format, 2.1.0, for code review tools."""
-    return {
-        "$schema": _SARIF,
-        "version": "2.1.0",
-        "runs": [
+def as_sarif(report: Mapping[str, Any], network: str, lines: Mapping[tuple[str, str], int]) -> dict[str, Any]:
+    """Write a report in the Static Analysis Results Interchange Format, 2.1.0, for code review tools.
+
+    Args:
+        report: as JSON values.
+        network: the network's file, as a path relative to where it is reviewed.
+        lines: the line of each element in it, by kind and id.
+    """
+    hints = {issue["check"]: issue["hint"] for issue in report["issues"]}
+    places = {check["id"]: place for place, check in enumerate(report["checks"])}
+    crashed = [check for check in report["checks"] if check["status"] == "crashed"]
+    rules = [
+        {
+            "id": check["id"],
+            "shortDescription": {"text": check["title"]},
+            **({"help": {"text": hints[check["id"]]}} if check["id"] in hints else {}),
+        }
+        for check in report["checks"]
+    ]
+    run = {
+        "tool": {"driver": {"name": "dojo-maps", "rules": rules}},
+        "columnKind": "unicodeCodePoints",
+        "invocations": [
             {
-                "tool": {
-                    "driver": {
-                        "name": "dojo-maps",
-                        "rules": [
-                            {"id": check["id"], "shortDescription": {"text": check["title"]}}
-                            for check in report["checks"]
-                        ],
-                    }
-                },
-                "results": [_sarif_result(issue, network) for issue in report["issues"]],
+                "executionSuccessful": not crashed,
+                "toolExecutionNotifications": [
+                    {"level": "error", "message": {"text": f"{check['id']}: {check.get('reason', '')}"}}
+                    for check in crashed
+                ],
             }
         ],
+        "results": [_sarif_result(issue, places, quote(network), lines) for issue in report["issues"]],
     }
+    return {"$schema": _SARIF, "version": "2.1.0", "runs": [run]}
 
 
-def _sarif_result(issue: Mapping[str, Any], network: str) -> dict[str, Any]:
+def _sarif_result(
+    issue: Mapping[str, Any],
+    places: Mapping[str, int],
+    uri: str,
+    lines: Mapping[tuple[str, str], int],
+) -> dict[str, Any]:
+    named = [(element["kind"], element["id"]) for element in issue["elements"]]
+    line = next((lines[name] for name in named if name in lines), 1)
+    rule = {"ruleIndex": places[issue["check"]]} if issue["check"] in places else {}
     return {
         "ruleId": issue["check"],
+        **rule,
         "level": issue["severity"],
-        "message": {"text": f"{issue['message']}. {issue['hint']}"},
+        "message": {"text": f"{issue['message']}; {issue['hint']}"},
         "locations": [
             {
-                "physicalLocation": {"artifactLocation": {"uri": network}, "region": {"startLine": 1}},
-                "logicalLocations": [
-                    {"kind": element["kind"], "fullyQualifiedName": element["id"]}
-                    for element in issue["elements"]
-                ],
+                "physicalLocation": {"artifactLocation": {"uri": uri}, "region": {"startLine": line}},
+                "logicalLocations": [{"kind": kind, "fullyQualifiedName": id_} for kind, id_ in named],
             }
         ],
         "properties": {key: issue[key] for key in ("position", "lonlat", "measured", "limit")},

@@ -22,10 +22,12 @@ _BODY = """
 <aside>
 <form id="filters">
 <div><label class="error"><input type="checkbox" name="error" checked> errors <b id="count-error"></b></label>
-<label class="warning"><input type="checkbox" name="warning" checked> warnings <b id="count-warning"></b></label>
+<label class="warning"><input type="checkbox" name="warning" checked> warnings
+<b id="count-warning"></b></label>
 <label class="note"><input type="checkbox" name="note" checked> notes <b id="count-note"></b></label></div>
 <select name="check" aria-label="check"></select><select name="junction" aria-label="junction"></select>
-<input type="search" name="text" placeholder="id or word" aria-label="id or word"><button type="reset">show all</button>
+<input type="search" name="text" placeholder="id or word" aria-label="id or word">
+<button type="reset">show all</button>
 </form>
 <ol id="list"></ol><p id="none" hidden></p>
 <details id="excluded"><summary id="reasons"></summary><ul id="left-out"></ul></details>
