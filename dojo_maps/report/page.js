@@ -129,7 +129,10 @@ const paint = (issue, picture) => {
   highlight(issue, picture);
 };
 const seen = new IntersectionObserver((entries) => {
-  for (const entry of entries) if (entry.isIntersecting) paint(data.issues[entry.target.dataset.issue], entry.target);
+  for (const { isIntersecting, target } of entries) {
+    const picture = target.querySelector(".picture");
+    if (isIntersecting) paint(data.issues[picture.dataset.issue], picture);
+  }
 }, { rootMargin: "400px" });
 
 const copy = (text, label) => {
@@ -174,7 +177,7 @@ const makeRow = (issue, k) => {
   const head = make("p");
   head.append(make("strong", issue.severity, "badge " + issue.severity), make("span", issue.check, "check"));
   const picture = draw("svg", { class: "picture", "data-issue": k, role: "img", "aria-label": issue.message });
-  seen.observe(picture);
+  seen.observe(row);
   const buttons = make("p", undefined, "copies");
   buttons.append(copy(issue.selection.join("\n") + "\n", "copy netedit selection"),
     copy(issue.position.slice(0, 2).map((value) => value.toFixed(2)).join(","), "copy position"));
