@@ -15,6 +15,7 @@ from xml.etree import ElementTree as ET
 import mutations
 import networks
 import pytest
+from places import Places
 
 from dojo_maps.description import RoadMap
 from dojo_maps.errors import SourceError
@@ -29,6 +30,7 @@ NETWORKS = (
 )  # fmt: skip
 SEEDS, SAMPLE = 4, 2
 LEAST_FOUND = 0.98
+NEAR = 5.0
 Key = tuple[str, tuple[tuple[str, str], ...], str, float | None]
 
 
@@ -84,6 +86,11 @@ def _judge(
         about = [key for key in about if planted.element in key[1]]
     if not about:
         return f"not found; instead: {sorted(added)[:4]}"
+    places = Places(road_map)
+    for key in added:
+        kind, id_ = key[1][0]
+        if (kind, id_) in places and places.distance(kind, id_, mutant[key].position) > NEAR:
+            return f"{key[0]} is said to be elsewhere than its {kind} {id_}"
     if planted.everywhere:
         strange = [key for key in added if key[0] not in planted.also | {planted.check}]
         return f"also reported: {strange[:3]}" if strange else ""

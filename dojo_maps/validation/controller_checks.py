@@ -64,9 +64,12 @@ def check_split_signals(facts: Facts, limits: Limits) -> Iterator[Finding]:
 
 
 def check_rl_form(facts: Facts, _limits: Limits) -> Iterator[Finding]:
-    """Find programs that a controller cannot drive green by green: too few, or not parted by a clearance."""
+    """Find programs that a controller cannot drive green by green: too few, or not parted by a clearance.
+
+    Of several programs SUMO runs the last one.
+    """
     for signal in signals_of(facts):
-        for program in signal.signal.programs[:1]:
+        for program in signal.signal.programs[-1:]:
             problem = _undrivable(program)
             if problem and len(signal.signal.links) > 2:
                 yield Finding(

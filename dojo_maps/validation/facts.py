@@ -87,16 +87,27 @@ class Facts:
     @cached_property
     def signals(self) -> tuple[Signal, ...]:
         """The signals of the street: those that control railways only are left out."""
-        return tuple(
-            signal
-            for signal in self.map.signals
-            if not any(program.kind.startswith("rail") for program in signal.programs)
-            and not (signal.junctions and all(self.kind(id_) in _RAILWAY for id_ in signal.junctions))
-        )
+        return tuple(signal for signal in self.map.signals if not self._is_of_railway(signal))
+
+    def _is_of_railway(self, signal: Signal) -> bool:
+        if any(program.kind.startswith("rail") for program in signal.programs):
+            return True
+        if signal.junctions and all(self.kind(id_) in _RAILWAY for id_ in signal.junctions):
+            return True
+        lanes = [self.lanes[link.from_id] for link in signal.links if link.from_id in self.lanes]
+        return bool(lanes) and all(lane.kind is LaneKind.RAIL for lane in lanes)
 
     def kind(self, junction: str) -> str:
         """Name a junction's type; an unknown junction has none."""
         return self.junctions[junction].kind if junction in self.junctions else ""
+
+    def legs(self, junction: str) -> int:
+        """Count a junction's neighbours."""
+        if junction not in self.junctions:
+            return 0
+        found = self.junctions[junction]
+        ends = {self.roads[road].from_junction for road in found.incoming}
+        return len(ends | {self.roads[road].to_junction for road in found.outgoing})
 
     def lanes_of(self, road: str) -> list[Lane]:
         """List a road's lanes, the outermost first."""
@@ -211,10 +222,15 @@ def turn_deg(before: Sequence[float] | Floats, after: Sequence[float] | Floats) 
     return math.degrees(math.atan2(cross, dot))
 
 
-def twisted_share(polygon: shapely.Polygon) -> float:
-    """Measure the share of a ring's ground that it runs around more than once or the wrong way."""
-    mended = shapely.make_valid(polygon).area
-    return float(1.0 - abs(shapely.Polygon(polygon.exterior).area) / mended) if mended > 0 else 1.0
+def twisted_share(polygon: shapely.Polygon, mended: float | None = None) -> float:
+    """Measure the share of a ring's ground that it runs around more than once or the wrong way.
+
+    Args:
+        polygon: as drawn.
+        mended: its ground in square metres once it is mended, where that is known.
+    """
+    ground = shapely.make_valid(polygon).area if mended is None else mended
+    return float(1.0 - abs(shapely.Polygon(polygon.exterior).area) / ground) if ground > 0 else 1.0
 
 
 def _mended(shapes: Shapes) -> Shapes:

@@ -66,7 +66,7 @@ def _joint_place(facts: Facts, connection: Connection, place: int) -> Floats:
 
 
 def check_short_edge(facts: Facts, limits: Limits) -> Iterator[Finding]:
-    """Find roads too short to hold a car, or, before a signal, three."""
+    """Find roads too short to hold a car, or, before a signal, three; stubs at the map's edge are fine."""
     for road in facts.map.roads:
         lanes = [lane for lane in facts.lanes_of(road.id) if lane.kind in DRIVABLE]
         if not lanes:
@@ -74,7 +74,8 @@ def check_short_edge(facts: Facts, limits: Limits) -> Iterator[Finding]:
         signal = facts.kind(road.to_junction).startswith("traffic_light")
         limit = limits.signal_road_length if signal else limits.road_length
         length = min(lane.length for lane in lanes)
-        if length < limit:
+        inside = min(facts.legs(road.from_junction), facts.legs(road.to_junction)) > 1
+        if length < limit and (inside or signal):
             where = " before a signal" if signal else ""
             yield Finding(
                 elements=element("road", road.id),
@@ -179,6 +180,11 @@ def _crossing_turns(one: Connection, other: Connection, crossing: shapely.Geomet
 
 
 def _are_opposite(facts: Facts, one: Connection, other: Connection) -> bool:
+    """Tell whether two turns come from opposite sides and neither leads to where the other comes from."""
+    for turn, facing in ((one, other), (other, one)):
+        left, came = (facts.roads[facts.lanes[lane].road] for lane in (turn.to_lane, facing.from_lane))
+        if left.to_junction == came.from_junction:
+            return False
     ahead = [
         facts.lanes[c.from_lane].shape[-1, :2] - facts.lanes[c.from_lane].shape[-2, :2] for c in (one, other)
     ]
@@ -194,16 +200,18 @@ def check_mesh_health(facts: Facts, _limits: Limits) -> Iterator[Finding]:
             continue
         if mesh.name in RAISED and not is_watertight(mesh):
             yield _unhealthy(facts, mesh, 0, "is not watertight")
-        if mesh.name in ("road", "junction"):
-            yield from _flipped(facts, mesh)
+        if mesh.name in ("road", "junction", *RAISED):
+            yield from _bad_faces(facts, mesh)
 
 
-def _flipped(facts: Facts, mesh: Mesh) -> Iterator[Finding]:
-    """Find floors that face down; under a bridge some do, though never most."""
+def _bad_faces(facts: Facts, mesh: Mesh) -> Iterator[Finding]:
+    """Find faces without area, and floors that face down; under a bridge some do, though never most."""
     corners = mesh.vertices[mesh.faces]
-    edge, other = (corners[:, 1] - corners[:, 0]).T, (corners[:, 2] - corners[:, 0]).T
-    down = edge[0] * other[1] < edge[1] * other[0]
-    if down.sum() > len(down) / 2:
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    empty, down = ~normals.any(axis=1), normals[:, 2] < 0
+    if empty.any():
+        yield _unhealthy(facts, mesh, int(empty.argmax()), f"has {empty.sum()} faces without area")
+    if mesh.name not in RAISED and down.sum() > len(down) / 2:
         yield _unhealthy(facts, mesh, int(down.argmax()), "faces down")
 
 
@@ -291,7 +299,7 @@ CHECKS = (
     Check(
         id="geometry.mesh_health",
         code="GEO016",
-        title="Raised surfaces are closed, floors face up, and every position is a number",
+        title="Raised surfaces are closed, floors face up, faces have area, positions are numbers",
         severity=ERROR,
         limit="every edge shared by two faces",
         source="glTF 2.0, trimesh",

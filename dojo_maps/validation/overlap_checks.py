@@ -2,6 +2,7 @@
 
 from collections import defaultdict
 from collections.abc import Iterator, Sequence
+from typing import Any
 
 import numpy as np
 import shapely
@@ -12,8 +13,8 @@ from dojo_maps.validation.check import ERROR, WARNING, Check, Finding, element
 from dojo_maps.validation.facts import Facts
 from dojo_maps.validation.profiles import Limits
 
-_SHARED = 0.9
-"""Share of the smaller strip from which two opposite lanes count as one that is driven both ways."""
+_SLIVER = 0.05
+"""Metres: common ground that is nowhere twice as wide is rounding of coordinates, most of all in bends."""
 
 
 def check_lane_overlap(facts: Facts, limits: Limits) -> Iterator[Finding]:
@@ -29,7 +30,7 @@ def check_lane_overlap(facts: Facts, limits: Limits) -> Iterator[Finding]:
     large = shapely.area(shared) > limits.overlap
     for i, j, common in zip(one[large], other[large], shared[large], strict=True):
         ground = border.cut_off(common, lanes[i], lanes[j])
-        if ground.area <= limits.overlap:
+        if ground.area <= limits.overlap or _is_sliver(ground):
             continue
         at = _inside(ground)
         if facts.near_level(lanes[i].shape, lanes[j].shape, at + facts.origin[:2], limits.level_height):
@@ -106,7 +107,7 @@ def check_sidewalk_on_road(facts: Facts, limits: Limits) -> Iterator[Finding]:
     lines = [lane.shape for lane in sidewalks] + [area.polygon for area in areas]
     which, lane = facts.road_tree.query(pavement, predicate="intersects")
     shared = shapely.intersection(pavement[which], facts.road_strips[lane])
-    large = shapely.area(shared) > 0.01
+    large = (shapely.area(shared) > 0.01) & ~_is_sliver(shared)
     on: dict[int, list[tuple[float, int, Floats]]] = defaultdict(list)
     for k, j, ground in zip(which[large], lane[large], shared[large], strict=True):
         at = _inside(ground)
@@ -169,6 +170,11 @@ def _pairs(tree: shapely.STRtree, shapes: Shapes) -> tuple[Ints, Ints]:
     one, other = one[kept], other[kept]
     order = np.lexsort((other, one))
     return one[order], other[order]
+
+
+def _is_sliver(ground: shapely.Geometry | Shapes) -> Any:
+    """Tell of common ground, or of each of many, whether it is nowhere wide enough to be seen."""
+    return shapely.is_empty(shapely.buffer(ground, -_SLIVER, quad_segs=1))
 
 
 def _inside(ground: shapely.Geometry) -> Floats:

@@ -106,14 +106,20 @@ def _start_of(facts: Facts, name: str) -> Floats:
     return facts.lanes[name].shape[0]
 
 
-def check_dead_end_walking_area(facts: Facts, _limits: Limits) -> Iterator[Finding]:
-    """Find walking areas that lead nowhere, unless the map ends there."""
+def _joins(facts: Facts) -> dict[str, set[str]]:
+    """Tell for each place to walk which others lie next to it."""
     joins: dict[str, set[str]] = defaultdict(set)
     for walk in facts.map.walks:
         joins[walk.from_id].add(walk.to_id)
         joins[walk.to_id].add(walk.from_id)
+    return joins
+
+
+def check_dead_end_walking_area(facts: Facts, _limits: Limits) -> Iterator[Finding]:
+    """Find walking areas that lead nowhere, unless the map ends there."""
+    joins = _joins(facts)
     for area in facts.walking_areas.values():
-        if len(joins[area.id]) < 2 and _legs(facts, area.junction) > 1:
+        if len(joins[area.id]) < 2 and facts.legs(area.junction) > 1:
             yield Finding(
                 elements=(*element("walking_area", area.id), *element("junction", area.junction)),
                 at=area.polygon[0],
@@ -123,20 +129,11 @@ def check_dead_end_walking_area(facts: Facts, _limits: Limits) -> Iterator[Findi
             )
 
 
-def _legs(facts: Facts, junction: str) -> int:
-    """Count the neighbours of a junction."""
-    found = facts.junctions.get(junction)
-    if found is None:
-        return 0
-    ends = {facts.roads[road].from_junction for road in found.incoming}
-    return len(ends | {facts.roads[road].to_junction for road in found.outgoing})
-
-
 def check_missing_crossing(facts: Facts, _limits: Limits) -> Iterator[Finding]:
     """Find signalised junctions where a leg with sidewalks on both sides cannot be crossed."""
     crossed = {road for crossing in facts.crossings.values() for road in crossing.roads}
     for junction in facts.map.junctions:
-        if not junction.kind.startswith("traffic_light") or _legs(facts, junction.id) < 3:
+        if not junction.kind.startswith("traffic_light") or facts.legs(junction.id) < 3:
             continue
         out = {facts.roads[road].to_junction: road for road in junction.outgoing}
         pairs = [(road, out.get(facts.roads[road].from_junction)) for road in junction.incoming]
@@ -167,12 +164,20 @@ def _is_street_with_sidewalk(facts: Facts, road: str) -> bool:
 
 
 def check_walking_area_invalid(facts: Facts, limits: Limits) -> Iterator[Finding]:
-    """Find walking areas that cross themselves or that no one fits on."""
-    for area in facts.walking_areas.values():
+    """Find walking areas that cross themselves or that no one fits on.
+
+    Those that only carry one path on into the next are as thin as the bend there, and are fine.
+    """
+    joins = _joins(facts)
+    areas = [
+        area
+        for area in facts.walking_areas.values()
+        if len(joins[area.id]) > 2 or any(name in facts.crossings for name in joins[area.id])
+    ]
+    mended = shapely.area(facts.polygons_of([area.polygon for area in areas]))
+    for area, size in zip(areas, mended.tolist(), strict=True):
         ring = area.polygon[:, :2] - facts.origin[:2]
-        polygon = shapely.Polygon(ring) if len(ring) > 2 else shapely.Polygon()
-        twisted = not polygon.is_valid and twisted_share(polygon) > limits.twisted
-        size = float(shapely.make_valid(polygon).area)
+        twisted = len(ring) > 2 and twisted_share(shapely.Polygon(ring), size) > limits.twisted
         if twisted or size < limits.walking_area:
             problem = "crosses itself" if twisted else f"has {size:.2f} m²"
             yield Finding(

@@ -18,7 +18,7 @@ class Limits:
     level_height: float = 4.0
     border: float = 2.0
     repeated_point: float = 0.05
-    kink_deg: float = 60.0
+    kink_deg: float = 99.0
     radius: float = 9.0
     gap: float = 0.1
     gap_error: float = 0.5
@@ -39,7 +39,7 @@ class Limits:
     length_difference: float = 1.0
     turn_back_deg: float = 150.0
     straight_deg: float = 30.0
-    path_on_road: float = 1.0
+    path_on_road: float = 3.0
     yellow: float = 3.0
     yellow_tolerance: float = 0.5
     walking_speed: float = 1.2
@@ -87,6 +87,7 @@ PROFILES = {
                 Limits(),
                 overlap=0.25,
                 pavement_overlap=0.1,
+                kink_deg=60.0,
                 gap=0.02,
                 gap_error=0.1,
                 drive_width=2.75,

@@ -1,5 +1,6 @@
 """Signal programs as checks read them: who is shown what in which phase, and who must not go with whom."""
 
+import itertools
 from collections import defaultdict
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
@@ -36,10 +37,16 @@ class SignalFacts:
             if way is not None and way not in self.links[link.index]:
                 self.links[link.index].append(way)
         self.conflicts = tuple(_conflicts(facts, signal))
+        self._columns: dict[int, list[str]] = {}
 
     def letters(self, program: Program, index: int) -> str:
         """What one letter of the state shows from phase to phase; where a state is too short, `?`."""
-        return "".join(phase.state[index] if index < len(phase.state) else "?" for phase in program.phases)
+        columns = self._columns.get(id(program))
+        if columns is None:
+            states = [phase.state for phase in program.phases]
+            columns = ["".join(column) for column in itertools.zip_longest(*states, fillvalue="?")]
+            self._columns[id(program)] = columns
+        return columns[index] if index < len(columns) else "?" * len(program.phases)
 
     def elements(self, *indices: int) -> tuple[Element, ...]:
         """Name the signal, then the ways and lanes that letters control."""

@@ -1,6 +1,6 @@
 """Run every check on a map and put what they find into one report."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import asdict
 from typing import Any
 
@@ -46,7 +46,7 @@ def find_issues(
             states[check.id] = f"skipped: it needs {check.needs.value}"
             continue
         try:
-            issues += _run(check, facts, profile)
+            issues.extend(_run(check, facts, profile))  # one by one: what is found before a crash stays
         except Exception as error:  # noqa: BLE001 - one broken check must not hide what the others find
             states[check.id] = f"crashed: {type(error).__name__}: {error}"
             issues.append(_crash(check, error, road_map))
@@ -80,12 +80,10 @@ def run_checks(
     }
 
 
-def _run(check: Check, facts: Facts, profile: Profile) -> list[Issue]:
-    if check.run is None:
-        return []
+def _run(check: Check, facts: Facts, profile: Profile) -> Iterator[Issue]:
     severity = profile.severities.get(check.id)
-    return [
-        Issue(
+    for finding in check.run(facts, profile.limits) if check.run else ():
+        yield Issue(
             check=check.id,
             severity=severity or finding.severity or check.severity,
             elements=finding.elements,
@@ -95,8 +93,6 @@ def _run(check: Check, facts: Facts, profile: Profile) -> list[Issue]:
             limit=finding.limit,
             hint=check.hint,
         )
-        for finding in check.run(facts, profile.limits)
-    ]
 
 
 def _crash(check: Check, error: Exception, road_map: RoadMap) -> Issue:

@@ -72,7 +72,7 @@ def _swapped(facts: Facts, lanes: list[Lane], limits: Limits) -> Iterator[Findin
         (x2, y2), (x3, y3) = inner.shape[[0, -1], :2].tolist()
         along_x, along_y = x1 - x0, y1 - y0
         length = math.hypot(along_x, along_y)
-        if length < _STUB or length < _STRAIGHT * outer.length:
+        if length < _STUB or length < _STRAIGHT * float(along(outer.shape)[-1]):
             continue
         offset_x, offset_y = (x2 + x3 - x0 - x1) / 2, (y2 + y3 - y0 - y1) / 2
         left = (along_x * offset_y - along_y * offset_x) / length
@@ -129,8 +129,8 @@ def _bends(facts: Facts) -> tuple[Floats, Floats, Floats, Ints]:
     """List every inner corner of drivable lanes.
 
     Returns:
-        Its place (n, 3), how far the lane turns there (n,) in radians, the length of the lane's end piece if
-        it is the first or last corner and else 0, and its lane's place in `drivable`.
+        Its place (n, 3), how far the lane turns there (n,) in radians, the length of the lane's end piece,
+        the shorter one, if it is the first or last corner and else 0, and its lane's place in `drivable`.
     """
     corners, owners = facts.corners
     if len(corners) < 3:
@@ -145,8 +145,10 @@ def _bends(facts: Facts) -> tuple[Floats, Floats, Floats, Ints]:
     counts = np.bincount(owners)
     first = np.concatenate([[0], np.cumsum(counts)[:-1]])
     last = first[owners[k]] + counts[owners[k]] - 1
-    ends = np.where(k == first[owners[k]] + 1, lengths[k - 1], np.where(k == last - 1, lengths[k], 0.0))
-    return corners[k], angles, ends, owners[k]
+    at_first = np.where(k == first[owners[k]] + 1, lengths[k - 1], np.inf)
+    at_last = np.where(k == last - 1, lengths[k], np.inf)
+    ends = np.minimum(at_first, at_last)
+    return corners[k], angles, np.where(np.isfinite(ends), ends, 0.0), owners[k]
 
 
 def check_grade(facts: Facts, limits: Limits) -> Iterator[Finding]:
@@ -243,7 +245,7 @@ CHECKS = (
         code="GEO006",
         title="Lanes do not bend sharply",
         severity=WARNING,
-        limit="60° between two pieces",
+        limit="99° between two pieces (strict: 60°); streets do turn square corners",
         source="netconvert --geometry.max-angle (99°)",
         hint="smooth the road's shape, or split it at a junction",
         run=check_kink,

@@ -8,6 +8,7 @@ from dojo_maps.validation.facts import Facts
 from dojo_maps.validation.profiles import Limits
 from dojo_maps.validation.programs import (
     GREEN,
+    Conflict,
     following,
     name_ways,
     programs_of,
@@ -53,7 +54,7 @@ def check_unused_index(facts: Facts, _limits: Limits) -> Iterator[Finding]:
 
 
 def check_never_green(facts: Facts, _limits: Limits) -> Iterator[Finding]:
-    """Find links that no phase of a program lets go."""
+    """Find links that no phase of a program lets go; a warning where another program of the signal does."""
     for signal in signals_of(facts):
         for index in (*signal.vehicle, *signal.walking):
             dark = [
@@ -68,6 +69,7 @@ def check_never_green(facts: Facts, _limits: Limits) -> Iterator[Finding]:
                     at=signal.place(index),
                     message=f"link {index} of the signal {signal.signal.id} never gets green in "
                     f"{_programs(dark)}",
+                    severity=WARNING if len(dark) < len(signal.signal.programs) else ERROR,
                 )
 
 
@@ -99,22 +101,23 @@ def check_always_green(facts: Facts, _limits: Limits) -> Iterator[Finding]:
 
 
 def check_green_conflict(facts: Facts, _limits: Limits) -> Iterator[Finding]:
-    """Find two links with a protected green at once whose ways cross or join."""
+    """Find pairs of letters that show protected green at once though ways they control cross or join."""
     for signal in signals_of(facts):
+        pairs: dict[tuple[int, int], list[Conflict]] = defaultdict(list)
+        for conflict in signal.conflicts:
+            one, other = sorted(conflict.indices)
+            pairs[one, other].append(conflict)
         for program in signal.signal.programs:
-            seen: set[tuple[str, str]] = set()
-            for conflict in signal.conflicts:
-                one, other = (signal.letters(program, index) for index in conflict.indices)
-                both = [k for k, pair in enumerate(zip(one, other, strict=True)) if pair == ("G", "G")]
-                pair = (conflict.one.id, conflict.other.id)
-                if both and pair not in seen:
-                    seen.add(pair)
-                    ways = name_ways((conflict.one, conflict.other))
+            for (one, other), conflicts in pairs.items():
+                shown = zip(signal.letters(program, one), signal.letters(program, other), strict=True)
+                both = [k for k, letters in enumerate(shown) if letters == ("G", "G")]
+                if both:
+                    ways = dict.fromkeys(way for c in conflicts for way in (c.one, c.other))
                     yield Finding(
-                        elements=(*element("signal", signal.signal.id), *ways),
-                        at=conflict.one.shape[0],
-                        message=f"phase {both[0]} of {signal.named(program)} gives G to the crossing links "
-                        f"{conflict.indices[0]} and {conflict.indices[1]}",
+                        elements=(*element("signal", signal.signal.id), *name_ways(ways)),
+                        at=conflicts[0].one.shape[0],
+                        message=f"phase {both[0]} of {signal.named(program)} gives G to the links {one} and "
+                        f"{other}, whose ways cross or join",
                     )
 
 
@@ -168,7 +171,7 @@ CHECKS = (
         code="SIG003",
         title="Links get green",
         severity=ERROR,
-        limit="one phase",
+        limit="one phase; warning where another program has it",
         source="sumo: Missing green phase",
         hint="add a phase in which the link has G or g",
         run=check_never_green,

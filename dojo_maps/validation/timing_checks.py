@@ -89,7 +89,7 @@ def _all_red_for(facts: Facts, way: Connection | Crossing) -> float:
     if isinstance(way, Crossing):
         return 0.0
     speed = max(facts.lanes[way.from_lane].speed, 1.0)
-    return min((facts.way_length[way.id] + _CAR) / speed, _LONGEST_ALL_RED)
+    return round(min((facts.way_length[way.id] + _CAR) / speed, _LONGEST_ALL_RED), 2)
 
 
 def _time_between(signal: SignalFacts, program: Program, one: int, other: int, last: str) -> float | None:
@@ -141,7 +141,7 @@ def check_crossing_clearance(facts: Facts, limits: Limits) -> Iterator[Finding]:
                 if shown and min(shown)[0] < needed - 1e-6:
                     time, foe = min(shown)
                     yield Finding(
-                        elements=(*_crossing_first(signal, index), *signal.elements(foe)[1:]),
+                        elements=(*_crossing_first(signal, index, crossing.id), *signal.elements(foe)[1:]),
                         at=crossing.shape[0],
                         message=f"in {signal.named(program)} the crossing {crossing.id} has {time:g} s "
                         f"from red to the green of link {foe}, walking across takes {needed:.1f} s",
@@ -150,9 +150,9 @@ def check_crossing_clearance(facts: Facts, limits: Limits) -> Iterator[Finding]:
                     )
 
 
-def _crossing_first(signal: SignalFacts, index: int) -> tuple[Element, ...]:
-    named = signal.elements(index)
-    return (*named[1:], named[0])
+def _crossing_first(signal: SignalFacts, index: int, crossing: str) -> tuple[Element, ...]:
+    first = Element(kind="crossing", id=crossing)
+    return (first, *(item for item in signal.elements(index) if item != first))
 
 
 def check_walk_min(facts: Facts, limits: Limits) -> Iterator[Finding]:
@@ -161,10 +161,11 @@ def check_walk_min(facts: Facts, limits: Limits) -> Iterator[Finding]:
         for index in signal.walking:
             letters = signal.letters(program, index)
             shown = [run_from(program, letters, phase, GREEN) for phase in starts(program, letters, GREEN)]
-            if shown and min(shown) < limits.walk:
+            crossings = [way for way in signal.links.get(index, ()) if isinstance(way, Crossing)]
+            if shown and crossings and min(shown) < limits.walk:
                 yield Finding(
-                    elements=_crossing_first(signal, index),
-                    at=signal.place(index),
+                    elements=_crossing_first(signal, index, crossings[0].id),
+                    at=crossings[0].shape[0],
                     message=f"walkers on link {index} get {min(shown):g} s of green in "
                     f"{signal.named(program)}",
                     measured=min(shown),

@@ -43,10 +43,16 @@ def _loses_a_lane(facts: Facts, onward: list[Road]) -> bool:
 
 
 def check_lane_no_entry(facts: Facts, _limits: Limits) -> Iterator[Finding]:
-    """Find drivable lanes that no way leads into though other roads come to where their road begins."""
+    """Find drivable lanes that no way leads into though other roads come to where their road begins.
+
+    Where one road only comes, and all of its lanes lead on, the lane opens there, as turn lanes do.
+    """
     for lane in facts.drivable:
         road = facts.roads[lane.road]
-        if facts.entering.get(lane.id) or not _comes_from_elsewhere(facts, road, set(lane.allow)):
+        if facts.entering.get(lane.id):
+            continue
+        coming = _coming_from_elsewhere(facts, road, set(lane.allow))
+        if not coming or (len(coming) == 1 and _leads_on_whole(facts, coming[0])):
             continue
         yield Finding(
             elements=(*element("lane", lane.id), *element("road", road.id)),
@@ -96,15 +102,23 @@ def _onward(facts: Facts, road: Road) -> list[Road]:
     return [way for way in ways if _drivable_lanes(facts, way)]
 
 
-def _comes_from_elsewhere(facts: Facts, road: Road, classes: set[str]) -> bool:
+def _leads_on_whole(facts: Facts, road: Road) -> bool:
+    return all(facts.leaving.get(lane.id) for lane in _drivable_lanes(facts, road))
+
+
+def _coming_from_elsewhere(facts: Facts, road: Road, classes: set[str]) -> list[Road]:
+    """List the roads that could lead into a road; at the map's edge those that end there do not."""
     junction = facts.junctions.get(road.from_junction)
-    roads = [facts.roads[id_] for id_ in junction.incoming] if junction else []
-    return any(
-        other.from_junction != road.to_junction
+    if junction is None or junction.kind == "dead_end":
+        return []
+    roads = [facts.roads[id_] for id_ in junction.incoming]
+    return [
+        other
+        for other in roads
+        if other.from_junction != road.to_junction
         and classes & facts.classes(other.id)
         and _drivable_lanes(facts, other)
-        for other in roads
-    )
+    ]
 
 
 def check_components(facts: Facts, _limits: Limits) -> Iterator[Finding]:

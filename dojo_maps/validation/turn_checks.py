@@ -142,9 +142,11 @@ def _excludes_cars(facts: Facts, one: str, other: str, connections: list[Connect
 
 
 def check_median_cross(facts: Facts, limits: Limits) -> Iterator[Finding]:
-    """Find ways across junctions that run over a road they do not join."""
+    """Find ways across junctions that run over a road they do not join; who turns back has to."""
     ways = [
-        c for c in facts.map.connections if len(c.shape) > 1 and facts.lanes[c.from_lane].kind in DRIVABLE
+        c
+        for c in facts.map.connections
+        if len(c.shape) > 1 and facts.lanes[c.from_lane].kind in DRIVABLE and c.direction not in ("t", "T")
     ]
     if not ways or not facts.drivable:
         return
@@ -217,7 +219,7 @@ CHECKS = (
         code="TOP010",
         title="Ways across junctions stay off other roads",
         severity=WARNING,
-        limit="1 m over a third road",
+        limit="3 m over a third road",
         source="osm2streets",
         hint="correct the connection, or the shape of the road it runs over",
         run=check_median_cross,

@@ -139,10 +139,14 @@ def never_stop(net: Net, chance: random.Random) -> Planted:
     return Planted("signals.always_green", ("connection", name), TIMES)
 
 
+def _run_alone(net: Net) -> list[ET.Element]:
+    """Programs of signals that have no other."""
+    every = [x.get("id") for x in net.root.iter("tlLogic")]
+    return [logic for logic in net.signals() if every.count(logic.get("id")) == 1]
+
+
 def stop_changing(net: Net, chance: random.Random) -> Planted:
-    logic = choose(chance, net.signals())
-    if len([x for x in net.root.iter("tlLogic") if x.get("id") == logic.get("id")]) > 1:
-        raise NoPlaceError
+    logic = choose(chance, _run_alone(net))
     for phase in list(logic.iter("phase"))[1:]:
         logic.remove(phase)
     return Planted("signals.tls_trivial", ("signal", logic.get("id", "")), TIMES)
@@ -151,7 +155,7 @@ def stop_changing(net: Net, chance: random.Random) -> Planted:
 def drop_yellow_phases(net: Net, chance: random.Random) -> Planted:
     """Leave a program its greens only, one straight after the other."""
     options = []
-    for logic in net.signals():
+    for logic in _run_alone(net):
         phases = list(logic.iter("phase"))
         yellow = [
             p

@@ -58,6 +58,11 @@ class Net:
         """Edges between junctions."""
         return [e for e in self.edges.values() if e.get("function", "normal") == "normal"]
 
+    def neighbours(self, junction: str) -> set[str]:
+        """The junctions that edges lead to or come from."""
+        ends = [(e.get("from", ""), e.get("to", "")) for e in self.normal()]
+        return {b if a == junction else a for a, b in ends if junction in (a, b)}
+
     def remove(self, connections: Iterable[ET.Element]) -> None:
         for c in list(connections):
             self.root.remove(c)
@@ -67,6 +72,15 @@ class Net:
         found: dict[str, list[ET.Element]] = {}
         for c in self.connections():
             found.setdefault(c.get("from", ""), []).append(c)
+        return found
+
+    def chain(self, c: ET.Element) -> list[str]:
+        """The internal lanes of a connection, one after the other."""
+        onward = {lane_of(x, "from"): x.get("via", "") for x in self.root.iter("connection") if x.get("via")}
+        found, lane = [], c.get("via", "")
+        while lane and lane not in found:
+            found.append(lane)
+            lane = onward.get(lane, "")
         return found
 
     def driven(self) -> list[ET.Element]:

@@ -124,7 +124,7 @@ def kink_lane(net: Net, chance: random.Random) -> Planted:
     if length < 12:
         raise NoPlaceError
     ahead = ((u - x) / length, (v - y) / length)
-    spike = (x + ahead[0] * 6 - ahead[1] * 8, y + ahead[1] * 6 + ahead[0] * 8, *z)
+    spike = (x + ahead[0] * 3 - ahead[1] * 8, y + ahead[1] * 3 + ahead[0] * 8, *z)
     set_shape(lane, [points[0], (x + ahead[0] * 5, y + ahead[1] * 5, *z), spike, *points[1:]])
     return Planted("geometry.kink", ("lane", lane.get("id", "")), SHAPES)
 
@@ -255,7 +255,8 @@ def loop_lane(net: Net, chance: random.Random) -> Planted:
 
 def shorten_edge(net: Net, chance: random.Random) -> Planted:
     edges = [e for e in net.normal() if all(float(x.get("length", "0")) > 20 for x in e.iter("lane"))]
-    edge = choose(chance, (e for e in edges if any(map(is_for_cars, e.iter("lane")))))
+    inside = [e for e in edges if all(len(net.neighbours(e.get(end, ""))) > 1 for end in ("from", "to"))]
+    edge = choose(chance, (e for e in inside if any(map(is_for_cars, e.iter("lane")))))
     for lane in edge.iter("lane"):
         lane.set("length", "2.00")
     return Planted("geometry.short_edge", ("road", edge.get("id", "")), SHAPES)
@@ -274,32 +275,45 @@ def shrink_way(net: Net, chance: random.Random) -> Planted:
     lane = inner[c.get("via", "")]
     x, y, *z = shape_of(lane)[0]
     set_shape(lane, [(x, y, *z), (x + 0.3, y, *z)])
-    return Planted("geometry.short_connection", ("connection", name_of(c)), SHAPES)
+    return Planted("geometry.short_connection", ("connection", name_of(c)), SHAPES | TIMES)
 
 
 def cross_turns(net: Net, chance: random.Random) -> Planted:
     """Let a turn across traffic swing out over the opposite one."""
-    inner, pairs = _inner_lanes(net), []
-    turns = [c for c in net.connections() if c.get("dir") == "l" and c.get("via") in inner and drives(net, c)]
-    for one in turns:
-        for other in turns:
-            ends = [shape_of(net.lane(c, "from"))[-2:] for c in (one, other)]
-            ways = [[p[:2] for p in shape_of(inner[c.get("via", "")])] for c in (one, other)]
-            at_one = net.edges[one.get("from", "")].get("to") == net.edges[other.get("from", "")].get("to")
-            if (
-                at_one
-                and _are_opposite(*ends)
-                and not shapely.LineString(ways[0]).crosses(shapely.LineString(ways[1]))
-            ):
-                pairs.append((one, inner[one.get("via", "")], ways))
-    c, lane, (way, other_way) = choose(chance, pairs)
-    x, y, *z = shape_of(lane)[0]
-    u, v = other_way[len(other_way) // 2]
-    beyond = (x + (u - x) * 1.3, y + (v - y) * 1.3, *z)
-    if not shapely.LineString([(x, y), beyond[:2], way[-1]]).crosses(shapely.LineString(other_way)):
+    inner = _inner_lanes(net)
+    turns: dict[str, list[tuple[ET.Element, list[Point]]]] = {}
+    for c in net.connections():
+        if c.get("dir") == "l" and c.get("via") in inner and drives(net, c):
+            turns.setdefault(c.get("from", ""), []).append(
+                (c, [p for lane in net.chain(c) for p in shape_of(inner[lane])])
+            )
+    pairs = [
+        (one, other)
+        for one in turns
+        for other in turns
+        if one != other and _pass_each_other(net, [c for c, _ in turns[one]], [c for c, _ in turns[other]])
+        and not any(_meet(a, b) for _, a in turns[one] for _, b in turns[other])
+    ]  # fmt: skip
+    one, other = choose(chance, pairs)
+    (c, way), (_, other_way) = turns[one][0], turns[other][0]
+    first = inner[c.get("via", "")]
+    (x, y, *z), (u, v, *_) = way[0], other_way[len(other_way) // 2]
+    swung = [way[0], (x + (u - x) * 1.3, y + (v - y) * 1.3, *z), shape_of(first)[-1]]
+    if not _meet(swung, other_way):
         raise NoPlaceError
-    set_shape(lane, [(x, y, *z), beyond, shape_of(lane)[-1]])
+    set_shape(first, swung)
     return Planted("geometry.intersecting_lefts", ("connection", name_of(c)), SHAPES | TIMES)
+
+
+def _meet(one: list[Point], other: list[Point]) -> bool:
+    return shapely.LineString([p[:2] for p in one]).intersects(shapely.LineString([p[:2] for p in other]))
+
+
+def _pass_each_other(net: Net, one: list[ET.Element], other: list[ET.Element]) -> bool:
+    """Tell whether turns come to one junction from opposite sides."""
+    ends = [shape_of(net.lane(turns[0], "from"))[-2:] for turns in (one, other)]
+    at = {net.edges[turns[0].get("from", "")].get("to") for turns in (one, other)}
+    return len(at) == 1 and _are_opposite(*ends)
 
 
 def _are_opposite(one: list[Point], other: list[Point]) -> bool:
@@ -317,7 +331,7 @@ def stray_over_road(net: Net, chance: random.Random) -> Planted:
     options = [
         (c, third)
         for c in net.connections()
-        if c.get("via") in inner and drives(net, c)
+        if c.get("via") in inner and drives(net, c) and c.get("dir") != "t"
         for third in at.get(net.edges[c.get("from", "")].get("to"), [])
         if third.get("id") != c.get("to") and all(map(_is_drivable_line, third.iter("lane")))
     ]

@@ -88,10 +88,16 @@ def isolate_walking_area(net: Net, chance: random.Random) -> Planted:
     )
 
 
+def _corners(net: Net) -> list[ET.Element]:
+    """Walking areas that do more than carry one path on into the next."""
+    lanes = {lane.get("id", "").rpartition("_")[0]: lane for lane in net.lanes("walkingarea")}
+    crossings = set(_edges(net, "crossing"))
+    joins = {area: _partners(net, area) for area in lanes}
+    return [lane for area, lane in lanes.items() if len(joins[area]) > 2 or joins[area] & crossings]
+
+
 def shrink_walking_area(net: Net, chance: random.Random) -> Planted:
-    lane = choose(
-        chance, (x for x in net.lanes("walkingarea") if shapely.Polygon(shape_of(x)).buffer(0).area > 2)
-    )
+    lane = choose(chance, (x for x in _corners(net) if shapely.Polygon(shape_of(x)).buffer(0).area > 2))
     points = shape_of(lane)
     x, y, *z = points[0]
     set_shape(lane, [(x + (p[0] - x) * 0.05, y + (p[1] - y) * 0.05, *z) for p in points])
@@ -113,7 +119,7 @@ def split_walking_area(net: Net, chance: random.Random) -> Planted:
     area = choose(chance, (a for a in _edges(net, "walkingarea") if len(_partners(net, a)) > 2))
     partner = choose(chance, sorted(_partners(net, area)))
     junction = next(j for j in net.root.iter("junction") if j.get("id") == area[1:].rpartition("_")[0])
-    if len(_neighbours(net, junction.get("id", ""))) < 2:
+    if len(net.neighbours(junction.get("id", ""))) < 2:
         raise NoPlaceError
     part = copy.deepcopy(net.edges[area])
     part.set("id", f"{area}0")
@@ -132,11 +138,6 @@ def split_walking_area(net: Net, chance: random.Random) -> Planted:
 def _partners(net: Net, area: str) -> set[str]:
     ends = {(c.get(end, ""), c.get(f"{end}Lane")) for c in _joined(net, area) for end in ("from", "to")}
     return {name for name, _ in ends if name != area}
-
-
-def _neighbours(net: Net, junction: str) -> set[str]:
-    ends = [(e.get("from", ""), e.get("to", "")) for e in net.normal()]
-    return {b if a == junction else a for a, b in ends if junction in (a, b)}
 
 
 def leave_crossing_one_end(net: Net, chance: random.Random) -> Planted:
@@ -167,7 +168,7 @@ def misname_crossed_road(net: Net, chance: random.Random) -> Planted:
 
 
 def twist_walking_area(net: Net, chance: random.Random) -> Planted:
-    lanes = [x for x in net.lanes("walkingarea") if len(shape_of(x)) > 4]
+    lanes = [x for x in _corners(net) if len(shape_of(x)) > 4]
     chance.shuffle(lanes)
     for lane in lanes:
         points = shape_of(lane)

@@ -92,7 +92,7 @@ def misname_junction(net: Net, chance: random.Random) -> Planted:
     edge = choose(chance, net.normal())
     edge.set("to", "nowhere")
     also = WAYS | TIMES | SHAPES | {"geometry.short_edge", "pedestrians.missing_crossing"}
-    return Planted("topology.dangling_reference", ("road", edge.get("id", "")), also)
+    return Planted("topology.dangling_reference", ("road", edge.get("id", "")), also, everywhere=True)
 
 
 def _leads_on(net: Net, edge: str, c: ET.Element) -> bool:
@@ -141,14 +141,14 @@ def turn_back_only(net: Net, chance: random.Random) -> Planted:
 
 
 def close_lane(net: Net, chance: random.Random) -> Planted:
-    """Take all ways into a lane that more than a turn back leads into."""
+    """Take all ways into a lane that several roads lead into."""
     entered: dict[str, list[ET.Element]] = {}
     for c in net.connections():
         entered.setdefault(lane_of(c, "to"), []).append(c)
     options = [
         (lane, ways)
         for lane, ways in entered.items()
-        if any(drives(net, c) and _leads_on(net, c.get("from", ""), c) for c in ways)
+        if len({c.get("from") for c in ways if drives(net, c) and _leads_on(net, c.get("from", ""), c)}) > 1
     ]
     lane, ways = choose(chance, options)
     net.remove(ways)
