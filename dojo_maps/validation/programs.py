@@ -37,15 +37,15 @@ class SignalFacts:
             if way is not None and way not in self.links[link.index]:
                 self.links[link.index].append(way)
         self.conflicts = tuple(_conflicts(facts, signal))
-        self._columns: dict[int, list[str]] = {}
+        self._columns: dict[Program, list[str]] = {}
 
     def letters(self, program: Program, index: int) -> str:
         """What one letter of the state shows from phase to phase; where a state is too short, `?`."""
-        columns = self._columns.get(id(program))
+        columns = self._columns.get(program)
         if columns is None:
             states = [phase.state for phase in program.phases]
             columns = ["".join(column) for column in itertools.zip_longest(*states, fillvalue="?")]
-            self._columns[id(program)] = columns
+            self._columns[program] = columns
         return columns[index] if index < len(columns) else "?" * len(program.phases)
 
     def elements(self, *indices: int) -> tuple[Element, ...]:
