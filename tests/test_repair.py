@@ -24,14 +24,14 @@ from dojo_maps.sources.sumo_xml import LogicRecord, read_records
 CURED = {
     "arterial4x4": {"signals.yellow_short"},
     "3x3grid-3x3Grid2lanes": {"signals.yellow_short"},
-    "ingolstadt7": {"signals.green_conflict", "geometry.sidewalk_on_road"},
+    "ingolstadt7": {"signals.green_conflict"},
     "ingolstadt21": {"signals.green_conflict", "signals.unused_index"},
     "fokr_bs_demo-fokr_bs": {"geometry.gap", "pedestrians.crossing_clearance"},
     "hiking": {"pedestrians.crossing_clearance"},
     "fkk_in-ingolstadt": {"geometry.gap", "signals.missing_yellow", "signals.green_conflict"},
     "DRT-osm": {"pedestrians.crossing_clearance", "pedestrians.walk_min"},
 }
-FALLS = {"ingolstadt21": {"geometry.sidewalk_on_road"}, "DRT-osm": {"geometry.sidewalk_on_road"}}
+FALLS = {"DRT-osm": {"geometry.sidewalk_on_road"}}
 UNTOUCHED = ("cologne1", "cologne3", "cologne8", "grid4x4", "RiLSA_example1-rilsa1")
 
 

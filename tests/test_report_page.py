@@ -213,7 +213,8 @@ def test_page_copies_the_selection_and_moves_by_keys(tmp_path: Path) -> None:
     )["answer"]
     issue = report["issues"][0]
     selection, position, lonlat = asked["copied"]
-    assert selection.splitlines()[0] == f"lane:{issue['elements'][0]['id']}"
+    first = issue["elements"][0]
+    assert selection.splitlines()[0] == f"{first['kind'].replace('road', 'edge')}:{first['id']}"
     assert [float(v) for v in position.split(",")] == pytest.approx(issue["position"][:2], abs=0.01)
     assert [float(v) for v in lonlat.split(",")] == pytest.approx(issue["lonlat"][::-1], abs=1e-5)
     assert asked["labels"] == ["copied"] * 3

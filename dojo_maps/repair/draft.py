@@ -28,11 +28,15 @@ class Draft:
         self.phases: list[Attributes] = [dict(phase) for phase in record.phases]
         self.lines: list[str] = []
         self._path = path
+        self._read: tuple[list[Attributes], Program] | None = None
 
     @property
     def program(self) -> Program:
         """The program as it will be."""
-        return read_program(LogicRecord(self.record.attributes, self.phases), self._path)
+        if self._read is None or self._read[0] != self.phases:
+            phases = [dict(phase) for phase in self.phases]
+            self._read = (phases, read_program(LogicRecord(self.record.attributes, phases), self._path))
+        return self._read[1]
 
     @property
     def name(self) -> str:
