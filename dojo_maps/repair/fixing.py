@@ -50,7 +50,12 @@ def describe(fixed: Fixed) -> Iterator[str]:
         yield f"{check:36}{before[check][0]:7}{after.get(check, (0, 0))[0]:7}{asked}"
     severities = Counter(issue.severity for issue in fixed.after.issues)
     counts = ", ".join(f"{severities[severity]} {severity}s" for severity in Severity)
-    yield f"{len(fixed.made)} repairs in {fixed.rounds} rounds; {counts} are left"
+    repairs, rounds = _several(len(fixed.made), "repair"), _several(fixed.rounds, "round")
+    yield f"{repairs} in {rounds}; {counts} are left"
+
+
+def _several(count: int, name: str) -> str:
+    return f"{count} {name}" if count == 1 else f"{count} {name}s"
 
 
 def write_fixed(fixed: Fixed, output: Path | None, patch: Path | None) -> None:
