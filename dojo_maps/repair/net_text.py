@@ -48,7 +48,7 @@ class NetText:
         self.elements: dict[tuple[str, ...], Attributes] = {}
         self.edge_of: dict[str, str] = {}
         self._spans: dict[tuple[str, ...], list[Span]] = defaultdict(list)
-        self._rows: dict[tuple[str, ...], list[Span]] = defaultdict(list)
+        self._rows: dict[tuple[str, ...], list[tuple[Span, Attributes]]] = defaultdict(list)
         self._find()
 
     def logics(self, signal: str) -> list[LogicRecord]:
@@ -92,10 +92,8 @@ class NetText:
 
         Rows that are as they were keep their text; what stands between rows comes after the last.
         """
-        spans, tag = self._rows[key], _ROWS[key[0]]
-        same = {
-            tuple(a.items()): self.data[s:e] for a, (s, e) in zip(self._attributes(key), spans, strict=True)
-        }
+        spans, tag = [span for span, _ in self._rows[key]], _ROWS[key[0]]
+        same = {tuple(a.items()): self.data[start:end] for (start, end), a in self._rows[key]}
         written = [same.get(tuple(row)) or _row(tag, row) for row in rows]
         gaps = (self.data[a[1] : b[0]].strip() for a, b in itertools.pairwise(spans))
         start = spans[0][0]
@@ -110,20 +108,16 @@ class NetText:
             at = end
         return b"".join([*parts, self.data[at:]])
 
-    def _attributes(self, key: tuple[str, ...]) -> list[Attributes]:
-        if key[0] == "junction":
-            return self.records.requests[key[1]]
-        logics = (r for r in self.records.logics if key_of("tlLogic", r.attributes) == key)
-        return next(logics, LogicRecord({})).phases
-
     def _find(self) -> None:
         opened: list[tuple[str, tuple[str, ...], int]] = []
+        rows: list[Attributes] = []
 
         def start(name: str, attributes: Attributes) -> None:
             at = parser.CurrentByteIndex
             inside = opened[-1][1] if opened else ()
             if inside and name == _ROWS.get(inside[0]):
                 opened.append((name, inside if len(self._spans[inside]) < 1 else (), at))
+                rows.append(attributes)
                 return
             key = key_of(name, attributes)
             opened.append((name, key, at))
@@ -133,8 +127,9 @@ class NetText:
 
         def end(_name: str) -> None:
             name, key, at = opened.pop()
-            if name in _ROWS.values():
-                self._rows[key].append((at, _end(self.data, at, parser.CurrentByteIndex)))
+            if name in _ROWS.values() and rows:
+                span = (at, _end(self.data, at, parser.CurrentByteIndex))
+                self._rows[key].append((span, rows.pop()))
             elif name in _IDENTITY:
                 self._spans[key].append((at, _end(self.data, at, parser.CurrentByteIndex)))
 
