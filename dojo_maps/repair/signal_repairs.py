@@ -141,8 +141,9 @@ def complete_states(signal: SignalFacts, draft: Draft, _limits: Limits) -> None:
     """Give every state a letter per link: what its neighbours in time agree on, or its lane's other link."""
     needed = max((link.index for link in signal.signal.links), default=-1) + 1
     states = [phase.get("state", "") for phase in draft.phases]
-    size = max(needed, 0)
-    if not size or all(len(state) == size for state in states):
+    size, longest = max(needed, 0), max(map(len, states), default=0)
+    absurd = size > longest + len(signal.signal.links)
+    if not size or absurd or all(len(state) == size for state in states):
         return
     lanes = {link.index: link.from_id for link in signal.signal.links}
     for phase, state in enumerate(states):
