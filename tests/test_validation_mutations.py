@@ -31,7 +31,7 @@ NETWORKS = (
 SEEDS, SAMPLE = 4, 2
 LEAST_FOUND = 0.98
 NEAR = 5.0
-Key = tuple[str, tuple[tuple[str, str], ...], str, float | None]
+Key = tuple[str, tuple[tuple[str, str], ...], str, float | None, float | None]
 
 
 @lru_cache(maxsize=len(NETWORKS))
@@ -46,9 +46,14 @@ def _inspect(root: ET.Element) -> tuple[RoadMap, dict[Key, Issue]]:
     road_map, known = read_network(data, path=Path("mutant.net.xml"), name="mutant", sha256="")
     issues, states = find_issues(road_map, None, known)
     assert not [state for state in states.values() if state.startswith("crashed")], states
-    return road_map, {
-        (i.check, tuple((e.kind, e.id) for e in i.elements), i.severity.value, i.measured): i for i in issues
-    }
+    return road_map, {_key(issue): issue for issue in issues}
+
+
+def _key(issue: Issue) -> Key:
+    """What tells an issue from others in a report, rounded as there."""
+    elements = tuple((element.kind, element.id) for element in issue.elements)
+    numbers = [None if x is None else round(x, 4) for x in (issue.measured, issue.limit)]
+    return issue.check, elements, issue.severity.value, numbers[0], numbers[1]
 
 
 def _surroundings(road_map: RoadMap, planted: Iterable[tuple[str, str]]) -> set[tuple[str, str]]:

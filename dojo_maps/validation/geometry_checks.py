@@ -9,7 +9,7 @@ import shapely
 from dojo_maps.description import Connection, Crossing, Lane
 from dojo_maps.geometry.pieces import RAISED
 from dojo_maps.geometry.polylines import Floats
-from dojo_maps.issue import Element
+from dojo_maps.issue import Element, Severity
 from dojo_maps.meshes.mesh import Mesh, is_watertight
 from dojo_maps.validation.check import ERROR, NOTE, WARNING, Check, Finding, Need, element
 from dojo_maps.validation.facts import DRIVABLE, Facts
@@ -148,13 +148,17 @@ def _distance(facts: Facts, crossing: Crossing, line: shapely.Geometry, lane: La
 
 
 def check_intersecting_lefts(facts: Facts, _limits: Limits) -> Iterator[Finding]:
-    """Find opposite turns across traffic whose paths cross, so that neither can go while the other waits."""
+    """Find opposite turns across traffic whose paths cross, so that neither can go while the other waits.
+
+    At small crossings without signals they often do, and drivers take turns: that is a note.
+    """
     turn = "r" if facts.map.left_hand else "l"
     by_junction: dict[str, list[Connection]] = defaultdict(list)
     for connection in facts.map.connections:
         if connection.direction == turn and facts.lanes[connection.from_lane].kind in DRIVABLE:
             by_junction[facts.roads[facts.lanes[connection.from_lane].road].to_junction].append(connection)
-    for turns in by_junction.values():
+    for junction, turns in by_junction.items():
+        severity = WARNING if facts.kind(junction).startswith("traffic_light") else NOTE
         seen: set[frozenset[str]] = set()
         for k, one in enumerate(turns):
             for other in turns[k + 1 :]:
@@ -165,10 +169,12 @@ def check_intersecting_lefts(facts: Facts, _limits: Limits) -> Iterator[Finding]
                     )
                     if not crossing.is_empty:
                         seen.add(roads)
-                        yield _crossing_turns(one, other, crossing)
+                        yield _crossing_turns(one, other, crossing, severity)
 
 
-def _crossing_turns(one: Connection, other: Connection, crossing: shapely.Geometry) -> Finding:
+def _crossing_turns(
+    one: Connection, other: Connection, crossing: shapely.Geometry, severity: Severity
+) -> Finding:
     return Finding(
         elements=(
             *element("connection", one.id, other.id),
@@ -176,6 +182,7 @@ def _crossing_turns(one: Connection, other: Connection, crossing: shapely.Geomet
         ),
         at=shapely.get_coordinates(crossing)[0],
         message=f"the opposite turns {one.id} and {other.id} cross each other",
+        severity=severity,
     )
 
 
@@ -291,7 +298,7 @@ CHECKS = (
         code="GEO015",
         title="Opposite turns pass each other",
         severity=WARNING,
-        limit="paths do not cross",
+        limit="paths do not cross; a note without a signal",
         source="netconvert: Intersecting left turns",
         hint="increase the junction's radius, or give the turns phases of their own",
         run=check_intersecting_lefts,

@@ -37,16 +37,17 @@ class SignalFacts:
             if way is not None and way not in self.links[link.index]:
                 self.links[link.index].append(way)
         self.conflicts = tuple(_conflicts(facts, signal))
-        self._columns: dict[Program, list[str]] = {}
+        self._columns: dict[int, tuple[Program, list[str]]] = {}
 
     def letters(self, program: Program, index: int) -> str:
         """What one letter of the state shows from phase to phase; where a state is too short, `?`."""
-        columns = self._columns.get(program)
-        if columns is None:
+        known = self._columns.get(id(program))
+        if known is None:
             states = [phase.state for phase in program.phases]
             columns = ["".join(column) for column in itertools.zip_longest(*states, fillvalue="?")]
-            self._columns[program] = columns
-        return columns[index] if index < len(columns) else "?" * len(program.phases)
+            # The program is kept as well, so that no other one can get its identity.
+            known = self._columns[id(program)] = (program, columns)
+        return known[1][index] if index < len(known[1]) else "?" * len(program.phases)
 
     def elements(self, *indices: int) -> tuple[Element, ...]:
         """Name the signal, then the ways and lanes that letters control."""

@@ -62,6 +62,7 @@ KINDS: tuple[Kind, ...] = (
     lights.starve_link,
     lights.speed_up_turn,
     lights.move_signal,
+    lights.slow_down,
     walks.shorten_clearance,
     walks.unlink_crossing,
     walks.drop_crossing_target,
@@ -73,5 +74,7 @@ KINDS: tuple[Kind, ...] = (
     walks.misname_crossed_road,
     walks.twist_walking_area,
     walks.hurry_walkers,
+    walks.drop_crossing,
+    walks.cramp_walkers,
 )
 __all__ = ["KINDS", "Kind", "Net", "NoPlaceError", "Planted"]

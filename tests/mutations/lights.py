@@ -223,3 +223,31 @@ def move_signal(net: Net, chance: random.Random) -> Planted:
     one.set("y", other.get("y", "0"))
     also = frozenset({"geometry.node_offset", "geometry.lane_overlap"})
     return Planted("signals.split_signals", ("signal", one.get("id", "")), also, everywhere=True)
+
+
+def slow_down(net: Net, chance: random.Random) -> Planted:
+    """Let those who leave last in a yellow creep, while a foe starts soon after."""
+    options = []
+    for logic in net.signals():
+        links = net.links(logic.get("id", ""))
+        ways = {name_of(c): i for i, cs in links.items() for c in cs}
+        comes_fast = all(
+            float(net.lane(c, "from").get("speed", "0")) > 8 for cs in links.values() for c in cs
+        )
+        for pair in _foes(net, ways) if comes_fast else ():
+            for one, other in (pair, pair[::-1]):
+                if _starts_soon(list(logic.iter("phase")), ways[one], ways[other]):
+                    options.append(one)
+    name = choose(chance, options)
+    lane = net.lane(next(c for c in net.connections() if name_of(c) == name), "from")
+    lane.set("speed", "0.50")
+    return Planted("signals.all_red", ("lane", lane.get("id", "")), TIMES)
+
+
+def _starts_soon(phases: list[ET.Element], leaving: int, starting: int) -> bool:
+    """Tell whether a letter turns from yellow to red and another to G at once."""
+    states = [phase.get("state", "") for phase in phases]
+    return any(
+        before[leaving] == "y" and state[leaving] == "r" and state[starting] == "G"
+        for before, state in zip([states[-1], *states], states, strict=False)
+    ) and not any(phase.get("next") for phase in phases)

@@ -6,7 +6,19 @@ from xml.etree import ElementTree as ET
 
 import shapely
 
-from mutations.net import TIMES, WALKS, WAYS, Net, NoPlaceError, Planted, choose, set_shape, shape_of
+from mutations.net import (
+    TIMES,
+    WALKS,
+    WAYS,
+    Net,
+    NoPlaceError,
+    Planted,
+    choose,
+    is_for_cars,
+    is_sidewalk,
+    set_shape,
+    shape_of,
+)  # fmt: skip
 
 
 def shorten_clearance(net: Net, chance: random.Random) -> Planted:
@@ -197,3 +209,54 @@ def hurry_walkers(net: Net, chance: random.Random) -> Planted:
     phase.set("duration", "2")
     phase.attrib.pop("minDur", None)
     return Planted("pedestrians.walk_min", ("crossing", crossing), TIMES)
+
+
+def drop_crossing(net: Net, chance: random.Random) -> Planted:
+    """Take the crossings off a leg of a signal that has sidewalks on both sides."""
+    lit = {
+        j.get("id", "") for j in net.root.iter("junction") if j.get("type", "").startswith("traffic_light")
+    }
+    options = []
+    for junction in sorted(name for name in lit if len(net.neighbours(name)) > 2):
+        for edge in net.normal():
+            ends = (edge.get("from"), edge.get("to"))
+            backs = [e for e in net.normal() if ends == (e.get("to"), e.get("from"))]
+            legs = [edge, *backs]
+            if edge.get("to") == junction and len(backs) == 1 and all(map(_has_sidewalk, legs)):
+                crossings = _crossings_of(net, junction, {leg.get("id", "") for leg in legs})
+                options += [(junction, crossings)] if crossings else []
+    junction, crossings = choose(chance, options)
+    for crossing in crossings:
+        net.remove(_joined(net, crossing))
+        net.root.remove(net.edges[crossing])
+    also = WALKS | TIMES | {"topology.request_mismatch"}
+    return Planted("pedestrians.missing_crossing", ("junction", junction), also)
+
+
+def _has_sidewalk(edge: ET.Element) -> bool:
+    lanes = list(edge.iter("lane"))
+    return any(map(is_sidewalk, lanes)) and any(map(is_for_cars, lanes))
+
+
+def _crossings_of(net: Net, junction: str, roads: set[str]) -> list[str]:
+    """The crossings of a junction that cross some of the roads."""
+    return [
+        name
+        for name in _edges(net, "crossing")
+        if name.rpartition("_")[0] == f":{junction}"
+        and roads & set(net.edges[name].get("crossingEdges", "").split())
+    ]
+
+
+def cramp_walkers(net: Net, chance: random.Random) -> Planted:
+    """Press the walking area at the end of a crossing together."""
+    options = []
+    for crossing in _edges(net, "crossing"):
+        areas = [c.get("to", "") for c in _joined(net, crossing) if c.get("from") == crossing]
+        options += [(crossing, area) for area in areas if net.edges[area].get("function") == "walkingarea"]
+    crossing, area = choose(chance, options)
+    x, y, *z = shape_of(next(net.edges[crossing].iter("lane")))[-1]
+    for lane in net.edges[area].iter("lane"):
+        set_shape(lane, [(x + (p[0] - x) * 0.05, y + (p[1] - y) * 0.05, *z) for p in shape_of(lane)])
+    also = WALKS | {"geometry.sidewalk_on_road", "pedestrians.walking_area_invalid"}
+    return Planted("pedestrians.walkway_extent", ("crossing", crossing), also)
