@@ -103,6 +103,16 @@ def _parser() -> argparse.ArgumentParser:
     validate.add_argument("--strict", action="store_true", help="exit with 1 on warnings, too")
     validate.set_defaults(run=_validate)
 
+    fix = commands.add_parser("fix", help="repair a network where that is safe")
+    fix.add_argument("source", metavar="NET_OR_BUNDLE", help="a network, a packaged scenario or a bundle")
+    fix.add_argument("-o", "--output", metavar="NET", type=Path, help="the network to write")
+    fix.add_argument(
+        "--only", metavar="CHECK", nargs="+", action="extend", default=[], help="repair these checks only"
+    )
+    fix.add_argument("--dry-run", action="store_true", help="show the patch and the counts, write no network")
+    fix.add_argument("--patch", metavar="FOLDER", type=Path, help="write the patch here, as plain XML files")
+    fix.set_defaults(run=_fix)
+
     checks = commands.add_parser("checks", help="list the checks")
     checks.set_defaults(run=_list_checks)
     return parser
@@ -152,6 +162,24 @@ def _validate(options: argparse.Namespace, interrupted: Interruption) -> int:
         print(line)
     counts = report["counts"]
     return int(counts["error"] > 0 or (options.strict and counts["warning"] > 0))
+
+
+def _fix(options: argparse.Namespace, interrupted: Interruption) -> int:
+    from dojo_maps.errors import UsageError
+    from dojo_maps.repair.fixing import describe, fix, patch_of, write_fixed
+
+    interrupted.raise_from_now_on()
+    if options.output is None and not options.dry_run:
+        raise UsageError("name the network to write with -o, or look at what would be done with --dry-run")
+    fixed = fix(options.source, options.only)
+    if options.dry_run:
+        for name, text in patch_of(fixed).items():
+            print(f"--- {name}\n{text}", end="")
+    else:
+        write_fixed(fixed, options.output, options.patch)
+    for line in describe(fixed):
+        print(line)
+    return int(any(issue.severity == "error" for issue in fixed.after.issues))
 
 
 def _view(options: argparse.Namespace, interrupted: Interruption) -> int:

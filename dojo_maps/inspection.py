@@ -17,6 +17,7 @@ from dojo_maps.report.formats import as_geojson, as_sarif
 from dojo_maps.report.netedit import write_netedit_files
 from dojo_maps.report.page import write_page
 from dojo_maps.sources.files import find_network, read_bytes, sha256_of
+from dojo_maps.sources.line_numbers import find_lines
 from dojo_maps.sources.sumo_net import read_network
 from dojo_maps.validation.exclusions import Exclusion
 from dojo_maps.validation.profiles import DEFAULT, Profile
@@ -107,7 +108,7 @@ def write_reports(
                 bundle.write_json(fresh, report)
         if sarif is not None:
             with replaced(sarif) as fresh:
-                bundle.write_json(fresh, as_sarif(report, read.path.name))
+                bundle.write_json(fresh, as_sarif(report, read.path.name, find_lines(read.data)))
         if geojson is not None:
             with replaced(geojson) as fresh:
                 bundle.write_json(fresh, as_geojson(report))

@@ -1,1 +1,1 @@
-"""Repairs: what a check finds, mended by reviewable patches in SUMO's plain XML."""
+"""Repair a network: a function per check proposes edits, rounds keep those that make nothing worse."""

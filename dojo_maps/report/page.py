@@ -18,19 +18,27 @@ from dojo_maps.report.netedit import selection_lines
 _FOLDER = Path(__file__).parent
 _POLICY = "default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inline'"
 _BODY = """
-<header><h1></h1><span id="counts"></span><span id="shown"></span></header>
+<header><h1>{name}</h1><small>{about}</small><span id="shown" role="status"></span></header>
 <aside>
 <form id="filters">
-<div><label><input type="checkbox" name="error" checked> errors</label>
-<label><input type="checkbox" name="warning" checked> warnings</label>
-<label><input type="checkbox" name="note"> notes</label></div>
+<div><label class="error"><input type="checkbox" name="error" checked> errors <b id="count-error"></b></label>
+<label class="warning"><input type="checkbox" name="warning" checked> warnings
+<b id="count-warning"></b></label>
+<label class="note"><input type="checkbox" name="note" checked> notes <b id="count-note"></b></label></div>
 <select name="check" aria-label="check"></select><select name="junction" aria-label="junction"></select>
+<input type="search" name="text" placeholder="id or word" aria-label="id or word">
+<button type="reset">show all</button>
 </form>
-<ol id="list"></ol>
-<details><summary>checks</summary><table id="checks"></table></details>
+<ol id="list"></ol><p id="none" hidden></p>
+<details id="excluded"><summary id="reasons"></summary><ul id="left-out"></ul></details>
+<details><summary id="states"></summary><table id="checks"></table></details>
 </aside>
 <main><svg id="map" preserveAspectRatio="xMidYMid meet"></svg>
-<div id="tools"><button id="in">+</button><button id="out">-</button><button id="all">whole map</button></div>
+<div id="tools"><button id="in" title="closer">+</button><button id="out" title="farther">&minus;</button>
+<button id="all">whole map</button></div>
+<div id="scale"><span id="length"></span><span id="bar"></span></div>
+<div id="key"><span><i style="background:#f4511e"></i>at fault</span>
+<span><i style="background:#ffc400"></i>involved</span></div><div id="place"></div>
 </main>
 <noscript>This report needs its own script; the same findings stand in report.json.</noscript>
 """
@@ -40,13 +48,23 @@ def write_page(report: Mapping[str, Any], road_map: RoadMap, page: Path) -> None
     """Write a report, as JSON values, as a page with its map."""
     style, script = ((_FOLDER / name).read_text(encoding="utf-8") for name in ("page.css", "page.js"))
     name = escape(str(report["map"]))
+    body = _BODY.format(name=name, about=escape(_about(report, road_map)))
     page.write_text(
         f'<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8">'
-        f'<meta http-equiv="Content-Security-Policy" content="{_POLICY}"><title>{name}: report</title>'
-        f"<style>{style}</style></head><body>{_BODY.replace('<h1></h1>', f'<h1>{name}</h1>')}"
+        f'<meta http-equiv="Content-Security-Policy" content="{_POLICY}">'
+        f'<meta name="viewport" content="width=device-width"><title>{name}: report</title>'
+        f"<style>{style}</style></head><body>{body}"
         f'<script type="application/json" id="data">{_embed(_page_data(report, road_map))}</script>'
         f"<script>{script}</script></body></html>\n",
         encoding="utf-8",
+    )
+
+
+def _about(report: Mapping[str, Any], road_map: RoadMap) -> str:
+    """Say which file the report is about, how large it is, and by whose limits it was checked."""
+    return (
+        f"{road_map.source.file}, {len(road_map.roads)} roads, {len(road_map.junctions)} junctions, "
+        f"{len(road_map.signals)} signals; profile {report.get('profile', 'default')}"
     )
 
 
@@ -63,6 +81,8 @@ def _page_data(report: Mapping[str, Any], road_map: RoadMap) -> dict[str, Any]:
     return {
         "counts": report["counts"],
         "checks": report["checks"],
+        "excluded": report.get("excluded", []),
+        "origin": list(road_map.origin),
         "bounds": [*low.tolist(), *high.tolist()],
         "areas": [[kind, id_, _centimetres(ring, shift)] for kind, id_, ring in _areas(road_map)],
         "lanes": [_lane(lane, shift) for lane in road_map.lanes],

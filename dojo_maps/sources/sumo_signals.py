@@ -31,7 +31,7 @@ def read_signals(
     programs: dict[str, list[Program]] = defaultdict(list)
     for record in logics:
         signal = read_text(record.attributes, "id", path, "tlLogic")
-        programs[signal].append(_read_program(record, path))
+        programs[signal].append(read_program(record, path))
     links: dict[str, list[Link]] = defaultdict(list)
     junctions: dict[str, dict[str, None]] = defaultdict(dict)
     for connection in connections:
@@ -73,7 +73,8 @@ def read_signals(
     )
 
 
-def _read_program(record: LogicRecord, path: Path) -> Program:
+def read_program(record: LogicRecord, path: Path) -> Program:
+    """Describe one program of a controller."""
     attributes = record.attributes
     what = f"tlLogic {attributes['id']}"
 

@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 
 import numpy as np
+import shapely
 
 from dojo_maps.description import Program
 from dojo_maps.validation.check import WARNING, Check, Finding, Need, element
@@ -44,20 +45,22 @@ def check_split_signals(facts: Facts, limits: Limits) -> Iterator[Finding]:
     for signal in facts.signals:
         known = [facts.junctions[j].position for j in signal.junctions if j in facts.junctions]
         at += [(signal.id, np.array(position)) for position in known]
+    places = shapely.points([position[:2] for _, position in at])
+    pairs = shapely.STRtree(places).query(places, predicate="dwithin", distance=limits.split_signals)
     seen: set[frozenset[str]] = set()
-    for k, (one, here) in enumerate(at):
-        for other, there in at[k + 1 :]:
-            apart = float(np.hypot(*(here - there)[:2]))
-            pair = frozenset((one, other))
-            if one != other and apart < limits.split_signals and pair not in seen:
-                seen.add(pair)
-                yield Finding(
-                    elements=element("signal", one, other),
-                    at=here,
-                    message=f"the signals {one} and {other} stand {apart:.1f} m apart",
-                    measured=apart,
-                    limit=limits.split_signals,
-                )
+    for k, n in sorted((k, n) for k, n in pairs.T.tolist() if k < n):
+        (one, here), (other, there) = at[k], at[n]
+        apart = float(np.hypot(*(here - there)[:2]))
+        pair = frozenset((one, other))
+        if one != other and apart < limits.split_signals and pair not in seen:
+            seen.add(pair)
+            yield Finding(
+                elements=element("signal", one, other),
+                at=here,
+                message=f"the signals {one} and {other} stand {apart:.1f} m apart",
+                measured=apart,
+                limit=limits.split_signals,
+            )
 
 
 def check_rl_form(facts: Facts, _limits: Limits) -> Iterator[Finding]:

@@ -33,7 +33,7 @@ def check_yellow_short(facts: Facts, limits: Limits) -> Iterator[Finding]:
         short: dict[int, list[tuple[float, float, int]]] = defaultdict(list)
         for index in signal.vehicle:
             letters = signal.letters(program, index)
-            wanted = _yellow_for(signal, index, limits.yellow)
+            wanted = yellow_for(signal, index, limits.yellow)
             for phase in starts(program, letters, YELLOW):
                 shown = run_from(program, letters, phase, YELLOW)
                 if shown < limits.yellow or shown < wanted - limits.yellow_tolerance:
@@ -51,7 +51,8 @@ def check_yellow_short(facts: Facts, limits: Limits) -> Iterator[Finding]:
             )
 
 
-def _yellow_for(signal: SignalFacts, index: int, shortest: float) -> float:
+def yellow_for(signal: SignalFacts, index: int, shortest: float) -> float:
+    """Compute the yellow that a link's speed needs, in seconds."""
     lanes = [way.from_lane for way in signal.links.get(index, ()) if isinstance(way, Connection)]
     speed = max((signal.facts.lanes[lane].speed for lane in lanes), default=0.0)
     return min(max(_REACTION + speed / (2 * _DECELERATION), shortest), _LONGEST_YELLOW)
@@ -92,12 +93,15 @@ def _all_red_for(facts: Facts, way: Connection | Crossing) -> float:
 
 
 def _time_between(signal: SignalFacts, program: Program, one: int, other: int, last: str) -> float | None:
-    """Measure the least time from the end of one link's letters to the other's protected green; seconds."""
+    """Measure the least time from the end of one link's letters to the other's protected green; seconds.
+
+    Walkers who had a green beside that green all along yielded to it then, and do so still.
+    """
     ending, starting = signal.letters(program, one), signal.letters(program, other)
     times = [
         time
         for phase in range(len(program.phases))
-        if ending[phase] in last
+        if ending[phase] in last and not (last is GREEN and starting[phase] == "G")
         for after in following(program, phase)
         if ending[after] not in last + GREEN
         for time in (_time_until(program, starting, after),)
