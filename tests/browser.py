@@ -11,11 +11,20 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Self
 
+import pytest
+
 CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
 _FLAGS = (
     "--headless=new", "--no-sandbox", "--disable-quic", "--no-first-run", "--disable-background-networking",
-    "--disable-component-update", "--disable-sync", "--disable-gpu", "--remote-debugging-pipe",
+    "--disable-component-update", "--disable-sync",
 )  # fmt: skip
+_PIPE = ("--disable-gpu", "--remote-debugging-pipe")
+ONE_LOOK = (
+    *_FLAGS, "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader",
+    "--window-size=800,600", "--virtual-time-budget=10000",
+)  # fmt: skip
+"""For who opens a page once, with WebGL, and takes what it then is."""
+needs_browser = pytest.mark.skipif(CHROMIUM is None, reason="no Chromium is installed")
 
 
 class Browser:
@@ -24,7 +33,13 @@ class Browser:
     def __init__(self, url: str, profile: Path, *, size: tuple[int, int] = (1440, 900)) -> None:
         theirs_in, ours_out = os.pipe()
         ours_in, theirs_out = os.pipe()
-        command = [str(CHROMIUM), *_FLAGS, f"--window-size={size[0]},{size[1]}", f"--user-data-dir={profile}"]
+        command = [
+            str(CHROMIUM),
+            *_FLAGS,
+            *_PIPE,
+            f"--window-size={size[0]},{size[1]}",
+            f"--user-data-dir={profile}",
+        ]
         # Chromium reads orders from descriptor 3 and answers on 4.
         shell = ["bash", "-c", f'exec "$@" 3<&{theirs_in} 4>&{theirs_out}', "bash", *command, "about:blank"]
         self._process = subprocess.Popen(

@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from browser import CHROMIUM, Browser
+from browser import Browser, needs_browser
 from conftest import command_environment
 
 from dojo_env.cli import main
@@ -28,8 +28,6 @@ from dojo_env.watching.page import PageState
 from dojo_env.watching.server import LiveServer
 from dojo_env.watching.views import Frame
 from dojo_env.world import World
-
-needs_browser = pytest.mark.skipif(CHROMIUM is None, reason="no Chromium is installed")
 
 
 class Watched:

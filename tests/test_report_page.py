@@ -12,7 +12,7 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
-from test_viewer import _CHROMIUM, _FLAGS, needs_browser
+from browser import CHROMIUM, ONE_LOOK, needs_browser
 
 from dojo_maps.inspection import inspect, write_reports
 from dojo_maps.issue import Element, Issue, Severity
@@ -64,8 +64,8 @@ def _ask(page: Path, question: str, address: str = "") -> dict[str, Any]:
         encoding="utf-8",
     )
     command = [
-        _CHROMIUM,
-        *_FLAGS,
+        CHROMIUM,
+        *ONE_LOOK,
         f"--user-data-dir={page.parent / 'profile'}",
         "--dump-dom",
         "--enable-logging=stderr",
@@ -293,7 +293,7 @@ def test_page_loads_nothing_from_anywhere(tmp_path: Path) -> None:
 @needs_browser
 def test_page_draws_the_map(tmp_path: Path) -> None:
     page, picture = _page("arterial4x4", tmp_path), tmp_path / "page.png"
-    command = [_CHROMIUM, *_FLAGS, f"--user-data-dir={tmp_path / 'profile'}", f"--screenshot={picture}"]
+    command = [CHROMIUM, *ONE_LOOK, f"--user-data-dir={tmp_path / 'profile'}", f"--screenshot={picture}"]
     subprocess.run(
         [*command, "--window-size=1400,900", page.as_uri()], capture_output=True, timeout=120, check=False
     )
