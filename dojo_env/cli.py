@@ -10,6 +10,7 @@ from types import FrameType
 from typing import Any
 
 from dojo_maps.errors import DojoError
+from dojo_maps.interruption import leave_pipe
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -21,6 +22,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     signal.signal(signal.SIGTERM, _stop)
     try:
         status: int = options.run(options)
+        sys.stdout.flush()
+    except BrokenPipeError:
+        return leave_pipe()
     except DojoError as error:
         print(f"dojo-env: {' '.join(str(error).split())}", file=sys.stderr)
         return error.exit_status

@@ -30,6 +30,9 @@ def _run(options: argparse.Namespace, interrupted: Interruption) -> int:
     """Run the chosen command; every failure becomes one line and a status."""
     try:
         status: int = options.run(options, interrupted)
+        sys.stdout.flush()
+    except BrokenPipeError:
+        return interruption.leave_pipe()
     except DojoError as error:
         return _fail(" ".join(str(error).split()), error.exit_status, interrupted)
     except MemoryError:
