@@ -1,9 +1,7 @@
 """From a network to a bundle, in named steps: read, furnish, build, check, write."""
 
-import contextlib
-import gc
 import os
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -18,6 +16,7 @@ from dojo_maps.exports import EXPORTERS
 from dojo_maps.geometry.arrangement import paved_ground
 from dojo_maps.geometry.pieces import build_pieces
 from dojo_maps.issue import Issue
+from dojo_maps.memory import without_cycle_search
 from dojo_maps.meshes.gltf import write_scene
 from dojo_maps.meshes.mesh import Mesh
 from dojo_maps.meshes.scene import build_scene
@@ -75,20 +74,8 @@ def convert(
     path, name = find_network(source)
     folder = Path(folder) if folder is not None else Path(f"{name}.dojo")
     bundle.check_replaceable(folder)
-    with _without_cycle_search():
+    with without_cycle_search():
         return _convert(path, name, folder, options, on_stage)
-
-
-@contextlib.contextmanager
-def _without_cycle_search() -> Iterator[None]:
-    """Pause the search for reference cycles: it goes through millions of shapes, none of which is in one."""
-    paused = gc.isenabled()
-    gc.disable()
-    try:
-        yield
-    finally:
-        if paused:
-            gc.enable()
 
 
 def _convert(

@@ -12,6 +12,7 @@ from dojo_maps import bundle
 from dojo_maps.description import RoadMap
 from dojo_maps.errors import UsageError
 from dojo_maps.issue import Issue
+from dojo_maps.memory import without_cycle_search
 from dojo_maps.meshes.mesh import Mesh
 from dojo_maps.report.formats import as_geojson, as_sarif
 from dojo_maps.report.netedit import write_netedit_files
@@ -63,8 +64,9 @@ def inspect(
     Raises:
         SourceError: it cannot be read.
     """
-    read = read_source(source)
-    return read, run_checks(read.road_map, read.meshes, read.issues, profile, exclusions)
+    with without_cycle_search():
+        read = read_source(source)
+        return read, run_checks(read.road_map, read.meshes, read.issues, profile, exclusions)
 
 
 @contextlib.contextmanager

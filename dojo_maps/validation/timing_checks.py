@@ -2,6 +2,7 @@
 
 from collections import defaultdict
 from collections.abc import Iterator
+from functools import lru_cache
 
 from dojo_maps.description import Connection, Crossing, Program
 from dojo_maps.geometry.polylines import along
@@ -66,7 +67,9 @@ def check_all_red(facts: Facts, _limits: Limits) -> Iterator[Finding]:
             for one, other in (conflict.indices, conflict.indices[::-1]):
                 leaving = conflict.one if one == conflict.indices[0] else conflict.other
                 needed = _all_red_for(facts, leaving)
-                shown = _time_between(signal, program, one, other, YELLOW)
+                shown = _time_between(
+                    program, signal.letters(program, one), signal.letters(program, other), YELLOW
+                )
                 if (
                     shown is not None
                     and shown < needed
@@ -92,12 +95,12 @@ def _all_red_for(facts: Facts, way: Connection | Crossing) -> float:
     return round(min((facts.way_length[way.id] + _CAR) / speed, _LONGEST_ALL_RED), 2)
 
 
-def _time_between(signal: SignalFacts, program: Program, one: int, other: int, last: str) -> float | None:
+@lru_cache(maxsize=1024)  # many links of a signal show the same letters
+def _time_between(program: Program, ending: str, starting: str, last: str) -> float | None:
     """Measure the least time from the end of one link's letters to the other's protected green; seconds.
 
     Walkers who had a green beside that green all along yielded to it then, and do so still.
     """
-    ending, starting = signal.letters(program, one), signal.letters(program, other)
     times = [
         time
         for phase in range(len(program.phases))
@@ -130,12 +133,13 @@ def check_crossing_clearance(facts: Facts, limits: Limits) -> Iterator[Finding]:
                 if isinstance(way, Crossing):
                     foes[way.id][conflict.indices[foe]] = None
         for index in signal.walking:
+            ending = signal.letters(program, index)
             for crossing in (way for way in signal.links.get(index, ()) if isinstance(way, Crossing)):
                 needed = float(along(crossing.shape)[-1]) / limits.walking_speed
                 shown = [
                     (time, foe)
                     for foe in foes[crossing.id]
-                    for time in (_time_between(signal, program, index, foe, GREEN),)
+                    for time in (_time_between(program, ending, signal.letters(program, foe), GREEN),)
                     if time is not None
                 ]
                 if shown and min(shown)[0] < needed - 1e-6:
