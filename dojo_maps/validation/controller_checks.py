@@ -45,7 +45,7 @@ def check_split_signals(facts: Facts, limits: Limits) -> Iterator[Finding]:
     for signal in facts.signals:
         known = [facts.junctions[j].position for j in signal.junctions if j in facts.junctions]
         at += [(signal.id, np.array(position)) for position in known]
-    places = shapely.points([position[:2] for _, position in at])
+    places = shapely.points(np.array([position[:2] for _, position in at]).reshape(-1, 2))
     pairs = shapely.STRtree(places).query(places, predicate="dwithin", distance=limits.split_signals)
     seen: set[frozenset[str]] = set()
     for k, n in sorted((k, n) for k, n in pairs.T.tolist() if k < n):
