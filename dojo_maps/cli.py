@@ -62,30 +62,24 @@ def _parser() -> argparse.ArgumentParser:
     )
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
 
-    convert = commands.add_parser("convert", help="turn a SUMO network into a map bundle")
+    convert = commands.add_parser("convert", help="turn a SUMO network or OpenStreetMap data into a bundle")
     convert.add_argument(
-        "source", metavar="NET", help=".net.xml, .net.xml.gz, or a packaged scenario such as cologne1"
-    )
-    convert.add_argument(
-        "-o", "--output", metavar="DIR", type=Path, help="the bundle to write (default: NAME.dojo)"
-    )
-    convert.add_argument(
-        "--no-generated",
-        action="store_true",
-        help="add no sidewalks and crossings that the network does not have",
+        "source",
+        metavar="NET_OR_OSM",
+        help=".net.xml, .net.xml.gz, .osm, .osm.gz, .osm.pbf, or a packaged scenario such as cologne1",
     )
     convert.add_argument(
         "--enrich-net",
         action="store_true",
         help="give the network itself sidewalks and crossings, keep its programs",
     )
-    convert.add_argument(
-        "--export", nargs="+", action="extend", default=[], choices=EXPORT_NAMES, help="also write"
-    )
-    convert.add_argument("--jobs", metavar="N", type=_positive, help="threads to use (default: one per core)")
-    convert.add_argument("--strict", action="store_true", help="exit with 1 on warnings, too")
-    convert.add_argument("--quiet", action="store_true", help="no progress on standard error")
+    _add_bundle_options(convert)
     convert.set_defaults(run=_convert)
+
+    import_osm = commands.add_parser("import-osm", help="build a bundle from OpenStreetMap data")
+    import_osm.add_argument("source", metavar="FILE", help=".osm, .osm.xml, .osm.gz, .osm.bz2 or .osm.pbf")
+    _add_bundle_options(import_osm)
+    import_osm.set_defaults(run=_import_osm)
 
     view = commands.add_parser("view", help="show a bundle's 3D scene in the browser")
     view.add_argument("bundle", metavar="BUNDLE", type=Path)
@@ -119,6 +113,23 @@ def _parser() -> argparse.ArgumentParser:
     checks = commands.add_parser("checks", help="list the checks")
     checks.set_defaults(run=_list_checks)
     return parser
+
+
+def _add_bundle_options(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "-o", "--output", metavar="DIR", type=Path, help="the bundle to write (default: NAME.dojo)"
+    )
+    parser.add_argument(
+        "--no-generated",
+        action="store_true",
+        help="add no sidewalks and crossings that the network does not have",
+    )
+    parser.add_argument(
+        "--export", nargs="+", action="extend", default=[], choices=EXPORT_NAMES, help="also write"
+    )
+    parser.add_argument("--jobs", metavar="N", type=_positive, help="threads to use (default: one per core)")
+    parser.add_argument("--strict", action="store_true", help="exit with 1 on warnings, too")
+    parser.add_argument("--quiet", action="store_true", help="no progress on standard error")
 
 
 def _positive(text: str) -> int:
@@ -183,6 +194,16 @@ def _fix(options: argparse.Namespace, interrupted: Interruption) -> int:
     for line in describe(fixed):
         print(line)
     return int(any(issue.severity == "error" for issue in fixed.after.issues))
+
+
+def _import_osm(options: argparse.Namespace, interrupted: Interruption) -> int:
+    from dojo_maps.errors import UsageError
+    from dojo_maps.sources.osm import is_osm
+
+    if not is_osm(options.source):
+        raise UsageError(f"{options.source}: not named as OpenStreetMap data is (.osm, .osm.gz, .osm.pbf)")
+    options.enrich_net = False
+    return _convert(options, interrupted)
 
 
 def _view(options: argparse.Namespace, interrupted: Interruption) -> int:

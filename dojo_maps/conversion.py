@@ -1,8 +1,8 @@
-"""From a network to a bundle, in named steps: read, furnish, build, check, write."""
+"""From a network or an extract to a bundle, in named steps: read, furnish, build, check, write."""
 
 import os
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +11,7 @@ from shapely.errors import ShapelyError
 from dojo_maps import bundle
 from dojo_maps.description import RoadMap
 from dojo_maps.enrichment import furnish
-from dojo_maps.errors import GeometryError
+from dojo_maps.errors import GeometryError, UsageError
 from dojo_maps.exports import EXPORTERS
 from dojo_maps.geometry.arrangement import paved_ground
 from dojo_maps.geometry.pieces import build_pieces
@@ -25,6 +25,9 @@ from dojo_maps.report.page import write_page
 from dojo_maps.serialization import to_json
 from dojo_maps.sources.enrich_net import enrich_network
 from dojo_maps.sources.files import find_network, read_bytes, sha256_of
+from dojo_maps.sources.osm import is_osm, read_osm
+from dojo_maps.sources.osm_network import build_network
+from dojo_maps.sources.osm_score import score_network
 from dojo_maps.sources.sumo_net import read_network
 from dojo_maps.validation.runner import run_checks
 
@@ -53,10 +56,10 @@ def convert(
     *,
     on_stage: Callable[[str], None] = lambda _stage: None,
 ) -> tuple[bundle.Bundle, dict[str, Any]]:
-    """Convert a SUMO network into a bundle.
+    """Convert a SUMO network or an OpenStreetMap extract into a bundle.
 
     Args:
-        source: a path (.net.xml, .net.xml.gz) or the name of a packaged scenario.
+        source: a path (.net.xml, .net.xml.gz, .osm, .osm.gz, .osm.pbf...) or the name of a packaged scenario.
         folder: the bundle to write; by default the map's name with .dojo, in the current folder.
         options: how to convert.
         on_stage: told what begins.
@@ -74,6 +77,10 @@ def convert(
     path, name = find_network(source)
     folder = Path(folder) if folder is not None else Path(f"{name}.dojo")
     bundle.check_replaceable(folder)
+    if options.enrich_net and is_osm(path):
+        raise UsageError(
+            "--enrich-net is for SUMO networks; an import has sidewalks and crossings of its own"
+        )
     with without_cycle_search():
         return _convert(path, name, folder, options, on_stage)
 
@@ -82,25 +89,41 @@ def _convert(
     path: Path, name: str, folder: Path, options: ConvertOptions, on_stage: Callable[[str], None]
 ) -> tuple[bundle.Bundle, dict[str, Any]]:
     on_stage("Reading")
-    data, sha256 = read_bytes(path), sha256_of(path)
-    changes = None
-    if options.enrich_net:
-        on_stage("Adding sidewalks and crossings to the network")
-        data, changes = enrich_network(data, path=path)
-    described, issues = read_network(data, path=path, name=name, sha256=sha256)
+    changes, quality = None, None
+    if is_osm(path):
+        data, described, issues, quality = _import_osm(path, name, on_stage)
+    else:
+        data, sha256 = read_bytes(path), sha256_of(path)
+        if options.enrich_net:
+            on_stage("Adding sidewalks and crossings to the network")
+            data, changes = enrich_network(data, path=path)
+        described, issues = read_network(data, path=path, name=name, sha256=sha256)
     road_map, meshes = furnish_and_build(described, options, on_stage)
     with bundle.replace_bundle(folder) as fresh:
         on_stage("Writing")
         (fresh / bundle.NETWORK).write_bytes(data)
         if changes is not None:
             bundle.write_json(fresh / bundle.ENRICHMENT, changes)
-        report = _write(fresh, road_map, meshes, issues)
+        report = _write(fresh, road_map, meshes, issues, quality)
         for export in options.exports:
             on_stage(f"Exporting {export}")
             target = fresh / bundle.EXPORTS / export
             target.mkdir(parents=True)
             EXPORTERS[export](road_map, fresh / bundle.NETWORK, target)
     return bundle.Bundle(folder=folder, road_map=road_map), report
+
+
+def _import_osm(
+    path: Path, name: str, on_stage: Callable[[str], None]
+) -> tuple[bytes, RoadMap, tuple[Issue, ...], dict[str, Any]]:
+    """Build the network of an OpenStreetMap extract and measure it against the extract."""
+    extract, sha256 = read_osm(path), sha256_of(path)
+    on_stage("Building the network")
+    network = build_network(extract, path=path, name=name, sha256=sha256)
+    quality, losses = score_network(extract, network)
+    source = replace(network.road_map.source, kind="osm")
+    described = replace(network.road_map, source=source)
+    return network.data, described, network.issues + losses, quality
 
 
 def furnish_and_build(
@@ -122,12 +145,18 @@ def furnish_and_build(
 
 
 def _write(
-    folder: Path, road_map: RoadMap, meshes: tuple[Mesh, ...], issues: tuple[Issue, ...]
+    folder: Path,
+    road_map: RoadMap,
+    meshes: tuple[Mesh, ...],
+    issues: tuple[Issue, ...],
+    quality: dict[str, Any] | None,
 ) -> dict[str, Any]:
     bundle.write_json(folder / bundle.DESCRIPTION, to_json(road_map))
     write_scene(meshes, folder / bundle.SCENE)
     draw_overview(road_map, meshes, folder / bundle.OVERVIEW)
     report = run_checks(road_map, meshes, issues)
+    if quality is not None:
+        report["osm"] = quality
     bundle.write_json(folder / bundle.REPORT, report)
     write_page(report, road_map, folder / bundle.REPORT_PAGE)
     return report

@@ -37,6 +37,7 @@ CODES = {
     *(f"SIG{k:03}" for k in range(1, 19)),
     *(f"PED{k:03}" for k in range(1, 10)),
     *(f"OSM{k:03}" for k in range(1, 14)),
+    *(f"IMP{k:03}" for k in range(1, 13)),
 }
 
 
@@ -90,7 +91,7 @@ def test_checks_of_meshes_run_on_a_converted_map(converted: Any) -> None:
     states = {check["id"]: check["status"] for check in conversion.report["checks"]}
     assert states["geometry.mesh_health"] == "completed"
     assert {check for check, state in states.items() if state != "completed"} == {
-        check.id for check in CHECKS if check.needs is Need.OSM
+        check.id for check in CHECKS if check.needs in {Need.OSM, Need.IMPORT}
     }
 
 

@@ -9,7 +9,8 @@ from xml.parsers import expat
 from xml.sax.saxutils import quoteattr
 
 from dojo_maps.errors import SourceError
-from dojo_maps.sources.sumo_xml import Attributes, LogicRecord, read_records
+from dojo_maps.sources.safe_xml import Attributes
+from dojo_maps.sources.sumo_xml import LogicRecord, read_records
 
 Span = tuple[int, int]
 _VALUE = rb"\"[^\"]*\"|'[^']*'"

@@ -1,5 +1,6 @@
 """Find an input and read its bytes, within bounds: paths, packaged scenarios and gzip."""
 
+import bz2
 import hashlib
 import importlib.util
 import zlib
@@ -24,7 +25,10 @@ SCENARIO_NETWORKS = {
 }  # fmt: skip
 """Networks by name, inside the installed `sumo_rl` package."""
 
-_SUFFIXES = (".net.xml.gz", ".net.xml", ".xml.gz", ".xml")
+_SUFFIXES = (
+    *(".net.xml.gz", ".net.xml", ".osm.pbf", ".osm.xml", ".osm.gz", ".osm.bz2", ".osm", ".pbf"),
+    *(".xml.gz", ".xml"),
+)
 
 
 def find_network(name: str) -> tuple[Path, str]:
@@ -59,10 +63,10 @@ def map_name(path: Path) -> str:
 
 
 def read_bytes(path: Path) -> bytes:
-    """Read a file whole, unpacked if it is gzip.
+    """Read a file whole, unpacked if it is gzip or bzip2.
 
     Raises:
-        SourceError: the file is missing, not a regular file, empty, too large or broken gzip.
+        SourceError: the file is missing, not a regular file, empty, too large, or broken as gzip or bzip2.
     """
     try:
         if not path.is_file():
@@ -76,6 +80,8 @@ def read_bytes(path: Path) -> bytes:
         data = _unpack(path, data)
     elif path.name.endswith(".gz"):
         raise SourceError(path, "not a gzip file, though its name says so; rename or repack it")
+    elif data.startswith(b"BZh"):
+        data = _unpack_bzip2(path, data)
     if not data.strip():
         raise SourceError(path, "the file is empty")
     return data
@@ -87,8 +93,29 @@ def sha256_of(path: Path) -> str:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 
+def _unpack_bzip2(path: Path, packed: bytes) -> bytes:
+    limit = _limit(packed)
+    data = bytearray()
+    try:
+        while packed:
+            stream = bz2.BZ2Decompressor()
+            data += stream.decompress(packed, limit + 1 - len(data))
+            if len(data) > limit:
+                raise SourceError(path, f"unpacks to more than {limit} bytes; refused as unsafe")
+            if not stream.eof:
+                raise SourceError(path, "the bzip2 data ends early; copy or download the file again")
+            packed = stream.unused_data
+    except OSError as error:
+        raise SourceError(path, f"broken bzip2 data ({error}); copy or download the file again") from error
+    return bytes(data)
+
+
+def _limit(packed: bytes) -> int:
+    return min(MAX_BYTES, max(MAX_EXPANSION * len(packed), 1 << 20))
+
+
 def _unpack(path: Path, packed: bytes) -> bytes:
-    limit = min(MAX_BYTES, max(MAX_EXPANSION * len(packed), 1 << 20))
+    limit = _limit(packed)
     data = bytearray()
     try:
         while packed:

@@ -26,6 +26,7 @@ from dojo_maps.sources.limits import check_limits, measure_bounds
 from dojo_maps.sources.lost_connections import find_lost_connections
 from dojo_maps.sources.permissions import allowed_classes, lane_kind
 from dojo_maps.sources.right_of_way import read_right_of_way
+from dojo_maps.sources.safe_xml import Attributes
 from dojo_maps.sources.sumo_connections import ConnectionReader
 from dojo_maps.sources.sumo_pavement import (
     read_crossing,
@@ -34,7 +35,7 @@ from dojo_maps.sources.sumo_pavement import (
     walk_connections,
 )
 from dojo_maps.sources.sumo_signals import read_signals
-from dojo_maps.sources.sumo_xml import Attributes, EdgeRecord, NetRecords, read_records
+from dojo_maps.sources.sumo_xml import EdgeRecord, NetRecords, read_records
 from dojo_maps.sources.values import MIN_WIDTH, read_float, read_int, read_shape, read_text
 
 _LANE_WIDTH = 3.2

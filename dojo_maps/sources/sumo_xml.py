@@ -7,11 +7,8 @@ from collections import defaultdict
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
-from xml.parsers import expat
 
-from dojo_maps.errors import SourceError
-
-Attributes = dict[str, str]
+from dojo_maps.sources.safe_xml import Attributes, parse_xml
 
 
 @dataclass(slots=True)
@@ -69,40 +66,11 @@ def read_records(data: bytes, path: Path | str) -> NetRecords:
         "tlLogic": lambda a: records.logics.append(LogicRecord(a)),
         "phase": lambda a: records.logics[-1].phases.append(a),  # noqa: PLW0108
     }
-    open_elements: list[str] = []
 
     def start(name: str, attributes: Attributes) -> None:
-        if not open_elements and name != "net":
-            raise SourceError(path, f"not a SUMO network: the root element is <{name[:80]}>, expected <net>")
-        if len(open_elements) > 16:
-            raise SourceError(path, f"<{name[:80]}> is nested more than 16 deep; not a SUMO network")
-        open_elements.append(name)
         handler = handlers.get(name)
         if handler:
-            try:
-                handler(attributes)
-            except IndexError:
-                raise SourceError(path, f"<{name}> stands where SUMO allows none", element=_at()) from None
+            handler(attributes)
 
-    def refuse(*_: object) -> None:
-        raise SourceError(
-            path, "has a document type or entities, which no SUMO network has; refused as unsafe"
-        )
-
-    def _at() -> str:
-        return f"line {parser.CurrentLineNumber}"
-
-    parser = expat.ParserCreate()
-    parser.buffer_text = True
-    parser.StartElementHandler = start
-    parser.EndElementHandler = lambda _name: open_elements.pop()
-    parser.StartDoctypeDeclHandler = refuse
-    parser.EntityDeclHandler = refuse
-    try:
-        parser.Parse(data, True)
-    except expat.ExpatError as error:
-        problem = expat.ErrorString(error.code) or "unknown problem"
-        raise SourceError(path, f"not well-formed XML ({problem})", element=f"line {error.lineno}") from error
-    except (LookupError, ValueError) as error:
-        raise SourceError(path, f"its text encoding cannot be read: {error}; save it as UTF-8") from error
+    parse_xml(data, path, root="net", kind="SUMO network", start=start)
     return records

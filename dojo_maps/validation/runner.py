@@ -39,10 +39,10 @@ def find_issues(
         "skipped" or "crashed", with the reason. A check that breaks counts as an error.
     """
     facts = Facts(road_map, meshes)
-    missing = {Need.OSM} if meshes is not None else {Need.OSM, Need.MESHES}
+    there = {Need.NOTHING: True, Need.MESHES: meshes is not None, Need.IMPORT: road_map.source.kind == "osm"}
     issues, states = list(known), {}
     for check in checks:
-        if check.needs in missing:
+        if not there.get(check.needs):
             states[check.id] = f"skipped: it needs {check.needs.value}"
             continue
         try:

@@ -1,0 +1,227 @@
+"""From an OpenStreetMap extract to a SUMO network: laid out here, built by netconvert, mended, checked.
+
+netconvert is never trusted: a crash or refusal drops the option most likely at fault and is reported, what
+it warns of is counted and tied to its element, and edges that come out too short join their junctions.
+"""
+
+import re
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+
+from dojo_maps.description import RoadMap
+from dojo_maps.errors import SourceError
+from dojo_maps.issue import Element, Issue, Severity
+from dojo_maps.sources.netconvert import NetconvertError, run_netconvert
+from dojo_maps.sources.osm import OsmData
+from dojo_maps.sources.osm_graph import build_graph
+from dojo_maps.sources.osm_layout import Layout, lay_out
+from dojo_maps.sources.osm_movements import Restriction, read_restrictions
+from dojo_maps.sources.osm_plain import CONNECTIONS, EDGES, NODES, Plain, write_plain
+from dojo_maps.sources.signal_programs import program_signals
+from dojo_maps.sources.sumo_net import read_network
+
+_ALWAYS = (
+    *("-n", NODES, "-e", EDGES, "-x", CONNECTIONS, "-o", "output.net.xml"),
+    *("--no-internal-links", "false", "--offset.disable-normalization", "--no-turnarounds"),
+    *("--output.street-names", "--junctions.join", "false"),
+)
+_DROPPED_IN_TURN = ("--roundabouts.guess", "--walkingareas")
+"""Given first, and left out one more at each attempt after a failure."""
+_SHORTEST = 5.0
+_ROUNDS = 6
+_TIMEOUT = 240.0
+_NO_PAVEMENT = re.compile(
+    r"(?:invalid crossing .* with edges|crossing .* across) \[([^]]*)\] (?:\(no walkingarea|has no target)"
+)
+_QUOTED = re.compile(r"'(:?-?[\w#.]+?)(_[cw]?\d+)?'")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class OsmNetwork:
+    """A built network and what it was built from.
+
+    Attributes:
+        data: the network's bytes.
+        warnings: netconvert's own.
+    """
+
+    data: bytes
+    road_map: RoadMap
+    layout: Layout
+    plain: Plain
+    restrictions: tuple[Restriction, ...]
+    issues: tuple[Issue, ...]
+    warnings: tuple[str, ...]
+
+
+def build_network(data: OsmData, *, path: Path, name: str, sha256: str) -> OsmNetwork:
+    """Build the network of an extract.
+
+    Args:
+        data: the extract.
+        path: where it came from, for errors.
+        name: the map's name.
+        sha256: of the file as it lies on disk.
+
+    Raises:
+        SourceError: the extract has no roads that make a network.
+        NetconvertError: netconvert fails on it whatever is left out.
+        ToolMissingError: netconvert is not installed.
+    """
+    restrictions, broken = read_restrictions(data)
+    joined: list[tuple[int, int]] = []
+    moved: dict[int, tuple[int, float]] = {}
+    paved: set[str] = set()
+    for _ in range(_ROUNDS):
+        layout = lay_out(data, build_graph(data, path), joined, moved)
+        with tempfile.TemporaryDirectory(prefix="dojo-maps-") as folder:
+            plain = write_plain(data, layout, restrictions, Path(folder), paved)
+            built, warnings, dropped = _convert(Path(folder), path, left_hand=layout.graph.left_hand)
+        road_map, _ = read_network(built, path=path, name=name, sha256=sha256)
+        short, unpaved = _too_short(road_map, plain), _unpaved(warnings)
+        moves = _moves(layout, short)
+        pairs = [(one, other) for one, other in short if not {one, other} & (moves.keys() - moved.keys())]
+        if moves.keys() <= moved.keys() and set(pairs) <= set(joined) and unpaved <= paved:
+            break
+        joined += pairs
+        moved = moves | moved
+        paved |= unpaved
+    built = program_signals(built, road_map)
+    road_map, issues = read_network(built, path=path, name=name, sha256=sha256)
+    issues += tuple(_dropped_issue(option, reason, road_map) for option, reason in dropped)
+    issues += tuple(_warning_issue(warning, road_map) for warning in warnings)
+    issues += tuple(_broken_restriction(relation, road_map) for relation in broken)
+    return OsmNetwork(
+        data=built,
+        road_map=road_map,
+        layout=layout,
+        plain=plain,
+        restrictions=tuple(restrictions),
+        issues=issues,
+        warnings=warnings,
+    )
+
+
+def _convert(
+    folder: Path, path: Path, *, left_hand: bool
+) -> tuple[bytes, tuple[str, ...], list[tuple[str, str]]]:
+    """Run netconvert, with one option less after each failure."""
+    always = [*_ALWAYS, "--lefthand"] if left_hand else list(_ALWAYS)
+    options = list(_DROPPED_IN_TURN)
+    dropped: list[tuple[str, str]] = []
+    while True:
+        try:
+            result = run_netconvert([*always, *options], folder=folder, timeout=_TIMEOUT)
+            break
+        except NetconvertError as error:
+            what = options.pop() if options else _drop_crossings(folder)
+            if what is None:
+                raise
+            dropped.append((what, str(error)))
+    output = folder / "output.net.xml"
+    if not output.is_file():
+        raise SourceError(path, "netconvert built no network from its roads; choose a larger area")
+    return _without_header(output.read_bytes()), result.warnings, dropped
+
+
+def _drop_crossings(folder: Path) -> str | None:
+    """Take the crossings out of netconvert's input; None where there are none to take."""
+    lines = (folder / CONNECTIONS).read_text(encoding="utf-8").splitlines(keepends=True)
+    kept = [line for line in lines if not line.startswith("<crossing ")]
+    if len(kept) == len(lines):
+        return None
+    (folder / CONNECTIONS).write_text("".join(kept), encoding="utf-8")
+    return "crossings"
+
+
+def _without_header(data: bytes) -> bytes:
+    """Drop netconvert's comment, which names the time and the folder of the run."""
+    return re.sub(rb"<!--.*?-->\s*", b"", data, count=1, flags=re.DOTALL)
+
+
+def _moves(layout: Layout, short: dict[tuple[int, int], float]) -> dict[int, tuple[int, float]]:
+    """Find the crossings between junctions that a few metres would give room: where to, and how far."""
+    graph = layout.graph
+    ends = graph.ends()
+    crossed = {crossing.node for crossing in layout.crossings}
+    found = {}
+    for pair, length in short.items():
+        for node, other in (pair, pair[::-1]):
+            if node not in crossed or len(ends[node]) != 2 or len(ends[other]) == 2:
+                continue
+            sections = [graph.sections[name] for name in ends[node]]
+            onward = [s for s in sections if {s.start, s.end} != {node, other}]
+            room = _SHORTEST + 1.0 - length
+            if len(onward) == 1 and graph.length(onward[0]) > 25:
+                towards = onward[0].nodes[1] if onward[0].start == node else onward[0].nodes[-2]
+                found[node] = (towards, room)
+    return found
+
+
+def _too_short(road_map: RoadMap, plain: Plain) -> dict[tuple[int, int], float]:
+    """Find the vertices of sections that came out shorter than a car, and how short."""
+    lanes = {lane.id: lane for lane in road_map.lanes}
+    found: dict[tuple[int, int], float] = {}
+    for road in road_map.roads:
+        length = min(lanes[lane].length for lane in road.lanes)
+        if length < _SHORTEST and road.id in plain.sections:
+            section = plain.sections[road.id]
+            pair = (min(section.start, section.end), max(section.start, section.end))
+            found[pair] = min(length, found.get(pair, length))
+    return dict(sorted(found.items()))
+
+
+def _unpaved(warnings: tuple[str, ...]) -> set[str]:
+    """Find the sections whose crossings netconvert dropped because they lead to no pavement."""
+    found = (_NO_PAVEMENT.search(warning) for warning in warnings)
+    return {edge.removeprefix("-") for match in found if match for edge in match[1].split()}
+
+
+def _warning_issue(warning: str, road_map: RoadMap) -> Issue:
+    roads = {road.id: road for road in road_map.roads}
+    junctions = {junction.id: junction for junction in road_map.junctions}
+    lanes = {lane.id: lane for lane in road_map.lanes}
+    elements: list[Element] = []
+    x, y = road_map.origin
+    for name, suffix in _QUOTED.findall(warning):
+        key = name.removeprefix(":")
+        if name + suffix in lanes:
+            elements.append(Element(kind="lane", id=name + suffix))
+            x, y, _ = map(float, lanes[name + suffix].shape[0])
+        elif key in roads:
+            elements.append(Element(kind="road", id=key))
+            x, y, _ = map(float, lanes[roads[key].lanes[0]].shape[0])
+        elif key in junctions:
+            elements.append(Element(kind="junction", id=key))
+            x, y, _ = junctions[key].position
+    return Issue(
+        check="osm.netconvert_warning",
+        severity=Severity.NOTE,
+        elements=tuple(dict.fromkeys(elements)),
+        position=(x, y, 0.0),
+        message=f"netconvert: {warning}",
+        hint="look at the place in netedit; correct the map data where it is wrong",
+    )
+
+
+def _dropped_issue(option: str, reason: str, road_map: RoadMap) -> Issue:
+    return Issue(
+        check="osm.netconvert_failed",
+        severity=Severity.WARNING,
+        elements=(),
+        position=(*road_map.origin, 0.0),
+        message=f"the network was built without {option}, because: {reason}",
+        hint="import a smaller area to find the road that netconvert fails on",
+    )
+
+
+def _broken_restriction(relation: int, road_map: RoadMap) -> Issue:
+    return Issue(
+        check="osm.restriction_incomplete",
+        severity=Severity.NOTE,
+        elements=(Element(kind="relation", id=str(relation)),),
+        position=(*road_map.origin, 0.0),
+        message=f"turn restriction {relation} lacks a member or names one of the wrong type",
+        hint=f"complete it: https://www.openstreetmap.org/relation/{relation}",
+    )

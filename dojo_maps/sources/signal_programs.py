@@ -1,0 +1,130 @@
+"""Give each signal of a network the program that a city would run, timed by speeds, widths and crossings."""
+
+import math
+import re
+from collections.abc import Sequence
+
+from dojo_maps.description import RoadMap
+from dojo_maps.sources.pedestrian_timing import WALKING_SPEED
+from dojo_maps.sources.signal_stages import SignalLink, Stage, build_stages, letters_of, read_links
+
+_WALK = 7
+"""Seconds that people see green. Source: MUTCD, 4I.06."""
+_GREEN, _MAJOR_GREEN, _TURN_GREEN = 20, 32, 10
+"""Seconds of green on streets, on wide roads and for protected turns, before walkers ask for more."""
+_MAJOR_LANES = 4
+_LONGEST = 120
+"""Seconds of a cycle that are not exceeded unless walkers need them."""
+_LEAST = 7
+_VEHICLE = 6.0
+"""Metres of a vehicle, in the time to clear a junction."""
+
+PhaseRow = tuple[int, str]
+"""Seconds and the letters of a phase."""
+
+
+def program_signals(data: bytes, road_map: RoadMap) -> bytes:
+    """Replace the programs of a network as netconvert writes it."""
+    text = data.decode("utf-8")
+    for signal in road_map.signals:
+        phases = compute_program(read_links(road_map, signal))
+        rows = "".join(f'        <phase duration="{time}" state="{state}"/>\n' for time, state in phases)
+        name = re.escape(_escaped(signal.id))
+        pattern = re.compile(rf'(    <tlLogic id="{name}"[^>]*>\n).*?(    </tlLogic>\n)', re.DOTALL)
+        text = pattern.sub(lambda found, rows=rows: found[1] + rows + found[2], text, count=1)  # type: ignore[misc]
+    return text.encode("utf-8")
+
+
+def compute_program(links: dict[int, SignalLink]) -> list[PhaseRow]:
+    """Compute the phases of a signal: green, green without walkers, yellow and all-red of each stage."""
+    stages = build_stages(links)
+    size = max(links) + 1
+    if len(stages) < 2:
+        states = [letters_of(links, stage) for stage in stages]
+        return [(_LONGEST // 2, _state(size, letters)) for letters in states]
+    changes = [
+        _change(links, stage, following)
+        for stage, following in zip(stages, [*stages[1:], stages[0]], strict=True)
+    ]
+    greens = _green_times(links, stages, changes)
+    phases: list[PhaseRow] = []
+    for number, stage in enumerate(stages):
+        phases += _stage_phases(
+            links, stage, stages[(number + 1) % len(stages)], greens[number], changes[number]
+        )
+    return _joined(phases)
+
+
+def yellow_time(speed: float) -> int:
+    """Give whole seconds of yellow for a speed in m/s. Source: ITE, one second to react, 3.05 m/s2."""
+    return min(max(math.ceil(1.0 + speed / 6.1 - 0.5), 3), 6)
+
+
+def _change(links: dict[int, SignalLink], stage: Stage, following: Stage) -> tuple[int, int]:
+    """Give the seconds of yellow and all-red between two stages."""
+    ending = [links[k] for k in stage.vehicles - following.vehicles]
+    if not ending:
+        return 0, 0
+    yellow = max(yellow_time(link.speed) for link in ending)
+    clear = max((link.length + _VEHICLE) / max(link.speed, 8.0) for link in ending)
+    return yellow, min(max(math.ceil(clear - 1.0), 1), 5)
+
+
+def _tail(links: dict[int, SignalLink], stage: Stage, following: Stage, change: tuple[int, int]) -> int:
+    """Give the seconds of green at a stage's end in which nobody starts to walk."""
+    ending = stage.walks - following.walks
+    clearance = max((math.ceil(links[k].length / WALKING_SPEED) for k in ending), default=0)
+    return max(0, clearance - sum(change))
+
+
+def _green_times(
+    links: dict[int, SignalLink], stages: Sequence[Stage], changes: Sequence[tuple[int, int]]
+) -> list[int]:
+    wanted, least = [], []
+    for number, stage in enumerate(stages):
+        following = stages[(number + 1) % len(stages)]
+        tail = _tail(links, stage, following, changes[number])
+        walkers = _WALK + tail if stage.walks else 0
+        major = len({(links[k].road, k) for k in stage.vehicles if links[k].direction == "s"}) >= _MAJOR_LANES
+        green = _TURN_GREEN if stage.protected else _MAJOR_GREEN if major else _GREEN
+        green = green if stage.vehicles else _LEAST
+        wanted.append(max(green, walkers))
+        least.append(max(_LEAST, walkers))
+    lost = sum(map(sum, changes))
+    while sum(wanted) + lost > _LONGEST and wanted != least:
+        number = max(range(len(wanted)), key=lambda k: (wanted[k] - least[k], -k))
+        wanted[number] -= 1
+    return wanted
+
+
+def _stage_phases(
+    links: dict[int, SignalLink], stage: Stage, following: Stage, green: int, change: tuple[int, int]
+) -> list[PhaseRow]:
+    size = max(links) + 1
+    letters, after = letters_of(links, stage), letters_of(links, following)
+    tail = _tail(links, stage, following, change)
+    staying = {k: letters[k] for k in letters if links[k].walks is False or k in after}
+    phases = [(green - tail, _state(size, letters)), (tail, _state(size, staying))]
+    kept = {k: min(letters[k], after[k], key="gG".index) for k in staying if k in after}
+    fading = {k: "y" for k in staying if k not in after}
+    phases += [(change[0], _state(size, kept | fading)), (change[1], _state(size, kept))]
+    return phases
+
+
+def _state(size: int, letters: dict[int, str]) -> str:
+    return "".join(letters.get(k, "r") for k in range(size))
+
+
+def _joined(phases: Sequence[PhaseRow]) -> list[PhaseRow]:
+    """Leave out phases without time and join equal neighbours."""
+    joined: list[PhaseRow] = []
+    for time, state in phases:
+        if time and joined and joined[-1][1] == state:
+            joined[-1] = (joined[-1][0] + time, state)
+        elif time:
+            joined.append((time, state))
+    return joined
+
+
+def _escaped(text: str) -> str:
+    return text.replace("&", "&amp;").replace('"', "&quot;").replace("<", "&lt;")

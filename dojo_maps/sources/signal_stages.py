@@ -1,0 +1,223 @@
+"""Which movements of a signal may have green together: stages, by the network's own rules of right of way.
+
+Opposite approaches share a stage; a far turn (to the left where traffic keeps right) gets a stage of its own
+where it has lanes of its own, and otherwise waits for gaps. Who walks shares a stage with turning traffic
+that yields, never with traffic that goes straight or is protected.
+"""
+
+import itertools
+import math
+from collections import defaultdict
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+from dojo_maps.description import Connection, Crossing, RoadMap, Signal
+from dojo_maps.geometry.polylines import along
+
+_OPPOSITE, _ALONGSIDE = 120.0, 45.0
+"""Degrees between the headings of approaches that face each other, and of those that run side by side."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SignalLink:
+    """A link of a signal.
+
+    Attributes:
+        foes, yields_to: links of the same signal, by index.
+        length: metres across the junction.
+        speed: m/s; of those who walk, zero.
+        heading: of a vehicle as it arrives, degrees counter-clockwise from east.
+        far: it turns across the opposite traffic.
+        alone: the lane it starts from is for such turns only.
+    """
+
+    index: int
+    road: str
+    walks: bool
+    foes: frozenset[int]
+    yields_to: frozenset[int]
+    length: float
+    speed: float
+    heading: float
+    direction: str
+    far: bool
+    alone: bool
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Stage:
+    """Links that have green together; `protected` tells that it is for far turns only."""
+
+    vehicles: frozenset[int]
+    walks: frozenset[int]
+    protected: bool
+
+
+def read_links(road_map: RoadMap, signal: Signal) -> dict[int, SignalLink]:
+    """Collect the links of a signal by index."""
+    connections = [c for c in road_map.connections if c.signal == signal.id and c.link_index is not None]
+    crossings = [c for c in road_map.crossings if c.signal == signal.id and c.link_index is not None]
+    index = {connection.id: connection.link_index for connection in connections}
+    index |= {crossing.id: crossing.link_index for crossing in crossings}
+    foes: dict[int, set[int]] = defaultdict(set)
+    yields: dict[int, set[int]] = defaultdict(set)
+    for junction in road_map.junctions:
+        if junction.id not in signal.junctions:
+            continue
+        numbers = [index.get(way.link) for way in junction.right_of_way]
+        for number, way in zip(numbers, junction.right_of_way, strict=True):
+            if number is not None:
+                foes[number] |= {other for k in way.foes if (other := numbers[k]) is not None}
+                yields[number] |= {other for k in way.response if (other := numbers[k]) is not None}
+    for number, others in list(foes.items()):
+        for other in others:
+            foes[other].add(number)
+    lanes = {lane.id: lane for lane in road_map.lanes}
+    far = "r" if road_map.left_hand else "l"
+    turns: dict[str, set[str]] = defaultdict(set)
+    for connection in connections:
+        turns[connection.from_lane].add(connection.direction.lower())
+    links = {}
+    for connection in connections:
+        lane = lanes[connection.from_lane]
+        link = _vehicle(connection, lane.road, lane.speed, turns[lane.id], far)
+        links[link.index] = _with(link, foes, yields)
+    for crossing in crossings:
+        link = _walk(crossing)
+        links[link.index] = _with(link, foes, yields)
+    return dict(sorted(links.items()))
+
+
+def _vehicle(c: Connection, road: str, speed: float, turns: set[str], far: str) -> SignalLink:
+    way = c.shape[min(1, len(c.shape) - 1)] - c.shape[0]
+    return SignalLink(
+        index=c.link_index or 0, road=road, walks=False, foes=frozenset(), yields_to=frozenset(),
+        length=float(along(c.shape)[-1]), speed=speed, heading=math.degrees(math.atan2(way[1], way[0])),
+        direction=c.direction, far=c.direction.lower() in (far, "t"), alone=turns <= {far, "t"},
+    )  # fmt: skip
+
+
+def _walk(crossing: Crossing) -> SignalLink:
+    return SignalLink(
+        index=crossing.link_index or 0, road=crossing.id, walks=True, foes=frozenset(), yields_to=frozenset(),
+        length=float(along(crossing.shape)[-1]), speed=0.0, heading=0.0, direction="s",
+        far=False, alone=False,
+    )  # fmt: skip
+
+
+def _with(link: SignalLink, foes: dict[int, set[int]], yields: dict[int, set[int]]) -> SignalLink:
+    return replace(
+        link, foes=frozenset(foes[link.index]) - {link.index}, yields_to=frozenset(yields[link.index])
+    )
+
+
+def build_stages(links: dict[int, SignalLink]) -> list[Stage]:
+    """Divide a signal's links into stages; every link has green in one of them at least."""
+    groups = _groups(links)
+    waiting = sorted(groups, key=lambda group: (_is_far(links, group), -len(group), min(group)))
+    stages: list[set[int]] = []
+    while waiting:
+        first = waiting.pop(0)
+        stage = set(first)
+        same = [g for g in waiting if _is_far(links, g) == _is_far(links, first)]
+        other = [g for g in waiting if _is_far(links, g) != _is_far(links, first)]
+        for group in (*sorted(same, key=lambda g: _turned(links, first, g)), *other):
+            if _compatible(links, stage, group):
+                stage |= group
+                waiting.remove(group)
+        stages.append(stage)
+    filled = [_filled(links, groups, stage) for stage in stages]
+    return _with_walkers_stage(links, groups, [_stage(links, stage) for stage in filled])
+
+
+def _filled(
+    links: dict[int, SignalLink], groups: Sequence[frozenset[int]], stage: set[int]
+) -> frozenset[int]:
+    """Add what can go along besides."""
+    for group in groups:
+        if not group <= stage and not _is_far(links, group) and _compatible(links, stage, group):
+            stage |= group
+    return frozenset(stage)
+
+
+def _stage(links: dict[int, SignalLink], vehicles: frozenset[int]) -> Stage:
+    """Let people walk where a stage's vehicles let them."""
+    walks = frozenset(
+        link.index
+        for link in links.values()
+        if link.walks and all(_lets_walk(links[k], link) for k in vehicles)
+    )
+    protected = bool(vehicles) and all(links[k].far and links[k].alone for k in vehicles)
+    return Stage(vehicles=vehicles, walks=walks, protected=protected)
+
+
+def _with_walkers_stage(
+    links: dict[int, SignalLink], groups: Sequence[frozenset[int]], stages: list[Stage]
+) -> list[Stage]:
+    """Add a stage for crossings that no other stage leaves time for."""
+    served = {walk for stage in stages for walk in stage.walks}
+    left = frozenset(link.index for link in links.values() if link.walks) - served
+    if not left:
+        return stages
+    stage: set[int] = set()
+    for group in groups:
+        passes = all(_lets_walk(links[k], links[w]) for k in group for w in left)
+        if passes and _compatible(links, stage, group):
+            stage |= group
+    return [*stages, _stage(links, frozenset(stage))]
+
+
+def letters_of(links: dict[int, SignalLink], stage: Stage) -> dict[int, str]:
+    """Give the letter of each link that has green: g where it must let others of the stage go first."""
+    green = stage.vehicles | stage.walks
+    letters: dict[int, str] = {}
+    for k in sorted(green):
+        # Lanes of one road that cross each other leave neither the right of way.
+        crossed = any(letters.get(other) == "G" for other in links[k].foes)
+        yields = links[k].yields_to & green or crossed
+        letters[k] = "g" if yields and not links[k].walks else "G"
+    return letters
+
+
+def _groups(links: dict[int, SignalLink]) -> list[frozenset[int]]:
+    """Group the links of each road; far turns with lanes of their own are apart."""
+    found: dict[tuple[str, bool], set[int]] = defaultdict(set)
+    for link in links.values():
+        if not link.walks:
+            found[link.road, link.far and link.alone].add(link.index)
+    return [frozenset(group) for _, group in sorted(found.items())]
+
+
+def _is_far(links: dict[int, SignalLink], group: frozenset[int]) -> bool:
+    return all(links[k].far and links[k].alone for k in group)
+
+
+def _turned(links: dict[int, SignalLink], one: frozenset[int], other: frozenset[int]) -> tuple[float, int]:
+    """Order groups so that the one that faces another comes first."""
+    turn = abs((links[min(one)].heading - links[min(other)].heading + 180) % 360 - 180)
+    return (abs(180 - turn), min(other))
+
+
+def _compatible(links: dict[int, SignalLink], stage: set[int], group: frozenset[int]) -> bool:
+    return all(_may_share(links[a], links[b]) for a, b in itertools.product(sorted(stage), sorted(group)))
+
+
+def _may_share(one: SignalLink, other: SignalLink) -> bool:
+    """Tell whether two vehicle links may have green together."""
+    if other.index not in one.foes or one.road == other.road:
+        return True
+    turn = abs((one.heading - other.heading + 180) % 360 - 180)
+    if _ALONGSIDE < turn < _OPPOSITE:
+        return False
+    yielding = [a for a, b in ((one, other), (other, one)) if b.index in a.yields_to]
+    if len(yielding) != 1:
+        return False
+    return yielding[0].direction.lower() != "s" and not (yielding[0].far and yielding[0].alone)
+
+
+def _lets_walk(link: SignalLink, walk: SignalLink) -> bool:
+    """Tell whether people may walk while a vehicle link has green."""
+    if walk.index not in link.foes:
+        return True
+    turns = link.direction.lower() in ("l", "r") and not (link.far and link.alone)
+    return turns and walk.index in link.yields_to

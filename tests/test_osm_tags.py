@@ -1,0 +1,135 @@
+"""What tags mean: lanes, turns, speeds, sidewalks; and where lanes lead."""
+
+import pytest
+
+from dojo_maps.sources.osm_country import read_speed
+from dojo_maps.sources.osm_lanes import connect_lanes
+from dojo_maps.sources.osm_ways import LaneTags, RoadTags, read_road
+from dojo_maps.sources.signal_programs import yellow_time
+
+
+def road(*, left_hand: bool = False, lon: float = 24.9, lat: float = 60.2, **tags: str) -> RoadTags:
+    named = {"highway": "secondary"} | {key.replace("__", ":"): value for key, value in tags.items()}
+    found, _ = read_road(named, lon=lon, lat=lat, left_hand=left_hand)
+    assert found is not None
+    return found
+
+
+@pytest.mark.parametrize(
+    ("tags", "lanes"),
+    [
+        ({}, (1, 1)),
+        ({"lanes": "4"}, (2, 2)),
+        ({"lanes": "3"}, (2, 1)),
+        ({"lanes": "3", "lanes__backward": "2"}, (1, 2)),
+        ({"lanes": "3", "lanes__both_ways": "1"}, (1, 1)),
+        ({"lanes": "1"}, (1, 1)),
+        ({"oneway": "yes"}, (1, 0)),
+        ({"oneway": "-1", "lanes": "2"}, (0, 2)),
+        ({"oneway": "yes", "turn__lanes": "left|through|right"}, (3, 0)),
+        ({"turn__lanes__forward": "left|through"}, (2, 1)),
+        ({"highway": "motorway"}, (2, 0)),
+        ({"junction": "roundabout"}, (1, 0)),
+        ({"lanes": "99"}, (4, 4)),
+    ],
+)
+def test_read_road_counts_lanes(tags: dict[str, str], lanes: tuple[int, int]) -> None:
+    found = road(**tags)
+    assert (len(found.forward), len(found.backward)) == lanes
+
+
+def test_read_road_lists_lanes_outermost_first() -> None:
+    tags = {"oneway": "yes", "lanes": "2", "turn__lanes": "left|through;right", "bus__lanes": "|designated"}
+    right, left = road(**tags), road(left_hand=True, **tags)
+    assert [lane.turns for lane in right.forward] == [("through", "right"), ("left",)]
+    assert [lane.bus for lane in right.forward] == [True, False]
+    assert left.forward == right.forward[::-1]
+
+
+@pytest.mark.parametrize(
+    "tags",
+    [
+        {"highway": "footway"},
+        {"highway": "service"},
+        {"highway": "secondary", "access": "no"},
+        {"highway": "secondary", "motor_vehicle": "private"},
+        {"highway": "secondary", "area": "yes"},
+        {},
+    ],
+)
+def test_read_road_leaves_out_what_cars_do_not_use(tags: dict[str, str]) -> None:
+    assert read_road(tags, lon=0, lat=0, left_hand=False)[0] is None
+
+
+def test_read_road_keeps_roads_for_buses() -> None:
+    found = road(motor_vehicle="no", psv="yes")
+    assert all(lane.bus for lane in found.forward)
+
+
+@pytest.mark.parametrize(
+    ("tags", "sides"),
+    [
+        ({}, ("", "")),
+        ({"sidewalk": "both"}, ("yes", "yes")),
+        ({"sidewalk": "left"}, ("yes", "no")),
+        ({"sidewalk": "none"}, ("no", "no")),
+        ({"sidewalk": "separate"}, ("separate", "separate")),
+        ({"sidewalk__both": "separate"}, ("separate", "separate")),
+        ({"sidewalk__left": "no", "sidewalk__right": "yes"}, ("no", "yes")),
+    ],
+)
+def test_read_road_reads_sidewalks(tags: dict[str, str], sides: tuple[str, str]) -> None:
+    assert road(**tags).sidewalks == sides
+
+
+@pytest.mark.parametrize(
+    ("text", "kmh"),
+    [("50", 50), ("30 mph", 48.28), ("30mph", 48.28), ("FI:urban", 50), ("DE:zone30", 30), ("60;80", 60)],
+)
+def test_read_speed_reads_numbers_units_and_zones(text: str, kmh: float) -> None:
+    speed = read_speed(text)
+    assert speed is not None
+    assert speed * 3.6 == pytest.approx(kmh, abs=0.01)
+
+
+@pytest.mark.parametrize("text", ["", "none", "signals", "-5", "1e9", "nan", "mph"])
+def test_read_speed_knows_none(text: str) -> None:
+    assert read_speed(text) is None
+
+
+def test_read_road_takes_the_speed_of_the_country() -> None:
+    assert road(lon=-100, lat=40, highway="residential").speed == pytest.approx(25 * 0.44704, abs=0.01)
+    assert road(highway="residential").speed == pytest.approx(40 / 3.6, abs=0.01)
+
+
+PLAIN = LaneTags()
+
+
+def test_connect_lanes_gives_turns_the_lane_on_their_side() -> None:
+    found = connect_lanes([PLAIN] * 3, [[PLAIN], [PLAIN] * 3, [PLAIN]], [-90, 0, 90], left_hand=False)
+    assert found == [(0, 0, 0), (0, 1, 0), (1, 1, 1), (2, 1, 2), (2, 2, 0)]
+
+
+def test_connect_lanes_follows_arrows() -> None:
+    lanes = [LaneTags(turns=("right",)), LaneTags(turns=("through",)), LaneTags(turns=("left",))]
+    found = connect_lanes(lanes, [[PLAIN], [PLAIN] * 2, [PLAIN]], [-90, 0, 90], left_hand=False)
+    assert [(lane, movement) for lane, movement, _ in found] == [(0, 0), (1, 1), (2, 2)]
+
+
+def test_connect_lanes_splits_a_road_that_ends() -> None:
+    found = connect_lanes([PLAIN] * 2, [[PLAIN], [PLAIN]], [-90, 90], left_hand=False)
+    assert found == [(0, 0, 0), (1, 1, 0)]
+
+
+@pytest.mark.parametrize("lanes", range(1, 6))
+@pytest.mark.parametrize("angles", [[0], [-90, 0], [0, 90], [-90, 90], [-90, 0, 90], [-120, -30, 20, 100]])
+def test_connect_lanes_leaves_no_lane_and_no_road_out(lanes: int, angles: list[float]) -> None:
+    for bus in (False, True):
+        sources = [LaneTags(bus=bus and k == 0) for k in range(lanes)]
+        found = connect_lanes(sources, [[PLAIN] * 2 for _ in angles], angles, left_hand=False)
+        assert {lane for lane, _, _ in found} == set(range(lanes))
+        assert {movement for _, movement, _ in found} == set(range(len(angles)))
+
+
+def test_yellow_time_follows_the_speed() -> None:
+    assert [yellow_time(kmh / 3.6) for kmh in (20, 50, 60, 80, 200)] == [3, 3, 4, 5, 6]
