@@ -13,6 +13,8 @@ if TYPE_CHECKING:
     from dojo_env.env import TrafficSignalEnv
     from dojo_env.errors import ConfigError, EpisodeOverError, SimulationError
     from dojo_env.parallel_env import TrafficSignalsEnv, parallel_env
+    from dojo_env.recording import Recording
+    from dojo_env.replaying import replay
     from dojo_env.scenario import Scenario
     from dojo_env.snapshot import Snapshot
 
@@ -21,6 +23,7 @@ __all__ = [
     "EnvConfig",
     "EpisodeConfig",
     "EpisodeOverError",
+    "Recording",
     "Scenario",
     "SignalConfig",
     "SimulationError",
@@ -29,6 +32,7 @@ __all__ = [
     "TrafficSignalEnv",
     "TrafficSignalsEnv",
     "parallel_env",
+    "replay",
 ]
 
 _HOMES = {
@@ -36,6 +40,7 @@ _HOMES = {
     "EnvConfig": "config",
     "EpisodeConfig": "config",
     "EpisodeOverError": "errors",
+    "Recording": "recording",
     "Scenario": "scenario",
     "SignalConfig": "config",
     "SimulationError": "errors",
@@ -44,6 +49,7 @@ _HOMES = {
     "TrafficSignalEnv": "env",
     "TrafficSignalsEnv": "parallel_env",
     "parallel_env": "parallel_env",
+    "replay": "replaying",
 }
 
 gymnasium.register("dojo_env/TrafficSignal-v0", entry_point="dojo_env.env:TrafficSignalEnv")

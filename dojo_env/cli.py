@@ -10,6 +10,7 @@ from types import FrameType
 from typing import Any
 
 from dojo_maps.errors import DojoError
+from dojo_maps.interruption import leave_pipe
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -21,6 +22,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     signal.signal(signal.SIGTERM, _stop)
     try:
         status: int = options.run(options)
+        sys.stdout.flush()
+    except BrokenPipeError:
+        return leave_pipe()
     except DojoError as error:
         print(f"dojo-env: {' '.join(str(error).split())}", file=sys.stderr)
         return error.exit_status
@@ -57,15 +61,61 @@ def _parser() -> argparse.ArgumentParser:
     run.add_argument("--json", type=Path, metavar="FILE", help="also write every episode's figures")
     run.add_argument("--csv", metavar="STEM", help="also write a CSV and a JSON file per episode")
     run.add_argument("--record", metavar="STEM", help="also record each episode's snapshots")
+    run.add_argument("--video", type=Path, metavar="FILE", help="also show every second in an .mp4 or .webm")
     run.set_defaults(run=_run)
+
+    watch = commands.add_parser("watch", help="show an episode live in the browser")
+    watch.add_argument(
+        "--scenario", default="cologne1", metavar="NAME", help="a packaged scenario, or a .sumocfg"
+    )
+    watch.add_argument(
+        "--controller", default="max-pressure", metavar="NAME", help="who controls the signals"
+    )
+    watch.add_argument("--seed", type=int, default=0, metavar="N", help="of SUMO's random numbers")
+    watch.add_argument("--seconds", type=int, default=3600, metavar="S", help="simulated seconds")
+    watch.add_argument("--signals", nargs="+", metavar="ID", help="the signals to control (default: all)")
+    _add_view_options(watch)
+    watch.set_defaults(run=_watch)
+
+    replay = commands.add_parser("replay", help="look at a recorded episode again, without SUMO")
+    replay.add_argument("recording", type=Path, metavar="RECORDING", help="a file that run --record wrote")
+    replay.add_argument(
+        "--map", metavar="BUNDLE", help="the map that it was made on, where that is not a packaged scenario's"
+    )
+    replay.add_argument("--signals", nargs="+", metavar="ID", help="the signals to look at (default: all)")
+    replay.add_argument("--cameras", type=Path, metavar="FILE", help="look through these, for one signal")
+    replay.add_argument("--video", type=Path, metavar="FILE", help="write an .mp4 or .webm")
+    replay.add_argument("--export", choices=["metadrive"], help="write in another program's format")
+    replay.add_argument(
+        "-o", "--output", type=Path, metavar="DIR", help="where to export to (default: NAME.metadrive)"
+    )
+    _add_view_options(replay)
+    replay.set_defaults(run=_replay)
 
     scenarios = commands.add_parser("scenarios", help="list the packaged scenarios")
     scenarios.set_defaults(run=_list_scenarios)
     return parser
 
 
+def _add_view_options(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "--conditions", metavar="NAME", help="day, dusk, night, rain, fog, or such as hour=20,rain=0.4"
+    )
+    parser.add_argument("--port", type=int, default=0, metavar="N", help="of the page (default: any)")
+    parser.add_argument("--no-browser", action="store_true", help="only say where the page is")
+
+
+def _sensing(options: argparse.Namespace) -> dict[str, Any]:
+    from dojo_env.conditions import read_conditions
+
+    return {"conditions": read_conditions(options.conditions)} if options.conditions else {}
+
+
 def _yellow(text: str) -> float | str:
-    return text if text == "speed" else float(text)
+    try:
+        return text if text == "speed" else float(text)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f'{text!r} is neither a number of seconds nor "speed"') from None
 
 
 def _run(options: argparse.Namespace) -> int:
@@ -73,6 +123,9 @@ def _run(options: argparse.Namespace) -> int:
 
     if options.seeds < 1:
         print("dojo-env: --seeds: expected a number above 0", file=sys.stderr)
+        return 2
+    if options.json and not options.json.absolute().parent.is_dir():
+        print(f"dojo-env: --json {options.json}: no such folder; make it first", file=sys.stderr)
         return 2
 
     def tell(figures: dict[str, Any]) -> None:
@@ -91,6 +144,7 @@ def _run(options: argparse.Namespace) -> int:
         ts_ids=options.signals,
         out_csv_name=options.csv,
         record_name=options.record,
+        video=options.video,
     )
     summary = summarize(figures)
     for name, value in summary.items():
@@ -105,6 +159,46 @@ def _run(options: argparse.Namespace) -> int:
             "episodes": figures,
         }
         options.json.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
+    return 0
+
+
+def _watch(options: argparse.Namespace) -> int:
+    from dojo_env.watch import watch
+
+    if not 0 <= options.port < 1 << 16:
+        print("dojo-env: --port: expected a number from 0 to 65535", file=sys.stderr)
+        return 2
+    watch(
+        options.controller,
+        seed=options.seed,
+        port=options.port,
+        browser=not options.no_browser,
+        scenario=options.scenario,
+        num_seconds=options.seconds,
+        ts_ids=options.signals,
+        **_sensing(options),
+    )
+    return 0
+
+
+def _replay(options: argparse.Namespace) -> int:
+    from dojo_env.watch import Rerun
+
+    rerun = Rerun.open(
+        options.recording,
+        map=options.map,
+        signals=options.signals,
+        cameras=options.cameras,
+        **_sensing(options),
+    )
+    if options.export:
+        target = options.output or options.recording.with_suffix(".metadrive")
+        print(f"{target}: {rerun.export(target)} scenarios")
+    if options.video:
+        rerun.film(options.video)
+        print(options.video)
+    if not options.export and not options.video:
+        rerun.watch(port=options.port, browser=not options.no_browser)
     return 0
 
 

@@ -80,6 +80,16 @@ LIMITS: Mapping[str, tuple[float, float]] = {
 }
 
 
+PRESETS: Mapping[str, Conditions] = {
+    "day": Conditions(),
+    "dusk": Conditions(hour=20.0),
+    "night": Conditions(hour=23.0),
+    "rain": Conditions(overcast=1.0, rain=0.6),
+    "fog": Conditions(overcast=0.8, fog=0.02),
+}
+"""Conditions by name."""
+
+
 def sample_conditions(ranges: Mapping[str, tuple[float, float]], seed: int) -> Conditions:
     """Draw one state from ranges, each value uniform and on its own.
 
@@ -101,3 +111,28 @@ def sample_conditions(ranges: Mapping[str, tuple[float, float]], seed: int) -> C
             raise ConfigError(f"conditions: the range of {name} is empty: ({low!r}, {high!r})")
         drawn[name] = float(generator.uniform(low, high))
     return replace(Conditions(seed=seed), **drawn)
+
+
+def read_conditions(text: str) -> Conditions:
+    """Read a name of `PRESETS`, or values such as `hour=20,rain=0.4`.
+
+    Raises:
+        ConfigError: it is neither, or a value is out of range.
+    """
+    if text in PRESETS:
+        return PRESETS[text]
+    values: dict[str, Any] = {}
+    for part in text.split(","):
+        name, _, value = part.partition("=")
+        try:
+            values[name.strip()] = float(value)
+        except ValueError:
+            known = ", ".join(PRESETS)
+            raise ConfigError(
+                f"conditions {text!r}: expected {known}, or values such as hour=20,rain=0.4"
+            ) from None
+    unknown = values.keys() - (LIMITS.keys() - {"seed"})
+    if unknown:
+        known = ", ".join(name for name in LIMITS if name != "seed")
+        raise ConfigError(f"conditions: no {sorted(unknown)[0]!r}; choose from {known}")
+    return Conditions(**values)

@@ -6,8 +6,9 @@ import gymnasium
 import numpy as np
 
 from dojo_env.config import EnvConfig, build_config
-from dojo_env.errors import ConfigError
+from dojo_env.errors import ConfigError, SimulationBusyError
 from dojo_env.instant import Instant
+from dojo_env.watching.viewer import Viewer
 from dojo_env.worker import open_world
 from dojo_env.world import World
 
@@ -17,13 +18,14 @@ _LARGEST_SEED = 2**31 - 2
 class TrafficSignalEnv(gymnasium.Env[Any, Any]):
     """One signal of a scenario, as contract and README describe it; see `config` for the keywords."""
 
-    metadata: dict[str, Any] = {"render_modes": [], "render_fps": 4}  # noqa: RUF012 - Gymnasium's own way
+    metadata: dict[str, Any] = {"render_modes": ["human", "rgb_array"], "render_fps": 4}  # noqa: RUF012 - Gymnasium's own way
 
     def __init__(
         self,
         config: EnvConfig | None = None,
         *,
         render_mode: str | None = None,
+        render_port: int = 0,
         own_process: bool = False,
         **keywords: Any,
     ) -> None:
@@ -31,7 +33,8 @@ class TrafficSignalEnv(gymnasium.Env[Any, Any]):
 
         Args:
             config: all settings at once, instead of keywords.
-            render_mode: one of `metadata["render_modes"]`, or None.
+            render_mode: `rgb_array`, or `human` for a live page on the loopback address, or None.
+            render_port: of that page; 0 takes any that is free.
             own_process: run the simulation in a process of its own, so that several fit into this one.
             keywords: settings by their names in `config`'s groups.
 
@@ -52,19 +55,38 @@ class TrafficSignalEnv(gymnasium.Env[Any, Any]):
             )
         self.signal = self.world.signals[0]
         self.observation_space, self.action_space = self.world.spaces()[self.signal]
+        self._viewer = open_viewer(self.world, self.config, render_mode, render_port)
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Any, dict[str, Any]]:
-        """Begin an episode; without a seed, one follows from the seed before."""
+        """Begin an episode; without a seed, one follows from the seed before.
+
+        With a render mode, it moves into a process of its own where another environment of this one runs.
+        """
         super().reset(seed=seed, options=options)
-        observations, info = self.world.reset(choose_seed(seed, self.config, self.np_random))
+        chosen = choose_seed(seed, self.config, self.np_random)
+        try:
+            observations, info = self.world.reset(chosen)
+        except SimulationBusyError:
+            # Gymnasium's checker opens a rendered environment beside the one that it checks.
+            if self.render_mode is None:
+                raise
+            self.world.close()
+            self.world = open_world(self.config, own_process=True)
+            observations, info = self.world.reset(chosen)
+        self._viewer.follow(self.world.draw)
         return observations[self.signal], info
 
     def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:
         """Act, and simulate until the next decision; an episode is only ever truncated, at its end."""
         observations, rewards, ended, info = self.world.step({self.signal: read_action(action)})
+        self._viewer.follow(self.world.draw, ended=ended)
         return observations[self.signal], rewards[self.signal], False, ended, info
+
+    def render(self) -> Any:
+        """Draw the views with the phase and the figures: (h, w, 3) uint8 with `rgb_array`, else nothing."""
+        return self._viewer.render(self.world.draw)
 
     @property
     def instant(self) -> Instant:
@@ -85,10 +107,23 @@ class TrafficSignalEnv(gymnasium.Env[Any, Any]):
         return observations[self.signal], info
 
     def close(self) -> None:
-        """End the simulation; safe at any time."""
-        world = getattr(self, "world", None)
-        if world is not None:
-            world.close()
+        """End the simulation and the page; safe at any time."""
+        for part in (getattr(self, "_viewer", None), getattr(self, "world", None)):
+            if part is not None:
+                part.close()
+
+
+def open_viewer(world: World, config: EnvConfig, mode: str | None, port: int) -> Viewer:
+    """Open what shows an environment; the world is closed where that fails.
+
+    Raises:
+        ConfigError: the port is taken.
+    """
+    try:
+        return Viewer(mode, config.scenario.name, tuple(world.signals), port=port)
+    except ConfigError:
+        world.close()
+        raise
 
 
 def choose_seed(seed: int | None, config: EnvConfig, generator: np.random.Generator) -> int:

@@ -17,6 +17,10 @@ class SimulationError(DojoError):
     """SUMO refused or stopped; the message names the simulated time."""
 
 
+class SimulationBusyError(SimulationError):
+    """This process runs another simulation already, and libsumo holds one."""
+
+
 class EpisodeOverError(DojoError):
     """`step` was called after the episode's end, or before its first `reset`."""
 

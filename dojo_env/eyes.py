@@ -32,7 +32,7 @@ class Eyes:
         self._hung: dict[Camera, Camera] = {}
         self._renderer: Renderer | BulletWorld | None = None
         self._scanner: LidarScanner | None = None
-        self._lens: Lens | None = None
+        self._lenses: dict[str, Lens] = {}
         self.conditions = config.conditions if isinstance(config.conditions, Conditions) else Conditions()
 
     @cached_property
@@ -50,7 +50,7 @@ class Eyes:
             # Another light needs other backgrounds; the same keeps them.
             self.close()
         self.conditions = replace(drawn, seed=seed)
-        self._hung, self._scanner, self._lens = {}, None, None
+        self._hung, self._scanner, self._lenses = {}, None, {}
 
     def close(self) -> None:
         """Free what draws; it is made anew when somebody looks."""
@@ -71,11 +71,20 @@ class Eyes:
         return self._placed[signal]
 
     def look(
-        self, snapshot: Snapshot, cameras: Sequence[Camera], outputs: Sequence[str] = ("rgb",)
+        self,
+        snapshot: Snapshot,
+        cameras: Sequence[Camera],
+        outputs: Sequence[str] = ("rgb",),
+        *,
+        viewer: str = "agent",
     ) -> "tuple[Picture, ...]":
-        """Draw an instant through each camera, with all that the episode's conditions do to it."""
+        """Draw an instant through each camera, with all that the episode's conditions do to it.
+
+        Lenses remember what they delivered, so who looks at other times than the agent needs lenses of its
+        own: another `viewer`.
+        """
         pictures = self._draws.render(snapshot, [self._mount(camera) for camera in cameras], outputs)
-        return tuple(self._delivered(picture, snapshot.time) for picture in pictures)
+        return tuple(self._delivered(picture, snapshot.time, viewer) for picture in pictures)
 
     def scan(self, snapshot: Snapshot, lidars: "Sequence[Lidar]") -> "tuple[Scan, ...]":
         """Scan an instant with each lidar."""
@@ -111,11 +120,11 @@ class Eyes:
             (self._hung[camera],) = shake_cameras([camera], self.conditions)
         return self._hung[camera]
 
-    def _delivered(self, picture: "Picture", time: float) -> "Picture":
+    def _delivered(self, picture: "Picture", time: float, viewer: str) -> "Picture":
         if picture.rgb is None or not self.conditions.spoils_pictures:
             return picture
-        if self._lens is None:
+        if viewer not in self._lenses:
             from dojo_env.sensors.noise import Lens
 
-            self._lens = Lens(self.conditions)
-        return replace(picture, rgb=self._lens.spoil(picture.rgb, picture.camera.name, time))
+            self._lenses[viewer] = Lens(self.conditions)
+        return replace(picture, rgb=self._lenses[viewer].spoil(picture.rgb, picture.camera.name, time))

@@ -8,7 +8,7 @@ from gymnasium import spaces
 from pettingzoo import ParallelEnv
 
 from dojo_env.config import EnvConfig
-from dojo_env.env import choose_seed, one_config, read_action
+from dojo_env.env import choose_seed, one_config, open_viewer, read_action
 from dojo_env.errors import ConfigError, EpisodeOverError
 from dojo_env.instant import Instant
 from dojo_env.worker import open_world
@@ -20,7 +20,8 @@ class TrafficSignalsEnv(ParallelEnv):  # type: ignore[misc]
 
     metadata: dict[str, Any] = {  # noqa: RUF012 - PettingZoo's own way
         "name": "dojo_traffic_signals_v0",
-        "render_modes": [],
+        "render_modes": ["human", "rgb_array"],
+        "render_fps": 4,
         "is_parallelizable": True,
     }
 
@@ -29,6 +30,7 @@ class TrafficSignalsEnv(ParallelEnv):  # type: ignore[misc]
         config: EnvConfig | None = None,
         *,
         render_mode: str | None = None,
+        render_port: int = 0,
         own_process: bool = False,
         **keywords: Any,
     ) -> None:
@@ -46,6 +48,7 @@ class TrafficSignalsEnv(ParallelEnv):  # type: ignore[misc]
         self.agents: list[str] = []
         self._spaces = self.world.spaces()
         self._generator = np.random.default_rng()
+        self._viewer = open_viewer(self.world, self.config, render_mode, render_port)
 
     def observation_space(self, agent: str) -> spaces.Space[Any]:
         """Give an agent's observation space."""
@@ -63,6 +66,7 @@ class TrafficSignalsEnv(ParallelEnv):  # type: ignore[misc]
             self._generator = np.random.default_rng(seed)
         observations, info = self.world.reset(choose_seed(seed, self.config, self._generator))
         self.agents = list(self.possible_agents)
+        self._viewer.follow(self.world.draw)
         return observations, self._infos(info)
 
     def step(
@@ -78,6 +82,7 @@ class TrafficSignalsEnv(ParallelEnv):  # type: ignore[misc]
             raise EpisodeOverError("no episode is running; call reset first")
         asked = {agent: read_action(action) for agent, action in actions.items()}
         observations, rewards, ended, info = self.world.step(asked)
+        self._viewer.follow(self.world.draw, ended=ended)
         present, infos = self.agents, self._infos(info)
         if ended:
             self.agents = []
@@ -108,14 +113,15 @@ class TrafficSignalsEnv(ParallelEnv):  # type: ignore[misc]
         self.agents = list(self.possible_agents)
         return observations, self._infos(info)
 
-    def render(self) -> None:
-        """Draw nothing: there is no render mode yet."""
+    def render(self) -> Any:
+        """Draw the view above every signal with its phase and the figures; see `TrafficSignalEnv`."""
+        return self._viewer.render(self.world.draw)
 
     def close(self) -> None:
-        """End the simulation; safe at any time."""
-        world = getattr(self, "world", None)
-        if world is not None:
-            world.close()
+        """End the simulation and the page; safe at any time."""
+        for part in (getattr(self, "_viewer", None), getattr(self, "world", None)):
+            if part is not None:
+                part.close()
 
     def _infos(self, info: dict[str, Any]) -> dict[str, dict[str, Any]]:
         """Give each agent the figures of all and its own."""

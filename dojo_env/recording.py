@@ -26,15 +26,16 @@ _COLUMNS = ("positions", "headings", "slopes", "speeds", "lights")
 """What changes from one snapshot to the next, a row per road user."""
 _ARRAYS = (
     "version", "times", "counts", "users", "lanes", "user_ids", "numbers", "kinds", "sizes", "colours",
-    "lane_ids", "signals", "states", "shown", *_COLUMNS,
+    "lane_ids", "signals", "states", "shown", "scenario", "map_sha256", "seed", *_COLUMNS,
 )  # fmt: skip
 
 
 class Recorder:
     """Collects snapshots and writes them."""
 
-    def __init__(self) -> None:
-        """Begin with none."""
+    def __init__(self, *, scenario: str = "", map_sha256: str = "", seed: int = 0) -> None:
+        """Begin with none, and note what the episode is: its scenario's name, its map and its seed."""
+        self._origin = {"scenario": scenario, "map_sha256": map_sha256, "seed": seed}
         self._users: dict[tuple[Any, ...], int] = {}
         self._strings: dict[str, int] = {"": 0}
         self._states: dict[str, int] = {}
@@ -80,6 +81,7 @@ class Recorder:
         users = list(self._users)
         arrays = {
             "version": np.array(_VERSION),
+            **{name: np.array(value) for name, value in self._origin.items()},
             "times": np.array(self._times),
             "counts": np.array(self._counts, np.int32),
             **{name: np.concatenate(rows) for name, rows in self._rows.items()},
@@ -104,7 +106,15 @@ class Recorder:
 
 
 class Recording(Sequence[Snapshot]):
-    """A recording in memory; its items are snapshots, made as they are asked for."""
+    """A recording in memory; its items are snapshots, made as they are asked for.
+
+    Attributes:
+        times: simulated seconds of the snapshots.
+        signals: ids of the signals.
+        scenario: the name of the episode's scenario.
+        map_sha256: of the source that the episode's map was converted from.
+        seed: of the episode.
+    """
 
     def __init__(self, arrays: dict[str, NDArray[Any]], path: Path) -> None:
         """Check that the arrays fit each other.
@@ -117,6 +127,18 @@ class Recording(Sequence[Snapshot]):
         self._ends = np.cumsum(arrays["counts"], dtype=np.int64)
         self.times: NDArray[np.float64] = arrays["times"]
         self.signals: tuple[str, ...] = tuple(arrays["signals"].tolist()) if arrays["shown"].size else ()
+        self.scenario, self.map_sha256 = str(arrays["scenario"]), str(arrays["map_sha256"])
+        self.seed = int(arrays["seed"])
+
+    @classmethod
+    def open(cls, path: Path | str) -> "Recording":
+        """Read a recording; see `read_recording`."""
+        return read_recording(path)
+
+    @property
+    def path(self) -> Path:
+        """The file that it was read from."""
+        return self._path
 
     def __len__(self) -> int:
         """How many snapshots there are."""
@@ -162,13 +184,19 @@ class Recording(Sequence[Snapshot]):
             "times": (instants,), "counts": (instants,), "users": (total,), "lanes": (total,),
             "positions": (total, 3), "headings": (total,), "slopes": (total,), "speeds": (total,),
             "lights": (total,), "numbers": (users,), "kinds": (users,), "sizes": (users, 3),
-            "colours": (users, 3), "user_ids": (max(users, 1),),
+            "colours": (users, 3), "user_ids": (max(users, 1),), "scenario": (), "map_sha256": (), "seed": (),
         }  # fmt: skip
         wrong = [name for name, shape in shapes.items() if a[name].shape != shape]
         bounds = (("users", users), ("lanes", len(a["lane_ids"])), ("shown", len(a["states"])))
         wrong += [
             name for name, end in bounds if a[name].size and not 0 <= a[name].min() <= a[name].max() < end
         ]
+        if a["seed"].dtype.kind not in "iu":
+            wrong.append("seed")
+        if not (instants and np.isfinite(a["times"]).all() and (np.diff(a["times"]) > 0).all()):
+            wrong.append("times")
+        if not np.isfinite(a["speeds"]).all():
+            wrong.append("speeds")
         if a["shown"].ndim != 2 or len(a["shown"]) != instants or (a["counts"] < 0).any():
             wrong.append("shown")
         elif a["shown"].size and a["signals"].shape != a["shown"].shape[1:]:

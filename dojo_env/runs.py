@@ -1,6 +1,8 @@
 """Run a controller for whole episodes and collect their figures."""
 
 from collections.abc import Callable, Sequence
+from contextlib import ExitStack, closing
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -8,6 +10,8 @@ import numpy as np
 from dojo_env.config import build_config
 from dojo_env.controllers import make_controller
 from dojo_env.metrics import SIX
+from dojo_env.watch import FilmShow
+from dojo_env.watching.video import Video
 from dojo_env.world import World
 
 
@@ -16,18 +20,31 @@ def run_controller(
     seeds: Sequence[int],
     *,
     on_episode: Callable[[dict[str, Any]], None] = lambda _figures: None,
+    video: Path | None = None,
     **keywords: Any,
 ) -> list[dict[str, Any]]:
     """Run an episode per seed; returns the figures of each.
 
+    Args:
+        name: of the controller.
+        seeds: one episode each.
+        on_episode: is told the figures of an episode when it is over.
+        video: a file that shows all episodes, one after the other, second by second.
+        keywords: settings of the environment.
+
     Raises:
-        ConfigError: the controller or a setting is unknown.
+        ConfigError: the controller or a setting is unknown, or the video cannot be written.
         SimulationError: SUMO refuses the scenario.
     """
     controller = make_controller(name)
-    world = World(build_config(**{**keywords, **controller.settings}))
+    config = build_config(**{**keywords, **controller.settings})
     figures = []
-    try:
+    with ExitStack() as stack:
+        film = stack.enter_context(Video(video)) if video is not None else None
+        world = stack.enter_context(closing(World(config)))
+        if film is not None:
+            title = f"{config.scenario.name}, {name}"
+            world.watch(FilmShow(world.eyes, world.map.plans, title, film).add)
         for seed in seeds:
             controller.reset(seed)
             world.reset(seed)
@@ -36,8 +53,6 @@ def run_controller(
                 _, _, ended, _ = world.step(controller.act(world.instant))
             figures.append(world.metrics())
             on_episode(figures[-1])
-    finally:
-        world.close()
     return figures
 
 

@@ -12,9 +12,8 @@ from dojo_env.errors import ConfigError
 from dojo_env.eyes import Eyes
 from dojo_env.instant import Instant
 from dojo_env.rendering.classes import Semantic
-from dojo_env.sensors.camera import Camera
+from dojo_env.sensors.camera import BEV, Camera
 from dojo_env.sensors.lidar import Lidar
-from dojo_env.sensors.placement import BEV
 from dojo_env.signals.plan import SignalPlan
 
 _LARGEST_NUMBER = np.iinfo(np.int32).max

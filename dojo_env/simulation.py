@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from dojo_env.config import TrafficConfig
-from dojo_env.errors import SimulationError
+from dojo_env.errors import SimulationBusyError, SimulationError
 from dojo_env.reading import RAW, Figures, TrafficReading, Trip
 from dojo_env.road_users import RoadUsers
 from dojo_env.scenario import Scenario
@@ -258,7 +258,7 @@ class Simulation:
 
         other = _owner() if _owner is not None else None
         if other is not None and other.is_running and not other.is_over:
-            raise SimulationError(
+            raise SimulationBusyError(
                 "another environment of this process is running, and libsumo holds one simulation per "
                 "process; close it first, or give own_process=True to run this one in a process of its own"
             )

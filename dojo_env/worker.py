@@ -9,6 +9,7 @@ from typing import Any
 
 from dojo_env.config import EnvConfig
 from dojo_env.errors import SimulationError
+from dojo_env.watching.views import Frame
 from dojo_env.world import Answer, World
 
 _PATIENCE = 10.0
@@ -50,6 +51,11 @@ class WorldProcess:
     def step(self, actions: Mapping[str, int]) -> Answer:
         """See `World`."""
         found: Answer = self._call("step", dict(actions))
+        return found
+
+    def draw(self, signal: str | None = None) -> Frame:
+        """See `World`."""
+        found: Frame = self._call("draw", signal)
         return found
 
     def metrics(self) -> dict[str, Any]:

@@ -3,7 +3,7 @@
 `env` and `parallel_env` are two faces of it. It runs in their process, or in one of its own (`worker`).
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from contextlib import ExitStack
 from typing import Any
 
@@ -19,12 +19,16 @@ from dojo_env.managers.map import MapManager
 from dojo_env.managers.recorder import RecorderManager
 from dojo_env.managers.signals import SignalManager
 from dojo_env.managers.traffic import TrafficManager
+from dojo_env.managers.watcher import WatchManager
 from dojo_env.metrics import Metrics
 from dojo_env.observations import build_observer
 from dojo_env.reading import LaneGroups, TrafficReading
 from dojo_env.rewards import build_rewards
 from dojo_env.scenario import open_map
 from dojo_env.simulation import Simulation
+from dojo_env.snapshot import Snapshot
+from dojo_env.watching.board import read_board
+from dojo_env.watching.views import Frame, choose_cameras, draw_views
 
 SIGNAL_FIGURES = ("stopped", "accumulated_waiting_time", "average_speed", "phase")
 """What `info` tells of each signal, after its id."""
@@ -129,6 +133,16 @@ class World:
             self.simulation.is_over = True
         return answer
 
+    def draw(self, signal: str | None = None) -> Frame:
+        """Draw what there is to see of the present decision, or of one signal, with the figures of all."""
+        now = self.instant
+        cameras = choose_cameras(self.eyes, self.signals if signal is None else (signal,))
+        return Frame(board=read_board(now), views=draw_views(self.eyes, cameras, now.snapshot))
+
+    def watch(self, on_second: Callable[[Snapshot], None]) -> None:
+        """Show every simulated second to a function, from the next reset on."""
+        self.managers = (*self.managers, WatchManager(self.simulation, on_second))
+
     def metrics(self) -> dict[str, Any]:
         """Compute the figures of the episode so far; see `metrics`."""
         if self._figures is not None:
@@ -179,7 +193,15 @@ class World:
         if episode.record_name is None:
             return ()
         end = self.config.begin + episode.num_seconds
-        return (RecorderManager(self.simulation, episode.record_name, end=end),)
+        return (
+            RecorderManager(
+                self.simulation,
+                episode.record_name,
+                end=end,
+                scenario=self.config.scenario.name,
+                map_sha256=self.map.bundle.road_map.source.sha256,
+            ),
+        )
 
     def _advance(self, turn: Turn) -> None:
         for manager in self.managers:

@@ -11,6 +11,8 @@ from dojo_maps.errors import DojoError
 from dojo_maps.interruption import Interruption
 
 EXPORT_NAMES = ("metadrive", "opendrive", "geojson")
+_PROFILES = ("default", "rl", "strict")
+_REPORTS = {"json": "the report", "html": "a page", "sarif": "SARIF", "geojson": "the issues as GeoJSON"}
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -30,6 +32,9 @@ def _run(options: argparse.Namespace, interrupted: Interruption) -> int:
     """Run the chosen command; every failure becomes one line and a status."""
     try:
         status: int = options.run(options, interrupted)
+        sys.stdout.flush()
+    except BrokenPipeError:
+        return interruption.leave_pipe()
     except DojoError as error:
         return _fail(" ".join(str(error).split()), error.exit_status, interrupted)
     except MemoryError:
@@ -96,6 +101,28 @@ def _parser() -> argparse.ArgumentParser:
     )
     view.set_defaults(run=_view)
 
+    validate = commands.add_parser("validate", help="check a network or a bundle")
+    validate.add_argument(
+        "source", metavar="NET_OR_BUNDLE", help="a network, a packaged scenario or a bundle"
+    )
+    for name, what in _REPORTS.items():
+        validate.add_argument(f"--{name}", metavar="FILE", type=Path, help=f"write {what} here")
+    validate.add_argument("--netedit", metavar="FOLDER", type=Path, help="write selections and views here")
+    validate.add_argument("--profile", choices=_PROFILES, default=_PROFILES[0], help="limits and severities")
+    validate.add_argument("--exclude", metavar="FILE", type=Path, help="known issues to leave out, as JSON")
+    validate.add_argument("--strict", action="store_true", help="exit with 1 on warnings, too")
+    validate.set_defaults(run=_validate)
+
+    fix = commands.add_parser("fix", help="repair a network where that is safe")
+    fix.add_argument("source", metavar="NET_OR_BUNDLE", help="a network, a packaged scenario or a bundle")
+    fix.add_argument("-o", "--output", metavar="NET", type=Path, help="the network to write")
+    fix.add_argument(
+        "--only", metavar="CHECK", nargs="+", action="extend", default=[], help="repair these checks only"
+    )
+    fix.add_argument("--dry-run", action="store_true", help="show the patch and the counts, write no network")
+    fix.add_argument("--patch", metavar="FOLDER", type=Path, help="write the patch here, as plain XML files")
+    fix.set_defaults(run=_fix)
+
     checks = commands.add_parser("checks", help="list the checks")
     checks.set_defaults(run=_list_checks)
     return parser
@@ -157,6 +184,41 @@ def _convert(options: argparse.Namespace, interrupted: Interruption) -> int:
     return int(counts["error"] > 0 or (options.strict and counts["warning"] > 0))
 
 
+def _validate(options: argparse.Namespace, interrupted: Interruption) -> int:
+    from dojo_maps.inspection import inspect, write_reports
+    from dojo_maps.report.formats import as_text
+    from dojo_maps.validation.exclusions import read_exclusions
+    from dojo_maps.validation.profiles import PROFILES
+
+    interrupted.raise_from_now_on()
+    exclusions = read_exclusions(options.exclude) if options.exclude else ()
+    read, report = inspect(options.source, PROFILES[options.profile], exclusions)
+    targets = {name: getattr(options, name) for name in (*_REPORTS, "netedit")}
+    write_reports(read, report, **targets)
+    for line in as_text(report):
+        print(line)
+    counts = report["counts"]
+    return int(counts["error"] > 0 or (options.strict and counts["warning"] > 0))
+
+
+def _fix(options: argparse.Namespace, interrupted: Interruption) -> int:
+    from dojo_maps.errors import UsageError
+    from dojo_maps.repair.fixing import describe, fix, patch_of, write_fixed
+
+    interrupted.raise_from_now_on()
+    if options.output is None and not options.dry_run:
+        raise UsageError("name the network to write with -o, or look at what would be done with --dry-run")
+    fixed = fix(options.source, options.only)
+    if options.dry_run:
+        for name, text in patch_of(fixed).items():
+            print(f"--- {name}\n{text}", end="")
+    else:
+        write_fixed(fixed, options.output, options.patch)
+    for line in describe(fixed):
+        print(line)
+    return int(any(issue.severity == "error" for issue in fixed.after.issues))
+
+
 def _import_osm(options: argparse.Namespace, interrupted: Interruption) -> int:
     interrupted.raise_from_now_on()
     options.source = find_source(options, lambda message: print(f"dojo-maps: {message}", file=sys.stderr))
@@ -193,7 +255,7 @@ def _view(options: argparse.Namespace, interrupted: Interruption) -> int:
 
 
 def _list_checks(_options: argparse.Namespace, interrupted: Interruption) -> int:
-    from dojo_maps.validation.runner import CHECKS
+    from dojo_maps.validation.catalogue import CHECKS
 
     interrupted.raise_from_now_on()
     for check in CHECKS:

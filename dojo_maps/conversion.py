@@ -1,9 +1,7 @@
 """From a network or an extract to a bundle, in named steps: read, furnish, build, check, write."""
 
-import contextlib
-import gc
 import os
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -20,6 +18,7 @@ from dojo_maps.exports import EXPORTERS
 from dojo_maps.geometry.arrangement import paved_ground
 from dojo_maps.geometry.pieces import build_pieces
 from dojo_maps.issue import Issue
+from dojo_maps.memory import without_cycle_search
 from dojo_maps.meshes.gltf import write_scene
 from dojo_maps.meshes.mesh import Mesh
 from dojo_maps.meshes.scene import build_scene
@@ -87,20 +86,8 @@ def convert(
         raise UsageError(
             "--enrich-net is for SUMO networks; an import has sidewalks and crossings of its own"
         )
-    with _without_cycle_search():
+    with without_cycle_search():
         return _convert(path, name, folder, options, on_stage)
-
-
-@contextlib.contextmanager
-def _without_cycle_search() -> Iterator[None]:
-    """Pause the search for reference cycles: it goes through millions of shapes, none of which is in one."""
-    paused = gc.isenabled()
-    gc.disable()
-    try:
-        yield
-    finally:
-        if paused:
-            gc.enable()
 
 
 def _convert(
@@ -192,5 +179,5 @@ def _write(
     report = run_checks(road_map, meshes, issues)
     report |= extra
     bundle.write_json(folder / bundle.REPORT, report)
-    write_page(report, folder / bundle.OVERVIEW, folder / bundle.REPORT_PAGE)
+    write_page(report, road_map, folder / bundle.REPORT_PAGE)
     return report

@@ -118,7 +118,11 @@ class Lane:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Connection:
-    """A way from lane to lane across a junction; `shape` runs from the one's end to the other's start."""
+    """A way from lane to lane across a junction; `shape` runs from the one's end to the other's start.
+
+    `joints` tells how far apart the parts lie where one meets the next, from the lane's end over each
+    internal lane to the next lane's start: metres across and metres up; none without internal lanes.
+    """
 
     from_lane: str = field(metadata={"json": "from"})
     to_lane: str = field(metadata={"json": "to"})
@@ -128,6 +132,7 @@ class Connection:
     signal: str | None
     link_index: int | None
     shape: Points
+    joints: tuple[tuple[float, float], ...] = ()
 
     @property
     def id(self) -> str:
@@ -200,6 +205,14 @@ class WalkingArea:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Walk:
+    """A step on foot between a sidewalk's lane, a walking area and a crossing, by their ids, either way."""
+
+    from_id: str = field(metadata={"json": "from"})
+    to_id: str = field(metadata={"json": "to"})
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Link:
     """What one letter of a signal's state controls: lane to lane, or walking area to crossing."""
 
@@ -212,12 +225,16 @@ class Link:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Phase:
-    """One state of a signal program and how long it lasts, in seconds."""
+    """One state of a signal program and how long it lasts, in seconds.
+
+    `following` are the places of the phases that may come next; none is the one after it.
+    """
 
     duration: float
     min_duration: float | None
     max_duration: float | None
     state: str
+    following: tuple[int, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -304,3 +321,4 @@ class RoadMap:
     signals: tuple[Signal, ...]
     stop_lines: tuple[StopLine, ...] = ()
     props: tuple[Prop, ...] = ()
+    walks: tuple[Walk, ...] = ()

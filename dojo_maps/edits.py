@@ -71,7 +71,7 @@ def reapply_edits(
 
 def _issue(misfit: Misfit, position: tuple[float, float, float]) -> Issue:
     return Issue(
-        check="edits.no_longer_fits",
+        check="osm.edit_lost",
         severity=Severity.WARNING,
         elements=(Element(kind=_ELEMENT_KINDS.get(misfit.kind, "connection"), id=misfit.id),),
         position=position,

@@ -69,3 +69,9 @@ def _end_at_once(_signal: int, _frame: FrameType | None) -> NoReturn:
         os.write(2, f"{_MESSAGE}\n".encode())
     finally:
         os._exit(STATUS)
+
+
+def leave_pipe() -> int:
+    """Stop writing to who has seen enough of standard output, as in `| head`; returns the status for it."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    return 128 + signal.SIGPIPE

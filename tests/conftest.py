@@ -4,6 +4,7 @@ import contextlib
 import fcntl
 import json
 import os
+import signal
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
@@ -18,6 +19,9 @@ from oracle import ExpectedMap, read_expected
 from scene_reader import Scene, read_scene
 
 REPOSITORY = Path(__file__).resolve().parents[1]
+# Whoever starts the tests in the background has SIGINT ignored, and with it all commands that they interrupt.
+if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 NO_GENERATED = "--no-generated"
 
 
@@ -25,6 +29,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption(
         "--all-networks", action="store_true", help="convert every installed network, the slow ones too"
     )
+    parser.addoption("--all-mutants", action="store_true", help="plant every defect in every network")
     parser.addoption("--fuzz", type=int, default=60, help="how many damaged copies of a network to convert")
 
 

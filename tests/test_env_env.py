@@ -59,7 +59,7 @@ def test_gymnasium_accepts_the_environment(scenario: str) -> None:
     env = gymnasium.make("dojo_env/TrafficSignal-v0", scenario=scenario, num_seconds=100)
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", message=".*can be closed.*|.*spec.*")
-        check_env(env.unwrapped, skip_render_check=True)
+        check_env(env.unwrapped)
     env.close()
 
 

@@ -79,7 +79,7 @@ def test_an_episode_that_is_broken_off_is_written(world: World, tmp_path: Path) 
     assert len(read_recording(tmp_path / "rec_ep2.npz")) == 6
 
 
-def damaged(good: bytes, kind: str) -> bytes:  # noqa: C901 - a line per kind of damage
+def damaged(good: bytes, kind: str) -> bytes:  # noqa: C901, PLR0912 - a line per kind of damage
     """Damage a recording in one way."""
     if kind == "cut":
         return good[: len(good) // 2]
@@ -101,6 +101,14 @@ def damaged(good: bytes, kind: str) -> bytes:  # noqa: C901 - a line per kind of
             arrays["headings"] = arrays["headings"][:-1]
         case "negative":
             arrays["counts"] = -arrays["counts"]
+        case "order":
+            arrays["times"] = arrays["times"][::-1]
+        case "empty":
+            arrays["times"], arrays["counts"] = arrays["times"][:0], arrays["counts"][:0]
+        case "speed":
+            arrays["speeds"] = arrays["speeds"] * np.inf
+        case "seed":
+            arrays["seed"] = np.array("one")
         case "nan":
             arrays["positions"] = arrays["positions"] * np.nan
     buffer = io.BytesIO()
@@ -121,7 +129,23 @@ def damaged(good: bytes, kind: str) -> bytes:  # noqa: C901 - a line per kind of
 
 @pytest.mark.parametrize(
     "kind",
-    ["cut", "text", "missing", "version", "objects", "index", "length", "negative", "nan", "huge", "absent"],
+    [
+        "cut",
+        "text",
+        "missing",
+        "version",
+        "objects",
+        "index",
+        "length",
+        "negative",
+        "nan",
+        "huge",
+        "absent",
+        "order",
+        "empty",
+        "speed",
+        "seed",
+    ],
 )
 def test_a_damaged_recording_gets_one_clear_error(world: World, tmp_path: Path, kind: str) -> None:
     world.reset(1)

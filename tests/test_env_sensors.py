@@ -51,7 +51,7 @@ def test_gymnasium_accepts_every_observation(scenario, observation):
     )
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", message=".*can be closed.*|.*spec.*|.*infinity.*")
-        check_env(env.unwrapped, skip_render_check=True)
+        check_env(env.unwrapped)
     env.close()
 
 

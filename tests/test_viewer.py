@@ -1,6 +1,5 @@
 """The 3D page: rendered by a real browser, offline, with the whole map in the first picture."""
 
-import shutil
 import subprocess
 from pathlib import Path
 
@@ -8,18 +7,12 @@ import cv2
 import numpy as np
 import pytest
 import trimesh
+from browser import CHROMIUM, ONE_LOOK, needs_browser
 
 from dojo_maps.errors import SourceError
 from dojo_maps.viewer import write_view
 
-_CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
-_FLAGS = (
-    "--headless=new", "--no-sandbox", "--disable-quic", "--no-first-run", "--disable-background-networking",
-    "--disable-component-update", "--disable-sync", "--use-gl=angle", "--use-angle=swiftshader",
-    "--enable-unsafe-swiftshader", "--window-size=800,600", "--virtual-time-budget=10000",
-)  # fmt: skip
 _GROUND, _EAST, _NORTH = (0.05, 0.2, 0.05), (0.6, 0.02, 0.02), (0.02, 0.05, 0.6)
-needs_browser = pytest.mark.skipif(_CHROMIUM is None, reason="no Chromium is installed")
 
 
 def _block(low, high, colour):
@@ -49,7 +42,7 @@ def _photograph(scene: Path, folder: Path, address: str = "", title: str = "bloc
     """Open the page in a browser and take its picture, (600, 800, 3) RGB."""
     page, picture = folder / "view.html", folder / "view.png"
     write_view(scene, page, title=title)
-    command = [_CHROMIUM, *_FLAGS, f"--user-data-dir={folder / 'profile'}", f"--screenshot={picture}"]
+    command = [CHROMIUM, *ONE_LOOK, f"--user-data-dir={folder / 'profile'}", f"--screenshot={picture}"]
     done = subprocess.run([*command, page.as_uri() + address], capture_output=True, timeout=120, check=False)
     assert picture.exists(), done.stderr[-2000:]
     return cv2.cvtColor(cv2.imread(str(picture)), cv2.COLOR_BGR2RGB).astype(int)

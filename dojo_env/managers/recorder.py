@@ -10,9 +10,12 @@ from dojo_env.simulation import Simulation
 class RecorderManager(Manager):
     """Writes `{stem}_ep{number}.npz` when an episode ends, or is broken off by a reset or the close."""
 
-    def __init__(self, simulation: Simulation, stem: str, *, end: float) -> None:
-        """Take the beginning of the files' names, and when an episode ends."""
+    def __init__(
+        self, simulation: Simulation, stem: str, *, end: float, scenario: str, map_sha256: str
+    ) -> None:
+        """Take the beginning of the files' names, when an episode ends, and what it is an episode of."""
         self._simulation, self._stem, self._end = simulation, stem, end
+        self._origin = {"scenario": scenario, "map_sha256": map_sha256}
         self._recorder = Recorder()
         self._episode = 0
 
@@ -22,6 +25,7 @@ class RecorderManager(Manager):
 
     def reset(self, turn: Turn) -> None:
         """Record the first instant."""
+        self._recorder = Recorder(**self._origin, seed=turn.seed)
         self._recorder.add(self._simulation.read_snapshot())
 
     def step(self, turn: Turn) -> None:

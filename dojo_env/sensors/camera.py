@@ -13,6 +13,8 @@ from dojo_env.errors import ConfigError
 
 Floats = NDArray[np.float64]
 
+BEV = "bev"
+"""Name of the camera straight above a signal."""
 LARGEST_SIDE = 8192
 """Pixels; larger pictures are refused."""
 _NUMBERS = ("heading_deg", "pitch_deg", "roll_deg", "field_of_view_deg", "near", "far")

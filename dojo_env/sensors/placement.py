@@ -11,7 +11,7 @@ from dojo_env.errors import ConfigError
 from dojo_env.rendering.raster import draw_mesh
 from dojo_env.rendering.scene import Scene
 from dojo_env.rendering.view import view_of
-from dojo_env.sensors.camera import Camera
+from dojo_env.sensors.camera import BEV, Camera
 from dojo_maps.description import Lane, LinkKind, RoadMap, Signal
 
 Floats = NDArray[np.float64]
@@ -35,8 +35,6 @@ _PROBE_SIZE = (64, 89)
 _SEEN_ENOUGH, _WORTH_MOVING = 0.98, 0.02
 """Shares of the lanes in view that end the search, and that make another place better."""
 _HIGHEST = 400.0
-BEV = "bev"
-"""Name of the camera straight above a signal."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -1,4 +1,4 @@
-"""MetaDrive's scenario format: a data set of one scenario that `ScenarioEnv` loads.
+"""MetaDrive's scenario format: a data set of scenarios that `ScenarioEnv` loads.
 
 Positions are metres, x east and y north, around the map's origin, which the metadata keep as `map_origin`:
 map = position + map_origin. MetaDrive moves a scenario so that its ego car starts at (0, 0) when it loads it,
@@ -10,6 +10,7 @@ import io
 import pickle
 import sys
 from collections import Counter
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +20,7 @@ from dojo_maps.description import VERSION, RoadMap
 from dojo_maps.exports import file_stem
 from dojo_maps.exports.metadrive_features import Feature, build_features
 from dojo_maps.exports.metadrive_motion import EGO, STEP, build_ego_track, build_signal_states, choose_times
+from dojo_maps.geometry.polylines import Floats
 
 _DATASET = "dojo-map"
 
@@ -29,11 +31,24 @@ def write_metadrive(road_map: RoadMap, _network: Path, folder: Path) -> None:
     Raises:
         ExportError: the map has no lane for cars.
     """
-    scenario = build_scenario(road_map)
-    name = f"sd_{_DATASET}_v{VERSION}_{file_stem(road_map)}.pkl"
-    _write_pickle(folder / name, scenario)
-    _write_pickle(folder / "dataset_summary.pkl", {name: _without_arrays(scenario["metadata"])})
-    _write_pickle(folder / "dataset_mapping.pkl", {name: ""})
+    write_data_set(folder, [(file_stem(road_map), build_scenario(road_map))])
+
+
+def write_data_set(folder: Path, scenarios: Iterable[tuple[str, dict[str, Any]]]) -> int:
+    """Write named scenarios one by one, and the data set's summary and mapping; returns how many there are.
+
+    Args:
+        folder: exists, and is empty.
+        scenarios: names that are safe as a file's, and what `build_scenario` and the like make.
+    """
+    summaries: dict[str, Any] = {}
+    for stem, scenario in scenarios:
+        name = f"sd_{_DATASET}_v{VERSION}_{stem}.pkl"
+        _write_pickle(folder / name, scenario)
+        summaries[name] = _without_arrays(scenario["metadata"])
+    _write_pickle(folder / "dataset_summary.pkl", summaries)
+    _write_pickle(folder / "dataset_mapping.pkl", dict.fromkeys(summaries, ""))
+    return len(summaries)
 
 
 def build_scenario(road_map: RoadMap) -> dict[str, Any]:
@@ -46,16 +61,30 @@ def build_scenario(road_map: RoadMap) -> dict[str, Any]:
     features = build_features(road_map)
     states = build_signal_states(road_map, features, times)
     tracks = {EGO: build_ego_track(features, times)}
-    summaries = {name: _summarize_track(name, track) for name, track in tracks.items()}
+    return assemble_scenario(road_map, times, features, states, tracks, name=road_map.name, ego=EGO)
+
+
+def assemble_scenario(
+    road_map: RoadMap,
+    times: Floats,
+    features: dict[str, Feature],
+    states: dict[str, Any],
+    tracks: dict[str, Any],
+    *,
+    name: str,
+    ego: str,
+) -> dict[str, Any]:
+    """Put together what a scenario consists of, with its summaries; `ego` is the track that is followed."""
+    summaries = {key: _summarize_track(key, track) for key, track in tracks.items()}
     metadata = {
         "metadrive_processed": False,
         "coordinate": "metadrive",
         "ts": times,
         "sample_rate": STEP,
         "dataset": _DATASET,
-        "scenario_id": road_map.name,
+        "scenario_id": name,
         "source_file": road_map.source.file,
-        "sdc_id": EGO,
+        "sdc_id": ego,
         "map_origin": list(road_map.origin),
         "left_hand": road_map.left_hand,
         "track_length": len(times),
@@ -63,7 +92,7 @@ def build_scenario(road_map: RoadMap) -> dict[str, Any]:
         "number_summary": _count(summaries, states, features),
     }
     return {
-        "id": road_map.name,
+        "id": name,
         "version": f"{_DATASET} v{VERSION}",
         "length": len(times),
         "metadata": metadata,
@@ -74,14 +103,19 @@ def build_scenario(road_map: RoadMap) -> dict[str, Any]:
 
 
 def _summarize_track(name: str, track: dict[str, Any]) -> dict[str, Any]:
-    position = track["state"]["position"]
+    valid = track["state"]["valid"]
+    position = track["state"]["position"][valid]
+    # The first row of instants without a gap.
+    ends = np.flatnonzero(~valid & np.roll(valid, 1))
+    first = int(valid.argmax())
+    end = next((int(k) for k in ends if k > first), len(valid))
     return {
         "type": track["type"],
         "object_id": name,
-        "track_length": len(position),
+        "track_length": len(valid),
         "moving_distance": float(np.hypot(*np.diff(position[:, :2], axis=0).T).sum()),
         "valid_length": len(position),
-        "continuous_valid_length": len(position),
+        "continuous_valid_length": end - first,
     }
 
 

@@ -27,7 +27,7 @@ _STARTS = 100
 
 _RED, _YELLOW, _GREEN = "LANE_STATE_STOP", "LANE_STATE_CAUTION", "LANE_STATE_GO"
 _UNKNOWN = "LANE_STATE_UNKNOWN"
-_LIGHTS = {
+LIGHTS = {
     "r": _RED, "R": _RED, "u": _RED, "U": _RED, "y": _YELLOW, "Y": _YELLOW, "g": _GREEN, "G": _GREEN,
     "s": "LANE_STATE_FLASHING_STOP", "o": "LANE_STATE_FLASHING_CAUTION", "O": _UNKNOWN,
 }  # fmt: skip
@@ -90,7 +90,7 @@ def _lights(program: Program | None, connection: Connection, times: Floats) -> l
     within = (times - program.offset + 1e-6) % ends[-1]
     phases = np.minimum(np.searchsorted(ends, within, side="right"), len(ends) - 1)
     letters = [phase.state[connection.link_index : connection.link_index + 1] for phase in program.phases]
-    return [_LIGHTS.get(letters[phase], _UNKNOWN) for phase in phases]
+    return [LIGHTS.get(letters[phase], _UNKNOWN) for phase in phases]
 
 
 def build_ego_track(features: dict[str, Feature], times: Floats) -> dict[str, Any]:

@@ -1,59 +1,139 @@
-"""report.html: one page, readable offline, with the map and what was found; all text is escaped."""
+"""report.html: one page, readable offline, with the map as vectors and every issue marked, listed and drawn.
 
-import base64
-from collections.abc import Mapping
+The page's script builds everything from the data inside it, as text, never as markup. The data itself is JSON
+in which no character is left that could end its element.
+"""
+
+import json
+from collections.abc import Iterable, Iterator, Mapping
 from html import escape
 from pathlib import Path
 from typing import Any
 
-_STYLE = """
-body { font: 15px/1.5 system-ui, sans-serif; margin: 2rem auto; max-width: 62rem; padding: 0 1rem }
-img { max-width: 100%; max-height: 70vh }
-table { border-collapse: collapse; width: 100% }
-th, td { text-align: left; padding: .3rem .6rem; vertical-align: top }
-tr { border-bottom: 1px solid #ddd } .error { color: #b00020 } .warning { color: #9a6700 }
+import numpy as np
+
+from dojo_maps.description import Lane, Origin, Points, RoadMap
+from dojo_maps.report.netedit import selection_lines
+
+_FOLDER = Path(__file__).parent
+_POLICY = "default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inline'"
+_BODY = """
+<header><h1>{name}</h1><small>{about}</small><span id="shown" role="status"></span></header>
+<aside>
+<form id="filters">
+<div><label class="error"><input type="checkbox" name="error" checked> errors <b id="count-error"></b></label>
+<label class="warning"><input type="checkbox" name="warning" checked> warnings
+<b id="count-warning"></b></label>
+<label class="note"><input type="checkbox" name="note" checked> notes <b id="count-note"></b></label></div>
+<select name="check" aria-label="check"></select><select name="junction" aria-label="junction"></select>
+<input type="search" name="text" placeholder="id or word" aria-label="id or word">
+<button type="reset">show all</button>
+</form>
+<ol id="list"></ol><p id="none" hidden></p>
+<details id="excluded"><summary id="reasons"></summary><ul id="left-out"></ul></details>
+<details><summary id="states"></summary><table id="checks"></table></details>
+</aside>
+<main><svg id="map" preserveAspectRatio="xMidYMid meet"></svg>
+<div id="tools"><button id="in" title="closer">+</button><button id="out" title="farther">&minus;</button>
+<button id="all">whole map</button></div>
+<div id="scale"><span id="length"></span><span id="bar"></span></div>
+<div id="key"><span><i style="background:#f4511e"></i>at fault</span>
+<span><i style="background:#ffc400"></i>involved</span></div><div id="place"></div>
+</main>
+<noscript>This report needs its own script; the same findings stand in report.json.</noscript>
 """
 
 
-def write_page(report: Mapping[str, Any], overview: Path, page: Path) -> None:
-    """Write the report as a page, with the overview picture inside."""
-    picture = base64.b64encode(overview.read_bytes()).decode("ascii")
-    counts = ", ".join(f"{number} {severity}s" for severity, number in report["counts"].items())
+def write_page(report: Mapping[str, Any], road_map: RoadMap, page: Path) -> None:
+    """Write a report, as JSON values, as a page with its map."""
+    style, script = ((_FOLDER / name).read_text(encoding="utf-8") for name in ("page.css", "page.js"))
     name = escape(str(report["map"]))
+    body = _BODY.format(name=name, about=escape(_about(report, road_map)))
     page.write_text(
-        f'<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8"><title>{name}: report</title>'
-        f"<style>{_STYLE}</style></head><body><h1>{name}</h1><p>{escape(counts)}</p>"
-        f'<img alt="the map from above" src="data:image/png;base64,{picture}">'
-        f"<h2>Checks</h2>{_checks(report['checks'])}<h2>Findings</h2>{_issues(report['issues'])}</body></html>\n",
+        f'<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8">'
+        f'<meta http-equiv="Content-Security-Policy" content="{_POLICY}">'
+        f'<meta name="viewport" content="width=device-width"><title>{name}: report</title>'
+        f"<style>{style}</style></head><body>{body}"
+        f'<script type="application/json" id="data">{_embed(_page_data(report, road_map))}</script>'
+        f"<script>{script}</script></body></html>\n",
         encoding="utf-8",
     )
 
 
-def _checks(checks: list[dict[str, Any]]) -> str:
-    return _table(
-        ("check", "what", "status", "findings"),
-        [[c["id"], c["title"], c["status"], c["count"]] for c in checks],
+def _about(report: Mapping[str, Any], road_map: RoadMap) -> str:
+    """Say which file the report is about, how large it is, and by whose limits it was checked."""
+    return (
+        f"{road_map.source.file}, {len(road_map.roads)} roads, {len(road_map.junctions)} junctions, "
+        f"{len(road_map.signals)} signals; profile {report.get('profile', 'default')}"
     )
 
 
-def _issues(issues: list[dict[str, Any]]) -> str:
-    if not issues:
-        return "<p>None.</p>"
-    rows = [
-        [
-            i["severity"],
-            i["check"],
-            ", ".join(f"{e['kind']} {e['id']}" for e in i["elements"]),
-            i["message"],
-            i["hint"],
-        ]
-        for i in issues
-    ]
-    return _table(("severity", "check", "elements", "what is wrong", "what to do"), rows)
+def _embed(value: Any) -> str:
+    text = json.dumps(value, ensure_ascii=True, separators=(",", ":"), allow_nan=False)
+    return text.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026")
 
 
-def _table(head: tuple[str, ...], rows: list[list[Any]]) -> str:
-    def row(cells: Any, tag: str) -> str:
-        return "<tr>" + "".join(f"<{tag}>{escape(str(cell))}</{tag}>" for cell in cells) + "</tr>"
+def _page_data(report: Mapping[str, Any], road_map: RoadMap) -> dict[str, Any]:
+    shift = np.array(road_map.origin)
+    named = {(e["kind"], e["id"]) for issue in report["issues"] for e in issue["elements"]}
+    low, high = (np.array(corner) - shift for corner in road_map.bounds)
+    junctions_of = _junctions_by_element(road_map)
+    return {
+        "counts": report["counts"],
+        "checks": report["checks"],
+        "excluded": report.get("excluded", []),
+        "origin": list(road_map.origin),
+        "bounds": [*low.tolist(), *high.tolist()],
+        "areas": [[kind, id_, _centimetres(ring, shift)] for kind, id_, ring in _areas(road_map)],
+        "lanes": [_lane(lane, shift) for lane in road_map.lanes],
+        "connections": [
+            [c.id, _centimetres(c.shape, shift)]
+            for c in road_map.connections
+            if ("connection", c.id) in named
+        ],
+        "signals": [[signal.id, signal.junctions] for signal in road_map.signals],
+        "issues": [
+            {
+                **issue,
+                "at": [round(float(v), 2) for v in np.array(issue["position"][:2]) - shift],
+                "selection": selection_lines([issue]),
+                "junctions": sorted(
+                    {j for e in issue["elements"] for j in junctions_of.get((e["kind"], e["id"]), ())}
+                ),
+            }
+            for issue in report["issues"]
+        ],
+    }
 
-    return f"<table>{row(head, 'th')}{''.join(row(cells, 'td') for cells in rows)}</table>"
+
+def _areas(road_map: RoadMap) -> Iterator[tuple[str, str, Points]]:
+    for junction in road_map.junctions:
+        yield "junction", junction.id, junction.polygon
+    for area in road_map.walking_areas:
+        if area.origin is Origin.NETWORK:
+            yield "walking_area", area.id, area.polygon
+    for crossing in road_map.crossings:
+        if crossing.origin is Origin.NETWORK:
+            yield "crossing", crossing.id, crossing.polygon
+
+
+def _lane(lane: Lane, shift: Points) -> list[Any]:
+    return [lane.kind.value, lane.id, lane.road, round(lane.width, 2), _centimetres(lane.shape, shift)]
+
+
+def _centimetres(line: Points, shift: Points) -> list[int]:
+    found: list[int] = np.rint((line[:, :2] - shift) * 100).astype(np.int64).ravel().tolist()
+    return found
+
+
+def _junctions_by_element(road_map: RoadMap) -> dict[tuple[str, str], Iterable[str]]:
+    """Find the junctions that each element of a map is at."""
+    ends = {road.id: (road.from_junction, road.to_junction) for road in road_map.roads}
+    road_of = {lane.id: lane.road for lane in road_map.lanes}
+    found: dict[tuple[str, str], Iterable[str]] = {("road", road): at for road, at in ends.items()}
+    found |= {("lane", lane): ends[road] for lane, road in road_of.items()}
+    found |= {("junction", junction.id): (junction.id,) for junction in road_map.junctions}
+    found |= {("signal", signal.id): signal.junctions for signal in road_map.signals}
+    found |= {("connection", c.id): (ends[road_of[c.from_lane]][1],) for c in road_map.connections}
+    found |= {("crossing", crossing.id): (crossing.junction,) for crossing in road_map.crossings}
+    return found | {("walking_area", area.id): (area.junction,) for area in road_map.walking_areas}

@@ -27,24 +27,28 @@ from dojo_maps.sources.transplant import ProgramChange, transplant_programs
 
 FORMAT = "dojo-enrichment"
 VERSION = 1
-_INPUT, _OUTPUT = "input.net.xml", "output.net.xml"
+_INPUT, _OUTPUT, _CONNECTIONS = "input.net.xml", "output.net.xml", "added.con.xml"
 _URBAN_SPEED = "14"
 """m/s, 50 km/h however rounded: faster roads get no sidewalks, and crossings only at signals."""
 _CONTROLLED = ("traffic_light", "rail_")
-_OPTIONS = (
+GUESS = (
     *("--sidewalks.guess", "--sidewalks.guess.max-speed", _URBAN_SPEED),
     *("--crossings.guess", "--crossings.guess.speed-threshold", _URBAN_SPEED, "--walkingareas"),
-    *("--offset.disable-normalization", "--no-turnarounds", "--no-internal-links", "false"),
 )
+KEEP = ("--offset.disable-normalization", "--no-turnarounds", "--no-internal-links", "false")
 """Connections come from the network, so turnarounds that exist stay; crossings need internal lanes."""
 
 
-def enrich_network(data: bytes, *, path: Path) -> tuple[bytes, dict[str, Any]]:
+def enrich_network(
+    data: bytes, *, path: Path, options: Sequence[str] = GUESS, connections: str = ""
+) -> tuple[bytes, dict[str, Any]]:
     """Add sidewalks, crossings and walking areas to a network and keep its signal programs.
 
     Args:
         data: the network's bytes, unpacked.
         path: where they came from, for errors.
+        options: of netconvert, that say what to add.
+        connections: a plain connection file that names crossings to add.
 
     Returns:
         The new network's bytes, and the report as JSON values; both the same for the same input. Where no
@@ -57,7 +61,7 @@ def enrich_network(data: bytes, *, path: Path) -> tuple[bytes, dict[str, Any]]:
         ToolMissingError: netconvert is not installed.
     """
     old = NetTree(data, path=path)
-    built, warnings = _convert(data, path)
+    built, warnings = _convert(data, path, options, connections)
     new = NetTree(built, path=path)
     match_junctions(old, new)
     lane_ids, shift = match_lanes(old, new)
@@ -191,12 +195,18 @@ def _other_attributes(phase: Element) -> dict[str, str]:
     return {key: value for key, value in phase.attrib.items() if key not in ("state", "next")}
 
 
-def _convert(data: bytes, path: Path) -> tuple[bytes, tuple[str, ...]]:
+def _convert(
+    data: bytes, path: Path, options: Sequence[str], connections: str
+) -> tuple[bytes, tuple[str, ...]]:
     with tempfile.TemporaryDirectory(prefix="dojo-enrich-") as name:
         folder = Path(name)
         (folder / _INPUT).write_bytes(data)
+        arguments = ["-s", _INPUT, "-o", _OUTPUT, *options, *KEEP]
+        if connections:
+            (folder / _CONNECTIONS).write_text(connections, encoding="utf-8")
+            arguments += ["-x", _CONNECTIONS]
         try:
-            run = run_netconvert(["-s", _INPUT, "-o", _OUTPUT, *_OPTIONS], folder=folder)
+            run = run_netconvert(arguments, folder=folder)
         except NetconvertError as error:
             raise NetconvertError(f"{path}: no sidewalks and crossings could be added: {error}") from error
         return (folder / _OUTPUT).read_bytes(), run.warnings

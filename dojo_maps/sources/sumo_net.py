@@ -8,10 +8,7 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import TypeVar
 
-import numpy as np
-
 from dojo_maps.description import (
-    Connection,
     Crossing,
     Junction,
     Lane,
@@ -26,9 +23,11 @@ from dojo_maps.description import (
 from dojo_maps.errors import SourceError
 from dojo_maps.issue import Element, Issue, Severity
 from dojo_maps.sources.limits import check_limits, measure_bounds
+from dojo_maps.sources.lost_connections import find_lost_connections
 from dojo_maps.sources.permissions import allowed_classes, lane_kind
 from dojo_maps.sources.right_of_way import read_right_of_way
 from dojo_maps.sources.safe_xml import Attributes
+from dojo_maps.sources.sumo_connections import ConnectionReader
 from dojo_maps.sources.sumo_pavement import (
     read_crossing,
     read_walking_area,
@@ -37,7 +36,7 @@ from dojo_maps.sources.sumo_pavement import (
 )
 from dojo_maps.sources.sumo_signals import read_signals
 from dojo_maps.sources.sumo_xml import EdgeRecord, NetRecords, read_records
-from dojo_maps.sources.values import MIN_WIDTH, read_float, read_int, read_link, read_shape, read_text
+from dojo_maps.sources.values import MIN_WIDTH, read_float, read_int, read_shape, read_text
 
 _LANE_WIDTH = 3.2
 """SUMO's default, metres, where a lane names none."""
@@ -71,6 +70,8 @@ def read_network(data: bytes, *, path: Path, name: str, sha256: str) -> tuple[Ro
     lanes = tuple(reader.lanes.values())
     areas: list[Junction | WalkingArea] = [*reader.junctions.values(), *reader.walking_areas.values()]
     check_limits([*lanes, *reader.crossings.values()], areas, path)
+    ways = reader.ways
+    junctions, mismatches = read_right_of_way(reader.junctions.values(), ways.connections, records)
     road_map = RoadMap(
         name=name,
         source=Source(
@@ -85,16 +86,16 @@ def read_network(data: bytes, *, path: Path, name: str, sha256: str) -> tuple[Ro
         left_hand=records.net.get("lefthand") in ("true", "1"),
         roads=tuple(reader.roads.values()),
         lanes=lanes,
-        connections=tuple(reader.connections),
-        junctions=tuple(read_right_of_way(reader.junctions.values(), reader.connections, records)),
+        connections=tuple(ways.connections),
+        junctions=junctions,
         sidewalks=tuple(sidewalks_of(lanes)),
         crossings=tuple(reader.crossings.values()),
         walking_areas=tuple(reader.walking_areas.values()),
-        signals=read_signals(
-            reader.path, records.logics, reader.connections, reader.walks, reader.roads_of()
-        ),
+        signals=read_signals(path, records.logics, ways.connections, ways.signalled, reader.roads_of()),
+        walks=tuple(ways.walks),
     )
-    return road_map, tuple(reader.issues)
+    lost = find_lost_connections(records, reader.lanes, reader.internal, ways.connections)
+    return road_map, (*reader.issues, *ways.issues, *mismatches, *lost)
 
 
 class _Reader:
@@ -108,9 +109,7 @@ class _Reader:
         self.junctions: dict[str, Junction] = {}
         self.crossings: dict[str, Crossing] = {}
         self.walking_areas: dict[str, WalkingArea] = {}
-        self.connections: list[Connection] = []
-        self.walks: list[Attributes] = []
-        self._internal: dict[str, Points] = {}
+        self.internal: dict[str, Points] = {}
         walks = walk_connections(records.connections)
         for record in records.edges:
             self._read_edge(record, walks)
@@ -118,7 +117,9 @@ class _Reader:
         for attributes in records.junctions:
             if attributes.get("type") != "internal":
                 self._read_junction(attributes, incoming, outgoing)
-        self._read_connections(records.connections)
+        pavement = {*self.crossings, *self.walking_areas}
+        self.ways = ConnectionReader(path, self.lanes, self.internal, pavement)
+        self.ways.read(records.connections)
 
     def roads_of(self) -> dict[str, Road]:
         """Find the road of each lane and crossing by the lane's id."""
@@ -141,13 +142,14 @@ class _Reader:
             self._read_road(edge, record)
         elif function == "crossing" and record.lanes:
             crossing = read_crossing(edge, record, walks.get(edge, {}), self.path)
-            self._keep(self.crossings, edge, "crossing", crossing)
+            self._keep(self.crossings, edge, "crossing", crossing, crossing.shape)
         elif function == "walkingarea" and record.lanes:
-            self._keep(self.walking_areas, edge, "walking_area", read_walking_area(edge, record, self.path))
+            area = read_walking_area(edge, record, self.path)
+            self._keep(self.walking_areas, edge, "walking_area", area, area.polygon)
         elif function == "internal":
             for lane in record.lanes:
                 lane_id = read_text(lane, "id", self.path, "a lane")
-                self._internal[lane_id] = self._shape(lane, f"lane {lane_id}")
+                self.internal[lane_id] = self._shape(lane, f"lane {lane_id}")
 
     def _read_road(self, edge: str, record: EdgeRecord) -> None:
         if not record.lanes:
@@ -165,9 +167,9 @@ class _Reader:
             priority=read_int(attributes, "priority", self.path, what, default=-1),
             lanes=tuple(lane.id for lane in lanes),
         )
-        if self._keep(self.roads, edge, "road", road):
+        if self._keep(self.roads, edge, "road", road, lanes[0].shape):
             for lane in lanes:
-                self._keep(self.lanes, lane.id, "lane", lane)
+                self._keep(self.lanes, lane.id, "lane", lane, lane.shape)
 
     def _read_lane(self, edge: str, record: EdgeRecord, attributes: Attributes) -> Lane:
         lane_id = read_text(attributes, "id", self.path, "a lane")
@@ -209,86 +211,23 @@ class _Reader:
             incoming=tuple(incoming.get(junction, ())),
             outgoing=tuple(outgoing.get(junction, ())),
         )
-        self._keep(self.junctions, junction, "junction", found)
+        self._keep(self.junctions, junction, "junction", found, points([found.position]))
 
-    def _read_connections(self, records: list[Attributes]) -> None:
-        onward: dict[str, str] = {}
-        for a in records:
-            if a.get("via") and a.get("from", "").startswith(":"):
-                onward[f"{a['from']}_{a.get('fromLane')}"] = a["via"]
-        for a in records:
-            source, target = a.get("from", ""), a.get("to", "")
-            if source.startswith(":") or target.startswith(":"):
-                if "tl" in a:
-                    self.walks.append(a)
-                continue
-            self._read_connection(a, f"{source}_{a.get('fromLane')}", f"{target}_{a.get('toLane')}", onward)
-
-    def _read_connection(self, a: Attributes, source: str, target: str, onward: Mapping[str, str]) -> None:
-        what = f"connection {source}->{target}"
-        missing = [lane for lane in (source, target) if lane not in self.lanes]
-        if missing:
-            self._report_dangling(source, target, missing)
-            return
-        via: list[str] = []
-        lane: str | None = a.get("via")
-        while lane in self._internal and lane not in via:
-            via.append(lane)
-            lane = onward.get(lane)
-        parts = [
-            self.lanes[source].shape[-1:],
-            *(self._internal[v] for v in via),
-            self.lanes[target].shape[:1],
-        ]
-        path = np.concatenate(parts)
-        moved = np.ones(len(path), dtype=bool)
-        moved[1:-1] = np.abs(path[1:-1] - path[:-2]).max(axis=1) > 0
-        signal, link_index = read_link(a, self.path, what)
-        self.connections.append(
-            Connection(
-                from_lane=source,
-                to_lane=target,
-                via=tuple(via),
-                direction=a.get("dir", ""),
-                state=a.get("state", ""),
-                signal=signal,
-                link_index=link_index,
-                shape=points(path[moved]),
-            )
-        )
-
-    def _report_dangling(self, source: str, target: str, missing: list[str]) -> None:
-        known = next((self.lanes[lane] for lane in (source, target) if lane in self.lanes), None)
-        position = tuple(float(v) for v in known.shape[-1]) if known else (0.0, 0.0, 0.0)
+    def _keep(self, table: dict[str, T], key: str, kind: str, value: T, at: Points) -> bool:
+        if key not in table:
+            table[key] = value
+            return True
         self.issues.append(
             Issue(
-                check="topology.dangling_reference",
+                check="topology.duplicate_id",
                 severity=Severity.ERROR,
-                elements=(
-                    Element(kind="connection", id=f"{source}->{target}"),
-                    *(Element(kind="lane", id=lane) for lane in (source, target)),
-                ),
-                position=position,  # type: ignore[arg-type]
-                message=f"a connection names {' and '.join(missing)}, which the network does not have",
-                hint="remove the connection or correct its lane, then rebuild the network with netconvert",
+                elements=(Element(kind=kind, id=key),),
+                position=(float(at[0, 0]), float(at[0, 1]), float(at[0, 2])),
+                message=f"the {kind} {key} is defined more than once; the first is kept",
+                hint="give each its own id",
             )
         )
-
-    def _keep(self, table: dict[str, T], key: str, kind: str, value: T) -> bool:
-        if key in table:
-            self.issues.append(
-                Issue(
-                    check="topology.duplicate_id",
-                    severity=Severity.ERROR,
-                    elements=(Element(kind=kind, id=key),),
-                    position=(0.0, 0.0, 0.0),
-                    message=f"the {kind} {key} is defined more than once; the first is kept",
-                    hint="give each its own id",
-                )
-            )
-            return False
-        table[key] = value
-        return True
+        return False
 
     def _shape(self, attributes: Attributes, what: str, *, key: str = "shape") -> Points:
         return read_shape(attributes.get(key, ""), self.path, what)

@@ -32,7 +32,7 @@ def read_signals(
     programs: dict[str, list[Program]] = defaultdict(list)
     for record in logics:
         signal = read_text(record.attributes, "id", path, "tlLogic")
-        programs[signal].append(_read_program(record, path))
+        programs[signal].append(read_program(record, path))
     links: dict[str, list[Link]] = defaultdict(list)
     junctions: dict[str, dict[str, None]] = defaultdict(dict)
     for connection in connections:
@@ -74,7 +74,8 @@ def read_signals(
     )
 
 
-def _read_program(record: LogicRecord, path: Path) -> Program:
+def read_program(record: LogicRecord, path: Path) -> Program:
+    """Describe one program of a controller."""
     attributes = record.attributes
     what = f"tlLogic {attributes['id']}"
 
@@ -91,7 +92,13 @@ def _read_program(record: LogicRecord, path: Path) -> Program:
                 min_duration=seconds(phase, "minDur"),
                 max_duration=seconds(phase, "maxDur"),
                 state=read_text(phase, "state", path, what),
+                following=_read_following(phase, len(record.phases)),
             )
             for phase in record.phases
         ),
     )
+
+
+def _read_following(phase: Attributes, count: int) -> tuple[int, ...]:
+    places = (int(text) for text in phase.get("next", "").split() if text.isdecimal() and len(text) < 9)
+    return tuple(place for place in places if place < count)

@@ -1,21 +1,66 @@
-"""What an import from OpenStreetMap is checked for; the checks are made while the network is built."""
+"""Checks of OpenStreetMap's own data, and of what an import makes of it; a network alone skips them."""
 
-from dojo_maps.issue import Severity
+from dojo_maps.validation.check import NOTE, WARNING, Check, Need
 
-OSM_CHECKS = (
-    ("osm.missing_crossing", "Mapped crossings are built", Severity.WARNING, "10 m"),
-    ("osm.missing_signal", "Mapped signals are built", Severity.WARNING, "one controller"),
-    ("osm.split_signal", "A signalised junction has one controller", Severity.WARNING, "one controller"),
-    ("osm.turn_lane_lost", "Lanes lead where their arrows say", Severity.NOTE, "all arrows"),
-    ("osm.turn_lane_mismatch", "There is an arrow entry for each lane", Severity.NOTE, "equal numbers"),
-    ("osm.restriction_lost", "Forbidden turns are not connected", Severity.WARNING, "none"),
-    ("osm.restriction_incomplete", "Turn restrictions are complete", Severity.NOTE, "from, via and to"),
-    ("osm.sidewalk_lost", "Mapped sidewalks are built", Severity.NOTE, "6 m, for all but 10 m"),
-    ("osm.short_edge", "Roads between junctions can store a car", Severity.NOTE, "5 m"),
-    ("osm.missing_node", "Roads have all their nodes", Severity.NOTE, "none missing"),
-    ("osm.netconvert_warning", "netconvert has nothing to object", Severity.NOTE, "none"),
-    ("osm.context_left_out", "Buildings, trees and areas are all kept", Severity.NOTE, "thousands of each"),
-    ("edits.no_longer_fits", "Kept edits fit the new network", Severity.WARNING, "all"),
-    ("osm.netconvert_failed", "netconvert takes all options", Severity.WARNING, "none"),
+_ROWS = (
+    ("OSM001", "osm.restriction", "Turn restrictions are complete and kept", WARNING),
+    ("OSM002", "osm.lane_count", "Numbers of lanes agree", WARNING),
+    ("OSM003", "osm.turn_lanes_order", "Turn lanes are in order", WARNING),
+    ("OSM004", "osm.separate_sidewalk", "Sidewalks are not drawn twice", WARNING),
+    ("OSM005", "osm.parallel_ways", "Ways are not drawn twice", WARNING),
+    ("OSM006", "osm.unshared_node", "Ways that cross share a node or differ in layer", WARNING),
+    ("OSM007", "osm.crossing_ignored", "Refuges and forbidden crossings are kept", NOTE),
+    ("OSM008", "osm.approach_signals", "Signals stand at junctions, not on approaches only", WARNING),
+    ("OSM009", "osm.junction_tag", "junction=intersection is meant", NOTE),
+    ("OSM010", "osm.tram_on_road", "Trams and roads are drawn apart", NOTE),
+    ("OSM011", "osm.clipped_way", "Ways are not cut at the area's border", NOTE),
+    ("OSM012", "osm.driving_side", "The driving side is set", WARNING),
+    ("OSM013", "osm.unknown_lane_use", "Lane uses are known words", NOTE),
 )
-"""Id, title, severity and limit."""
+
+_LOSSES = (
+    ("IMP001", "osm.missing_crossing", "Mapped crossings are built", WARNING, "10 m"),
+    ("IMP002", "osm.missing_signal", "Mapped signals are built", WARNING, "one controller"),
+    ("IMP003", "osm.split_signal", "A signalised junction has one controller", WARNING, "one controller"),
+    ("IMP004", "osm.turn_lane_lost", "Lanes lead where their arrows say", NOTE, "all arrows"),
+    ("IMP005", "osm.turn_lane_mismatch", "There is an arrow entry for each lane", NOTE, "equal numbers"),
+    ("IMP006", "osm.restriction_lost", "Forbidden turns are not connected", WARNING, "none"),
+    ("IMP007", "osm.restriction_incomplete", "Turn restrictions are complete", NOTE, "from, via and to"),
+    ("IMP008", "osm.sidewalk_lost", "Mapped sidewalks are built", NOTE, "6 m, for all but 10 m"),
+    ("IMP009", "osm.short_edge", "Roads between junctions can store a car", NOTE, "5 m"),
+    ("IMP010", "osm.missing_node", "Roads have all their nodes", NOTE, "none missing"),
+    ("IMP011", "osm.netconvert_warning", "netconvert has nothing to object", NOTE, "none"),
+    ("IMP012", "osm.netconvert_failed", "netconvert takes all options", WARNING, "none"),
+    ("IMP013", "osm.context_left_out", "Buildings, trees and areas are all kept", NOTE, "thousands of each"),
+    ("IMP014", "osm.edit_lost", "Kept edits fit the new network", WARNING, "all"),
+)
+"""What an import counts while it builds a network: code, id, title, severity and limit."""
+
+CHECKS = (
+    *(
+        Check(
+            id=id_,
+            code=code,
+            title=title,
+            severity=severity,
+            limit="none",
+            source="OpenStreetMap wiki",
+            hint="correct the tags in OpenStreetMap",
+            needs=Need.OSM,
+        )
+        for code, id_, title, severity in _ROWS
+    ),
+    *(
+        Check(
+            id=id_,
+            code=code,
+            title=title,
+            severity=severity,
+            limit=limit,
+            source="OpenStreetMap",
+            hint="look at the place in OpenStreetMap, and correct it there or in netedit",
+            needs=Need.IMPORT,
+        )
+        for code, id_, title, severity, limit in _LOSSES
+    ),
+)

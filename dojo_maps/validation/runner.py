@@ -1,102 +1,98 @@
 """Run every check on a map and put what they find into one report."""
 
-from collections.abc import Callable, Iterable, Sequence
-from dataclasses import asdict, dataclass
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import asdict
 from typing import Any
 
 from dojo_maps.description import RoadMap
 from dojo_maps.issue import Issue, Severity
 from dojo_maps.meshes.mesh import Mesh
-from dojo_maps.validation.geometry_checks import check_mesh_health
-from dojo_maps.validation.osm_checks import OSM_CHECKS
+from dojo_maps.validation.catalogue import CHECKS
+from dojo_maps.validation.check import Check, Need, place
+from dojo_maps.validation.exclusions import Exclusion, split_excluded
+from dojo_maps.validation.facts import Facts
+from dojo_maps.validation.positions import earth_positions
+from dojo_maps.validation.profiles import DEFAULT, Profile
 
 REPORT_FORMAT = "dojo-report"
 REPORT_VERSION = 1
 
-_Run = Callable[[RoadMap, Sequence[Mesh]], Iterable[Issue]]
 
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Check:
-    """One check; those without `run` are made while the source is read."""
-
-    id: str
-    title: str
-    severity: Severity
-    limit: str
-    source: str
-    run: _Run | None = None
-
-
-CHECKS = (
-    Check(
-        id="geometry.mesh_health",
-        title="Raised surfaces are closed, and every position is a number",
-        severity=Severity.ERROR,
-        limit="every edge shared by two faces",
-        source="glTF 2.0, trimesh",
-        run=check_mesh_health,
-    ),
-    Check(
-        id="topology.dangling_reference",
-        title="Connections name lanes that exist",
-        severity=Severity.ERROR,
-        limit="none",
-        source="SUMO net format",
-    ),
-    Check(
-        id="topology.duplicate_id",
-        title="Ids are unique",
-        severity=Severity.ERROR,
-        limit="none",
-        source="SUMO net format",
-    ),
-    *(
-        Check(id=name, title=title, severity=severity, limit=limit, source="OpenStreetMap")
-        for name, title, severity, limit in OSM_CHECKS
-    ),
-)
-
-
-def run_checks(road_map: RoadMap, meshes: Sequence[Mesh], known: Iterable[Issue]) -> dict[str, Any]:
+def find_issues(
+    road_map: RoadMap,
+    meshes: Sequence[Mesh] | None,
+    known: Iterable[Issue],
+    profile: Profile = DEFAULT,
+    checks: Sequence[Check] = CHECKS,
+) -> tuple[list[Issue], dict[str, str]]:
     """Run every check.
 
     Args:
         road_map: the description.
-        meshes: its scene.
+        meshes: its scene; None skips the checks of meshes.
         known: what was found while reading the source.
+        profile: limits and severities.
+        checks: which to run.
 
     Returns:
-        The report as JSON values. A check that breaks is `crashed` and counts as an error.
+        The issues in the order of the catalogue, and the state of each check that did not complete:
+        "skipped" or "crashed", with the reason. A check that breaks counts as an error.
     """
-    issues = list(known)
-    broken: set[str] = set()
-    for check in CHECKS:
-        if check.run is None:
+    facts = Facts(road_map, meshes)
+    there = {Need.NOTHING: True, Need.MESHES: meshes is not None, Need.IMPORT: road_map.source.kind == "osm"}
+    issues, states = list(known), {}
+    for check in checks:
+        if not there.get(check.needs):
+            states[check.id] = f"skipped: it needs {check.needs.value}"
             continue
         try:
-            issues += check.run(road_map, meshes)
+            issues.extend(_run(check, facts, profile))  # one by one: what is found before a crash stays
         except Exception as error:  # noqa: BLE001 - one broken check must not hide what the others find
-            broken.add(check.id)
+            states[check.id] = f"crashed: {type(error).__name__}: {error}"
             issues.append(_crash(check, error, road_map))
-    order = {check.id: k for k, check in enumerate(CHECKS)}
+    order = {check.id: k for k, check in enumerate(checks)}
     issues.sort(key=lambda issue: order.get(issue.check, len(order)))
+    return issues, states
+
+
+def run_checks(
+    road_map: RoadMap,
+    meshes: Sequence[Mesh] | None,
+    known: Iterable[Issue],
+    profile: Profile = DEFAULT,
+    exclusions: Sequence[Exclusion] = (),
+) -> dict[str, Any]:
+    """Run every check and write the report as JSON values; what is excluded is listed apart, not counted."""
+    found, states = find_issues(road_map, meshes, known, profile, CHECKS)
+    issues, excluded = split_excluded(found, exclusions)
     return {
         "format": REPORT_FORMAT,
         "version": REPORT_VERSION,
         "map": road_map.name,
+        "profile": profile.name,
         "counts": {severity.value: sum(i.severity is severity for i in issues) for severity in Severity},
-        "checks": [
-            {
-                "id": check.id,
-                "title": check.title,
-                "status": "crashed" if check.id in broken else "completed",
-                "count": sum(issue.check == check.id for issue in issues),
-            }
-            for check in CHECKS
+        "checks": [_encode_check(check, states.get(check.id, ""), issues) for check in CHECKS],
+        "issues": [
+            {**_encode(issue), "lonlat": lonlat}
+            for issue, lonlat in zip(issues, earth_positions(issues, road_map.projection), strict=True)
         ],
-        "issues": [_encode(issue, road_map) for issue in issues],
+        "excluded": [{**_encode(issue), "reason": reason} for issue, reason in excluded],
     }
+
+
+def _run(check: Check, facts: Facts, profile: Profile) -> Iterator[Issue]:
+    severity = profile.severities.get(check.id)
+    for finding in check.run(facts, profile.limits) if check.run else ():
+        yield Issue(
+            check=check.id,
+            severity=severity or finding.severity or check.severity,
+            elements=finding.elements,
+            position=place(finding.at),
+            message=finding.message,
+            measured=finding.measured,
+            limit=finding.limit,
+            hint=check.hint,
+        )
 
 
 def _crash(check: Check, error: Exception, road_map: RoadMap) -> Issue:
@@ -110,23 +106,24 @@ def _crash(check: Check, error: Exception, road_map: RoadMap) -> Issue:
     )
 
 
-def _encode(issue: Issue, road_map: RoadMap) -> dict[str, Any]:
-    values = asdict(issue)
-    values["severity"] = issue.severity.value
-    values["lonlat"] = _lonlat(issue.position, road_map)
-    return values
+def _encode_check(check: Check, state: str, issues: Sequence[Issue]) -> dict[str, Any]:
+    status, _, reason = state.partition(": ")
+    encoded: dict[str, Any] = {
+        "id": check.id,
+        "title": check.title,
+        "status": status or "completed",
+        "count": sum(issue.check == check.id for issue in issues),
+    }
+    return {**encoded, "reason": reason} if reason else encoded
 
 
-def _lonlat(position: tuple[float, float, float], road_map: RoadMap) -> list[float] | None:
-    if road_map.projection.proj is None:
-        return None
-    import pyproj  # noqa: PLC0415 - slow to load and needed only for findings on the earth
+def _encode(issue: Issue) -> dict[str, Any]:
+    def rounded(value: float | None) -> float | None:
+        return None if value is None else round(value, 4)
 
-    offset = road_map.projection.net_offset
-    try:
-        lon, lat = pyproj.Proj(road_map.projection.proj)(
-            position[0] - offset[0], position[1] - offset[1], inverse=True, errcheck=True
-        )
-    except pyproj.exceptions.ProjError:
-        return None
-    return [lon, lat]
+    return {
+        **asdict(issue),
+        "severity": issue.severity.value,
+        "measured": rounded(issue.measured),
+        "limit": rounded(issue.limit),
+    }

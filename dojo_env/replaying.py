@@ -1,0 +1,121 @@
+"""A recorded episode seen again, through any cameras and lidars, in any light, without SUMO."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from dojo_env.config import SensingConfig
+from dojo_env.errors import ConfigError, RecordingError
+from dojo_env.eyes import Eyes
+from dojo_env.recording import Recording
+from dojo_env.scenario import PACKAGED, Scenario, open_map, packaged_scenario
+from dojo_env.sensors.camera import Camera
+from dojo_env.snapshot import Snapshot
+from dojo_maps.bundle import Bundle
+
+if TYPE_CHECKING:
+    from dojo_env.rendering.renderer import Picture
+    from dojo_env.sensors.lidar import Lidar, Scan
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Replayed:
+    """An instant of a recording, and what was seen of it.
+
+    Attributes:
+        snapshot: the instant.
+        pictures: one per camera.
+        scans: one per lidar.
+    """
+
+    snapshot: Snapshot
+    pictures: "tuple[Picture, ...]"
+    scans: "tuple[Scan, ...]"
+
+
+def replay(
+    recording: Recording,
+    cameras: Sequence[Camera] | None = None,
+    *,
+    lidars: "Sequence[Lidar]" = (),
+    outputs: Sequence[str] = ("rgb",),
+    every: int = 1,
+    map: str | Path | None = None,  # noqa: A002 - as in `Scenario`
+    **sensing: Any,
+) -> Iterator[Replayed]:
+    """Look at a recorded episode again; under the episode's own conditions, pictures have its own bytes.
+
+    Args:
+        recording: the episode.
+        cameras: what looks; None takes all that are placed for the recording's first signal.
+        lidars: what scans.
+        outputs: of the cameras: `rgb`, `depth`, `semantic`, `instance`, `boxes`.
+        every: seconds from one instant to the next.
+        map: the episode's map; see `find_map`.
+        sensing: as an environment takes them: `conditions`, `width`, `height`, `renderer` and so on.
+
+    Raises:
+        RecordingError: the map is not the one of the recording, or cannot be found.
+        ConfigError: a setting cannot work.
+    """
+    if every < 1:
+        raise ConfigError(f"every={every}: expected a number of seconds above 0")
+    eyes = open_eyes(recording, find_map(recording, map), **sensing)
+    try:
+        if cameras is None and not recording.signals:
+            raise RecordingError(recording.path, "has no signals to look at; give cameras")
+        chosen = eyes.cameras(recording.signals[0]) if cameras is None else tuple(cameras)
+        for number in range(0, len(recording), every):
+            snapshot = recording[number]
+            yield Replayed(
+                snapshot=snapshot,
+                pictures=eyes.look(snapshot, chosen, outputs) if chosen else (),
+                scans=eyes.scan(snapshot, lidars) if lidars else (),
+            )
+    finally:
+        eyes.close()
+
+
+def open_eyes(recording: Recording, bundle: Bundle, **sensing: Any) -> Eyes:
+    """Open what draws a recording, with everything random as in its episode.
+
+    Raises:
+        ConfigError: a setting cannot work.
+    """
+    try:
+        config = SensingConfig(**sensing)
+    except TypeError as error:
+        raise ConfigError(f"replay: {error}") from error
+    eyes = Eyes(bundle, config)
+    eyes.reset(recording.seed)
+    return eyes
+
+
+def find_map(recording: Recording, map: str | Path | None = None) -> Bundle:  # noqa: A002 - as in `Scenario`
+    """Open the map of a recording.
+
+    Args:
+        recording: the episode.
+        map: a bundle, a network, or a packaged scenario's name; None for the scenario that was recorded.
+
+    Raises:
+        RecordingError: it is another map, or none is given and the scenario is not a packaged one.
+    """
+    name = recording.scenario if map is None else str(map)
+    if name in PACKAGED:
+        scenario = packaged_scenario(name)
+    elif map is None:
+        raise RecordingError(
+            recording.path, f"is of scenario {name!r}, which is not packaged; give the map it was made on"
+        )
+    else:
+        scenario = Scenario(map=Path(map))
+    bundle = open_map(scenario)
+    found = bundle.road_map.source.sha256
+    if found != recording.map_sha256:
+        raise RecordingError(
+            recording.path, f"was made on another map than {name} (source {found[:12]}, "
+            f"recorded on {recording.map_sha256[:12]}); give the map it was made on"
+        )  # fmt: skip
+    return bundle

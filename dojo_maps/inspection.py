@@ -1,0 +1,123 @@
+"""From a network or bundle to a report: read it, run every check, write what is asked for."""
+
+import contextlib
+import os
+import tempfile
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from dojo_maps import bundle
+from dojo_maps.description import RoadMap
+from dojo_maps.errors import UsageError
+from dojo_maps.issue import Issue
+from dojo_maps.memory import without_cycle_search
+from dojo_maps.meshes.mesh import Mesh
+from dojo_maps.report.formats import as_geojson, as_sarif
+from dojo_maps.report.netedit import write_netedit_files
+from dojo_maps.report.page import write_page
+from dojo_maps.sources.files import find_network, read_bytes, sha256_of
+from dojo_maps.sources.line_numbers import find_lines
+from dojo_maps.sources.sumo_net import read_network
+from dojo_maps.validation.exclusions import Exclusion
+from dojo_maps.validation.profiles import DEFAULT, Profile
+from dojo_maps.validation.runner import run_checks
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Inspected:
+    """A network as it was read: where from, its bytes, its description, and what reading found."""
+
+    path: Path
+    data: bytes
+    road_map: RoadMap
+    issues: tuple[Issue, ...]
+    meshes: tuple[Mesh, ...] | None
+
+
+def read_source(source: str) -> Inspected:
+    """Read a network by path or name, or the network and the scene of a bundle.
+
+    Raises:
+        SourceError: it cannot be read.
+    """
+    if (Path(source) / bundle.DESCRIPTION).is_file():
+        found = bundle.read_bundle(source)
+        path, name, meshes = found.network, found.road_map.name, found.read_meshes()
+    else:
+        path, name = find_network(source)
+        meshes = None
+    data = read_bytes(path)
+    road_map, issues = read_network(data, path=path, name=name, sha256=sha256_of(path))
+    return Inspected(path=path, data=data, road_map=road_map, issues=issues, meshes=meshes)
+
+
+def inspect(
+    source: str, profile: Profile = DEFAULT, exclusions: Sequence[Exclusion] = ()
+) -> tuple[Inspected, dict[str, Any]]:
+    """Check a network or bundle.
+
+    Returns:
+        What was read, and the report as JSON values.
+
+    Raises:
+        SourceError: it cannot be read.
+    """
+    with without_cycle_search():
+        read = read_source(source)
+        return read, run_checks(read.road_map, read.meshes, read.issues, profile, exclusions)
+
+
+@contextlib.contextmanager
+def replaced(path: Path) -> Iterator[Path]:
+    """Give a new file to write, and put it in the place of `path` only once it is whole."""
+    handle, name = tempfile.mkstemp(prefix=f".{path.name}.", dir=path.parent)
+    os.close(handle)
+    fresh = Path(name)
+    try:
+        yield fresh
+        fresh.chmod(0o666 & ~_umask())
+        fresh.replace(path)
+    finally:
+        fresh.unlink(missing_ok=True)
+
+
+def _umask() -> int:
+    mask = os.umask(0)
+    os.umask(mask)
+    return mask
+
+
+def write_reports(
+    read: Inspected,
+    report: dict[str, Any],
+    *,
+    json: Path | None = None,
+    html: Path | None = None,
+    sarif: Path | None = None,
+    geojson: Path | None = None,
+    netedit: Path | None = None,
+) -> None:
+    """Write a report in each format that has a path; each file whole or not at all.
+
+    Raises:
+        UsageError: a path cannot be written.
+    """
+    try:
+        if json is not None:
+            with replaced(json) as fresh:
+                bundle.write_json(fresh, report)
+        if sarif is not None:
+            with replaced(sarif) as fresh:
+                bundle.write_json(fresh, as_sarif(report, read.path.name, find_lines(read.data)))
+        if geojson is not None:
+            with replaced(geojson) as fresh:
+                bundle.write_json(fresh, as_geojson(report))
+        if html is not None:
+            with replaced(html) as fresh:
+                write_page(report, read.road_map, fresh)
+        if netedit is not None:
+            write_netedit_files(report, netedit)
+    except OSError as error:
+        raise UsageError(f"{error.filename}: cannot be written ({error.strerror})") from error

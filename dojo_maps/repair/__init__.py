@@ -1,0 +1,1 @@
+"""Repair a network: a function per check proposes edits, rounds keep those that make nothing worse."""

@@ -1,0 +1,138 @@
+"""A signal program on the desk: phases can be lengthened, split and put in, and the order stays right."""
+
+import math
+from pathlib import Path
+
+from dojo_maps.description import Program
+from dojo_maps.repair.edits import SetPhases
+from dojo_maps.repair.net_text import key_of
+from dojo_maps.sources.safe_xml import Attributes
+from dojo_maps.sources.sumo_signals import read_program
+from dojo_maps.sources.sumo_xml import LogicRecord
+from dojo_maps.validation.programs import following, least
+
+_VARIABLE = ("actuated", "delay_based")
+
+
+class Draft:
+    """A program as it will be; `lines` say what was done.
+
+    Attributes:
+        record: the program as it is.
+        phases: the attributes of its phases, to be changed.
+        lines: what was done, in a few words each.
+    """
+
+    def __init__(self, record: LogicRecord, path: Path) -> None:
+        """Copy a program."""
+        self.record = record
+        self.phases: list[Attributes] = [dict(phase) for phase in record.phases]
+        self.lines: list[str] = []
+        self._path = path
+        self._read: tuple[list[Attributes], Program] | None = None
+
+    @property
+    def program(self) -> Program:
+        """The program as it will be."""
+        if self._read is None or self._read[0] != self.phases:
+            phases = [dict(phase) for phase in self.phases]
+            self._read = (phases, read_program(LogicRecord(self.record.attributes, phases), self._path))
+        return self._read[1]
+
+    @property
+    def name(self) -> str:
+        """The program's id."""
+        return self.record.attributes.get("programID", "0")
+
+    @property
+    def variable(self) -> bool:
+        """Whether the program itself chooses how long a phase lasts."""
+        return self.record.attributes.get("type") in _VARIABLE
+
+    @property
+    def change(self) -> SetPhases | None:
+        """The change to the network's text, if there is one."""
+        if self.phases == self.record.phases:
+            return None
+        phases = tuple(tuple(phase.items()) for phase in self.phases)
+        return SetPhases(key=key_of("tlLogic", self.record.attributes), phases=phases)
+
+    def after(self, phase: int) -> int | None:
+        """Find the one phase that comes after another; None if there are several."""
+        places = following(self.program, phase)
+        return places[0] if len(places) == 1 and 0 <= places[0] < len(self.phases) else None
+
+    def before(self, phase: int) -> int | None:
+        """Find the one phase that comes before another; None if there are several."""
+        program = self.program
+        found = [k for k in range(len(self.phases)) if phase in following(program, k)]
+        return found[0] if len(found) == 1 else None
+
+    def least(self, phase: int) -> float:
+        """Tell the seconds that a phase lasts at least."""
+        return least(self.program.phases[phase])
+
+    def set_state(self, phase: int, letters: dict[int, str]) -> None:
+        """Change some letters of a phase."""
+        state = list(self.phases[phase].get("state", ""))
+        for index, letter in letters.items():
+            state[index] = letter
+        self.phases[phase]["state"] = "".join(state)
+
+    def lengthen(self, phase: int, seconds: float) -> None:
+        """Let a phase last longer, at least and at most."""
+        for key in ("duration", "minDur", "maxDur"):
+            if key in self.phases[phase]:
+                self.phases[phase][key] = in_seconds(float(self.phases[phase][key]) + seconds)
+
+    def take(self, phase: int | None, seconds: float, keep: float) -> None:
+        """Take time from a phase of a fixed program, so that the cycle stays; not if too little is left."""
+        if phase is None or self.variable:
+            return
+        chosen = self.phases[phase]
+        left = float(chosen.get("duration", "0")) - seconds
+        if left >= keep and "minDur" not in chosen and "maxDur" not in chosen:
+            chosen["duration"] = in_seconds(left)
+
+    def insert_after(self, phase: int, attributes: Attributes) -> None:
+        """Put a phase between one and the one that comes after it."""
+        after = self.phases[phase].pop("next", None)
+        fresh = dict(attributes) if after is None else {**attributes, "next": after}
+        self._renumber(phase + 1)
+        if "next" in fresh:
+            fresh["next"] = _moved(fresh["next"], phase + 1)
+        self.phases.insert(phase + 1, fresh)
+
+    def split(self, phase: int, first: float, rest: float) -> int:
+        """Divide a phase: the first piece lasts `first` seconds, the second at least `rest`; its place."""
+        piece = dict(self.phases[phase])
+        lasts = float(piece.get("duration", "0"))
+        fresh = {**piece, "duration": in_seconds(max(lasts - first, rest))}
+        for key in ("minDur", "maxDur"):
+            if key in piece:
+                left = rest if key == "minDur" else max(float(piece[key]) - first, rest)
+                fresh[key] = in_seconds(left)
+                self.phases[phase][key] = in_seconds(first)
+        fresh.pop("next", None)
+        self.phases[phase]["duration"] = in_seconds(first)
+        self.insert_after(phase, fresh)
+        return phase + 1
+
+    def _renumber(self, start: int) -> None:
+        for phase in self.phases:
+            if "next" in phase:
+                phase["next"] = _moved(phase["next"], start)
+
+
+def in_seconds(value: float) -> str:
+    """Write seconds as networks do: no more digits than needed."""
+    return f"{value:.2f}".rstrip("0").rstrip(".")
+
+
+def whole(seconds: float) -> float:
+    """Round up to whole seconds, SUMO's usual step."""
+    return float(math.ceil(round(seconds, 6)))
+
+
+def _moved(places: str, start: int) -> str:
+    return " ".join(str(int(k) + (int(k) >= start)) if k.isdecimal() else k for k in places.split())

@@ -1,0 +1,80 @@
+"""The command `fix`: read a network, repair it, say what was done, write it whole or not at all."""
+
+import gzip
+from collections import Counter
+from collections.abc import Collection, Iterator
+from pathlib import Path
+
+from dojo_maps.errors import UsageError
+from dojo_maps.inspection import read_source, replaced
+from dojo_maps.issue import Severity
+from dojo_maps.repair.patch import plain_files
+from dojo_maps.repair.repairs import ON_REQUEST, REPAIRS
+from dojo_maps.repair.rounds import Fixed, fix_network
+from dojo_maps.report.formats import printable
+
+
+def fix(source: str, only: Collection[str] = ()) -> Fixed:
+    """Repair a network, or that of a bundle, in memory.
+
+    Raises:
+        SourceError: it cannot be read.
+        UsageError: `only` names a check that has no repair.
+    """
+    for check in only:
+        if check not in REPAIRS:
+            raise UsageError(
+                f"{printable(check)}: no check with a repair; there are {', '.join(sorted(REPAIRS))}"
+            )
+    read = read_source(source)
+    return fix_network(read.data, read.path, only)
+
+
+def patch_of(fixed: Fixed) -> dict[str, str]:
+    """Write what was done as plain XML files, by name."""
+    edits = [(made.check, made.edit) for made in fixed.made]
+    return plain_files(fixed.after.site.text, edits)
+
+
+def describe(fixed: Fixed) -> Iterator[str]:
+    """Say what was done, what was left alone and why, and every check's count before and after."""
+    for made in fixed.made:
+        yield printable(f"{made.check}: {made.edit.element.kind} {made.edit.element.id}: {made.edit.what}")
+    for made in fixed.refused:
+        element = made.edit.element
+        yield printable(f"{made.check}: {element.kind} {element.id}: left as it is, {made.reason}")
+    before, after = fixed.before.counts, fixed.after.counts
+    yield f"{'check':36}{'before':>7}{'after':>7}"
+    for check in before:
+        asked = "  repaired on request: --only" if check in ON_REQUEST and check in after else ""
+        yield f"{check:36}{before[check][0]:7}{after.get(check, (0, 0))[0]:7}{asked}"
+    severities = Counter(issue.severity for issue in fixed.after.issues)
+    counts = ", ".join(f"{severities[severity]} {severity}s" for severity in Severity)
+    repairs, rounds = _several(len(fixed.made), "repair"), _several(fixed.rounds, "round")
+    yield f"{repairs} in {rounds}; {counts} are left"
+
+
+def _several(count: int, name: str) -> str:
+    return f"{count} {name}" if count == 1 else f"{count} {name}s"
+
+
+def write_fixed(fixed: Fixed, output: Path | None, patch: Path | None) -> None:
+    """Write the network, packed if its name says so, and the patch's files; each whole or not at all.
+
+    Raises:
+        UsageError: a path cannot be written.
+    """
+    try:
+        if patch is not None:
+            patch.mkdir(parents=True, exist_ok=True)
+            for name, text in patch_of(fixed).items():
+                with replaced(patch / name) as fresh:
+                    fresh.write_text(text, encoding="utf-8")
+        if output is not None:
+            if output.is_dir():
+                raise UsageError(f"{output}: is a folder; name the network to write with -o")
+            data = fixed.after.data
+            with replaced(output) as fresh:
+                fresh.write_bytes(gzip.compress(data, mtime=0) if output.name.endswith(".gz") else data)
+    except OSError as error:
+        raise UsageError(f"{error.filename}: cannot be written ({error.strerror})") from error

@@ -1,0 +1,44 @@
+"""Let netconvert build a network anew where no smaller change will do, and keep its signal programs."""
+
+import tempfile
+from collections.abc import Sequence
+from pathlib import Path
+
+from dojo_maps.repair.edits import Rebuild
+from dojo_maps.sources.enrich_net import KEEP, enrich_network
+from dojo_maps.sources.netconvert import NetconvertError, run_netconvert
+from dojo_maps.sources.sumo_xml import LogicRecord, read_records
+
+_INPUT, _OUTPUT = "input.net.xml", "output.net.xml"
+
+
+def rebuild(data: bytes, rebuilds: Sequence[Rebuild], path: Path) -> bytes:
+    """Build a network anew, with what is to be added; signal programs stay.
+
+    Raises:
+        NetconvertError: netconvert refuses the network, crashes on it, or changes a program.
+        TransplantError: netconvert changed something for vehicles that cannot be put back.
+    """
+    added = "".join(f"    {element}\n" for each in rebuilds for element in each.connections)
+    if added:
+        connections = f"<connections>\n{added}</connections>\n"
+        return enrich_network(data, path=path, options=("--walkingareas",), connections=connections)[0]
+    with tempfile.TemporaryDirectory(prefix="dojo-fix-") as name:
+        folder = Path(name)
+        (folder / _INPUT).write_bytes(data)
+        run_netconvert(["-s", _INPUT, "-o", _OUTPUT, *KEEP], folder=folder)
+        built = (folder / _OUTPUT).read_bytes()
+    before, after = (_programs(read_records(each, path).logics) for each in (data, built))
+    if before != after:
+        raise NetconvertError("netconvert would change signal programs")
+    return built
+
+
+def _programs(logics: Sequence[LogicRecord]) -> dict[tuple[str, str], list[tuple[str, float]]]:
+    """What every program shows, and for how long."""
+    return {
+        (logic.attributes.get("id", ""), logic.attributes.get("programID", "")): [
+            (phase.get("state", ""), float(phase.get("duration", "0"))) for phase in logic.phases
+        ]
+        for logic in logics
+    }

@@ -1,0 +1,40 @@
+"""Every repair by its check, in the order in which they are made."""
+
+from dojo_maps.repair.crossing_repairs import add_crossings
+from dojo_maps.repair.edits import Repair
+from dojo_maps.repair.joining import join_signals
+from dojo_maps.repair.reference_repairs import (
+    drop_unused_letters,
+    mend_references,
+    remove_copies,
+)  # fmt: skip
+from dojo_maps.repair.rule_repairs import complete_rules
+from dojo_maps.repair.shape_repairs import close_gaps, drop_repeated_points, trim_pavement
+from dojo_maps.repair.signal_repairs import (
+    add_yellow,
+    complete_states,
+    lengthen_yellow,
+    let_yield,
+    repair_programs,
+)  # fmt: skip
+from dojo_maps.repair.walk_repairs import clear_crossings, lengthen_walks
+
+REPAIRS: dict[str, Repair] = {
+    "topology.duplicate_id": remove_copies,
+    "topology.dangling_reference": mend_references,
+    "topology.request_mismatch": complete_rules,
+    "geometry.lane_invalid": drop_repeated_points,
+    "geometry.gap": close_gaps,
+    "geometry.sidewalk_on_road": trim_pavement,
+    "signals.state_length": repair_programs(complete_states, uncovers=True),
+    "signals.unused_index": drop_unused_letters,
+    "signals.split_signals": join_signals,
+    "signals.green_conflict": repair_programs(let_yield),
+    "signals.missing_yellow": repair_programs(add_yellow),
+    "signals.yellow_short": repair_programs(lengthen_yellow),
+    "pedestrians.missing_crossing": add_crossings,
+    "pedestrians.crossing_clearance": repair_programs(clear_crossings),
+    "pedestrians.walk_min": repair_programs(lengthen_walks),
+}
+ON_REQUEST = frozenset({"pedestrians.missing_crossing"})
+"""Checks that are repaired only when they are named: their repair adds to a network what it never had."""

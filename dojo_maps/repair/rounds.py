@@ -1,0 +1,167 @@
+"""Repair in rounds: propose, try, keep what mends its check and makes no other worse."""
+
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from collections.abc import Set as AbstractSet
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from dojo_maps.errors import DojoError
+from dojo_maps.issue import Element, Issue, Severity
+from dojo_maps.repair.edits import Change, Edit, Site
+from dojo_maps.repair.net_text import NetText
+from dojo_maps.repair.patch import apply_changes
+from dojo_maps.repair.repairs import ON_REQUEST, REPAIRS
+from dojo_maps.sources.sumo_net import read_network
+from dojo_maps.validation.facts import Facts
+from dojo_maps.validation.profiles import DEFAULT, Profile
+from dojo_maps.validation.runner import find_issues
+
+MOST_ROUNDS = 5
+_MOST_TRIALS = 60
+"""Per check and round; each is one validation of the whole network."""
+
+Counts = Mapping[str, tuple[int, int]]
+"""By check: its issues, and those of them that are errors."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class State:
+    """A network at one moment of its repair."""
+
+    data: bytes
+    site: Site
+    issues: Sequence[Issue]
+    counts: Counts
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Made:
+    """An edit that was kept, or one that was given up, and why."""
+
+    check: str
+    edit: Edit
+    reason: str = ""
+
+
+@dataclass(slots=True, kw_only=True)
+class Fixed:
+    """The network before and after, the edits that were kept and given up, and how many rounds it took."""
+
+    before: State
+    after: State
+    made: list[Made] = field(default_factory=list)
+    refused: list[Made] = field(default_factory=list)
+    rounds: int = 0
+
+
+def fix_network(data: bytes, path: Path, only: Collection[str] = (), profile: Profile = DEFAULT) -> Fixed:
+    """Repair a network in memory.
+
+    Args:
+        data: its bytes, unpacked.
+        path: where they came from, for errors.
+        only: the checks to repair; empty means all but those that are repaired on request.
+        profile: the limits to reach.
+
+    Raises:
+        SourceError: the bytes are not a network.
+    """
+
+    def look(changed: bytes) -> State:
+        return _inspect(changed, path, profile)
+
+    first = look(data)
+    fixed = Fixed(before=first, after=first)
+    wanted = [check for check in REPAIRS if check in only or not (only or check in ON_REQUEST)]
+    for number in range(1, MOST_ROUNDS + 1):
+        kept = sum([_repair(check, fixed, look) for check in wanted])
+        if not kept:
+            break
+        fixed.rounds = number
+    return fixed
+
+
+def _repair(check: str, fixed: Fixed, look: Callable[[bytes], State]) -> int:
+    """Repair one check as far as that makes nothing worse; how many edits were kept."""
+    issues = [issue for issue in fixed.after.issues if issue.check == check]
+    known = {(made.check, made.edit.element) for made in fixed.refused}
+    edits = REPAIRS[check](fixed.after.site, issues) if issues else ()
+    waiting = [[edit for edit in edits if (check, edit.element) not in known]]
+    kept, trials = 0, 0
+    while waiting and trials < _MOST_TRIALS:
+        batch = waiting.pop(0)
+        if not batch:
+            continue
+        trials += 1
+        after, reason = _try(check, fixed.after, batch, look)
+        if after is not None:
+            fixed.after = after
+            fixed.made += [Made(check=check, edit=edit) for edit in batch]
+            kept += len(batch)
+        elif len(batch) == 1:
+            fixed.refused.append(Made(check=check, edit=batch[0], reason=reason))
+        else:
+            half = len(batch) // 2
+            waiting[:0] = [batch[:half], batch[half:]]
+    reason = "too many others had to be tried one by one"
+    fixed.refused += [Made(check=check, edit=edit, reason=reason) for batch in waiting for edit in batch]
+    return kept
+
+
+def _try(
+    check: str, state: State, batch: Sequence[Edit], look: Callable[[bytes], State]
+) -> tuple[State | None, str]:
+    """Make edits and look again; the network after, or why it stays as it was."""
+    changes: list[Change] = [change for edit in batch for change in edit.changes]
+    try:
+        after = look(apply_changes(state.site.text, changes, state.site.path))
+        if check in ON_REQUEST:
+            after = _follow_up(state, after, look)
+    except DojoError as error:
+        return None, str(error)
+    uncovered = {element for edit in batch for element in edit.uncovers}
+    for other in _worse(state, after, uncovered):
+        old, new = (s.counts.get(other, (0, 0))[0] for s in (state, after))
+        return None, f"it would make {other} worse ({old} -> {new})"
+    if after.counts.get(check, (0, 0)) == state.counts.get(check, (0, 0)):
+        return None, "it would not help"
+    return after, ""
+
+
+def _worse(before: State, after: State, uncovered: AbstractSet[Element] = frozenset()) -> list[str]:
+    """List the checks that find more issues, or more errors; what was only hidden before does not count."""
+    counts = after.counts
+    if uncovered:
+        known = {(issue.check, issue.message) for issue in before.issues}
+        counts = _count(
+            issue
+            for issue in after.issues
+            if (issue.check, issue.message) in known or not uncovered & set(issue.elements)
+        )
+    pairs = {check: (before.counts.get(check, (0, 0)), count) for check, count in counts.items()}
+    return sorted(check for check, (old, new) in pairs.items() if new[0] > old[0] or new[1] > old[1])
+
+
+def _follow_up(before: State, after: State, look: Callable[[bytes], State]) -> State:
+    """Mend at once what an addition brings with it, such as programs that leave too little time to walk."""
+    for check in _worse(before, after):
+        if check in REPAIRS and check not in ON_REQUEST:
+            issues = [issue for issue in after.issues if issue.check == check]
+            changes = [change for edit in REPAIRS[check](after.site, issues) for change in edit.changes]
+            after = look(apply_changes(after.site.text, changes, after.site.path))
+    return after
+
+
+def _inspect(data: bytes, path: Path, profile: Profile) -> State:
+    road_map, known = read_network(data, path=path, name=path.name, sha256="")
+    issues, _ = find_issues(road_map, None, known, profile)
+    site = Site(facts=Facts(road_map), text=NetText(data, path), limits=profile.limits, path=path)
+    return State(data=data, site=site, issues=issues, counts=_count(issues))
+
+
+def _count(issues: Iterable[Issue]) -> dict[str, tuple[int, int]]:
+    counts: dict[str, tuple[int, int]] = {}
+    for issue in issues:
+        count, errors = counts.get(issue.check, (0, 0))
+        counts[issue.check] = (count + 1, errors + (issue.severity is Severity.ERROR))
+    return counts

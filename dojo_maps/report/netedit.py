@@ -1,0 +1,52 @@
+"""Files that open netedit on an issue: selections, and views that look at its place."""
+
+from collections import defaultdict
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any
+from xml.sax.saxutils import quoteattr
+
+_KINDS = {
+    "road": "edge",
+    "lane": "lane",
+    "junction": "junction",
+    "crossing": "crossing",
+    "connection": "connection",
+}
+_ZOOM = 1500
+_MOST_VIEWS = 1000
+
+
+def selection_lines(issues: Iterable[Mapping[str, Any]]) -> list[str]:
+    """Name the elements of issues as netedit's selection files do, each once."""
+    lines = (
+        f"{_KINDS[element['kind']]}:{element['id']}"
+        for issue in issues
+        for element in issue["elements"]
+        if element["kind"] in _KINDS and "\n" not in element["id"]
+    )
+    return list(dict.fromkeys(lines))
+
+
+def write_netedit_files(report: Mapping[str, Any], folder: Path) -> None:
+    """Write a selection per check, and a selection and a view per issue, into a folder.
+
+    Use them as `netedit -s NET --selection-file 0007.selection.txt -g 0007.view.xml`.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    by_check: dict[str, list[Mapping[str, Any]]] = defaultdict(list)
+    for number, issue in enumerate(report["issues"], 1):
+        by_check[issue["check"]].append(issue)
+        if number <= _MOST_VIEWS:
+            _write_selection(folder / f"{number:04}.selection.txt", [issue])
+            x, y = (quoteattr(f"{value:.2f}") for value in issue["position"][:2])
+            (folder / f"{number:04}.view.xml").write_text(
+                f'<viewsettings>\n    <viewport zoom="{_ZOOM}" x={x} y={y} angle="0"/>\n</viewsettings>\n',
+                encoding="utf-8",
+            )
+    for check, issues in by_check.items():
+        _write_selection(folder / f"{check}.selection.txt", issues)
+
+
+def _write_selection(path: Path, issues: Iterable[Mapping[str, Any]]) -> None:
+    path.write_text("".join(f"{line}\n" for line in selection_lines(issues)), encoding="utf-8")

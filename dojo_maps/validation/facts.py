@@ -1,0 +1,239 @@
+"""A description with what several checks look up in it; every table is made once, when first asked for."""
+
+import math
+from collections import defaultdict
+from collections.abc import Sequence
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+import shapely
+
+from dojo_maps.description import (
+    Connection,
+    Crossing,
+    Junction,
+    Lane,
+    LaneKind,
+    Origin,
+    Points,
+    Road,
+    RoadMap,
+    Signal,
+    WalkingArea,
+)  # fmt: skip
+from dojo_maps.geometry.pieces import lane_strips
+from dojo_maps.geometry.polylines import Floats, Ints, Shapes, lift
+from dojo_maps.meshes.mesh import Mesh
+
+DRIVABLE = (LaneKind.DRIVING, LaneKind.BUS)
+_LOOK = 15.0
+"""Metres of a road that tell where it leads at a junction."""
+_BACK_DEG = 160.0
+"""A road that leaves at more than this from straight on leads back."""
+_RAILWAY = ("rail_signal", "rail_crossing")
+
+
+class Facts:
+    """The network's own part of a map, indexed; shapes are shapely, metres, in the frame of `origin`."""
+
+    def __init__(self, road_map: RoadMap, meshes: Sequence[Mesh] | None = None) -> None:
+        """Take a description, furnished or not, and its scene if there is one."""
+        self.map = road_map
+        self.meshes = meshes or ()
+        self.origin = np.array([*road_map.origin, 0.0])
+        self.lanes = {lane.id: lane for lane in road_map.lanes}
+        self.roads = {road.id: road for road in road_map.roads}
+        self.junctions = {junction.id: junction for junction in road_map.junctions}
+        self.kept: dict[str, Any] = {}
+        self._headings: dict[tuple[str, bool], tuple[float, float]] = {}
+
+    @cached_property
+    def crossings(self) -> dict[str, Crossing]:
+        """The network's own crossings by id."""
+        return {c.id: c for c in self.map.crossings if c.origin is Origin.NETWORK}
+
+    @cached_property
+    def walking_areas(self) -> dict[str, WalkingArea]:
+        """The network's own walking areas by id."""
+        return {area.id: area for area in self.map.walking_areas if area.origin is Origin.NETWORK}
+
+    @cached_property
+    def connections(self) -> dict[str, Connection]:
+        """Connections by id."""
+        return {connection.id: connection for connection in self.map.connections}
+
+    @cached_property
+    def leaving(self) -> dict[str, list[Connection]]:
+        """The connections that leave each lane."""
+        found: dict[str, list[Connection]] = defaultdict(list)
+        for connection in self.map.connections:
+            found[connection.from_lane].append(connection)
+        return found
+
+    @cached_property
+    def entering(self) -> dict[str, list[Connection]]:
+        """The connections that enter each lane."""
+        found: dict[str, list[Connection]] = defaultdict(list)
+        for connection in self.map.connections:
+            found[connection.to_lane].append(connection)
+        return found
+
+    @cached_property
+    def drivable(self) -> tuple[Lane, ...]:
+        """The lanes for cars and buses."""
+        return tuple(lane for lane in self.map.lanes if lane.kind in DRIVABLE)
+
+    @cached_property
+    def signals(self) -> tuple[Signal, ...]:
+        """The signals of the street: those that control railways only are left out."""
+        return tuple(signal for signal in self.map.signals if not self._is_of_railway(signal))
+
+    def _is_of_railway(self, signal: Signal) -> bool:
+        if any(program.kind.startswith("rail") for program in signal.programs):
+            return True
+        if signal.junctions and all(self.kind(id_) in _RAILWAY for id_ in signal.junctions):
+            return True
+        lanes = [self.lanes[link.from_id] for link in signal.links if link.from_id in self.lanes]
+        return bool(lanes) and all(lane.kind is LaneKind.RAIL for lane in lanes)
+
+    def kind(self, junction: str) -> str:
+        """Name a junction's type; an unknown junction has none."""
+        return self.junctions[junction].kind if junction in self.junctions else ""
+
+    def legs(self, junction: str) -> int:
+        """Count a junction's neighbours."""
+        if junction not in self.junctions:
+            return 0
+        found = self.junctions[junction]
+        ends = {self.roads[road].from_junction for road in found.incoming}
+        return len(ends | {self.roads[road].to_junction for road in found.outgoing})
+
+    def lanes_of(self, road: str) -> list[Lane]:
+        """List a road's lanes, the outermost first."""
+        return [self.lanes[lane] for lane in self.roads[road].lanes if lane in self.lanes]
+
+    def classes(self, road: str) -> frozenset[str]:
+        """Tell which vehicles may use a road."""
+        return self._classes[road]
+
+    @cached_property
+    def _classes(self) -> dict[str, frozenset[str]]:
+        return {road: frozenset().union(*(lane.allow for lane in self.lanes_of(road))) for road in self.roads}
+
+    def ways_on(self, road: Road, junction: Junction | None) -> list[Road]:
+        """List the roads for its vehicles that leave a road's end, other than back to where it comes from."""
+        if junction is None:
+            return []
+        onward = (self.roads[id_] for id_ in junction.outgoing)
+        arriving = self.heading(road, at_end=True)
+        return [
+            other
+            for other in onward
+            if other.to_junction != road.from_junction
+            and self.classes(other.id) & self.classes(road.id)
+            and abs(turn_deg(arriving, self.heading(other, at_end=False))) < _BACK_DEG
+        ]
+
+    def heading(self, road: Road, *, at_end: bool) -> tuple[float, float]:
+        """Take the direction in which a road begins or ends, over its 15 metres there; metres."""
+        key = (road.id, at_end)
+        if key not in self._headings:
+            shape = self.lanes_of(road.id)[-1].shape[:: -1 if at_end else 1, :2].tolist()
+            x, y = shape[0]
+            far = next((p for p in shape if math.hypot(p[0] - x, p[1] - y) >= _LOOK), shape[-1])
+            self._headings[key] = (x - far[0], y - far[1]) if at_end else (far[0] - x, far[1] - y)
+        return self._headings[key]
+
+    @cached_property
+    def road_links(self) -> dict[tuple[str, str], list[Connection]]:
+        """The connections from road to road."""
+        found: dict[tuple[str, str], list[Connection]] = defaultdict(list)
+        for connection in self.map.connections:
+            pair = (self.lanes[connection.from_lane].road, self.lanes[connection.to_lane].road)
+            found[pair].append(connection)
+        return found
+
+    @cached_property
+    def flat(self) -> bool:
+        """Whether the map has no heights."""
+        return all(not lane.shape[:, 2].any() for lane in self.map.lanes)
+
+    @cached_property
+    def road_strips(self) -> Shapes:
+        """The strips of the drivable lanes, in their order; broken ones are mended."""
+        return self.strips_of(self.drivable)
+
+    @cached_property
+    def road_tree(self) -> shapely.STRtree:
+        """An index over `road_strips`."""
+        return shapely.STRtree(self.road_strips)
+
+    def strips_of(self, lanes: Sequence[Lane]) -> Shapes:
+        """Outline the strips of lanes."""
+        strips = shapely.transform(lane_strips(lanes), lambda xy: xy - self.origin[:2])
+        return _mended(np.asarray(strips, dtype=object))
+
+    def polygons_of(self, rings: Sequence[Points]) -> Shapes:
+        """Make polygons of rings; broken ones are mended, those without area are empty."""
+        made = [
+            shapely.Polygon(ring[:, :2] - self.origin[:2]) if len(ring) > 2 else shapely.Polygon()
+            for ring in rings
+        ]
+        return _mended(np.array(made, dtype=object))
+
+    def near_level(self, one: Points, other: Points, at: Floats, height: float) -> bool:
+        """Tell whether two shapes lie on one level at a place: less than `height` metres apart."""
+        if self.flat:
+            return True
+        heights = [float(lift(at[None, :2], line)[0, 2]) for line in (one, other)]
+        return abs(heights[0] - heights[1]) < height
+
+    @cached_property
+    def corners(self) -> tuple[Floats, Ints]:
+        """All drivable lanes' positions in a row, (n, 3), and each one's lane as a place in `drivable`."""
+        return in_a_row([lane.shape for lane in self.drivable])
+
+    @cached_property
+    def way_lengths(self) -> Floats:
+        """The length of each connection's way, metres; gaps between its parts do not count."""
+        places, owners = in_a_row([connection.shape for connection in self.map.connections])
+        steps = np.hypot(*np.diff(places[:, :2], axis=0).T) * (owners[1:] == owners[:-1])
+        lengths = np.zeros(len(self.map.connections))
+        np.add.at(lengths, owners[1:], steps)
+        return lengths - [sum(across for across, _ in c.joints) for c in self.map.connections]
+
+    @cached_property
+    def way_length(self) -> dict[str, float]:
+        """`way_lengths` by the connections' ids."""
+        return dict(zip((c.id for c in self.map.connections), self.way_lengths.tolist(), strict=True))
+
+
+def in_a_row(lines: Sequence[Points]) -> tuple[Floats, Ints]:
+    """Put lines into one array (n, 3); with each position's line as its place."""
+    if not lines:
+        return np.empty((0, 3)), np.empty(0, dtype=np.int64)
+    return np.concatenate(lines), np.repeat(np.arange(len(lines)), [len(line) for line in lines])
+
+
+def turn_deg(before: Sequence[float] | Floats, after: Sequence[float] | Floats) -> float:
+    """Measure the turn from one direction to another, degrees, positive to the left."""
+    cross, dot = before[0] * after[1] - before[1] * after[0], before[0] * after[0] + before[1] * after[1]
+    return math.degrees(math.atan2(cross, dot))
+
+
+def twisted_share(polygon: shapely.Polygon, mended: float | None = None) -> float:
+    """Measure the share of a ring's ground that it runs around more than once or the wrong way.
+
+    Args:
+        polygon: as drawn.
+        mended: its ground in square metres once it is mended, where that is known.
+    """
+    ground = shapely.make_valid(polygon).area if mended is None else mended
+    return float(1.0 - abs(shapely.Polygon(polygon.exterior).area) / ground) if ground > 0 else 1.0
+
+
+def _mended(shapes: Shapes) -> Shapes:
+    broken = ~shapely.is_valid(shapes)
+    shapes[broken] = shapely.make_valid(shapes[broken])
+    return shapes

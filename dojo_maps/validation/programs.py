@@ -1,0 +1,161 @@
+"""Signal programs as checks read them: who is shown what in which phase, and who must not go with whom."""
+
+import itertools
+from collections import defaultdict
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+
+from dojo_maps.description import Connection, Crossing, LinkKind, Phase, Points, Program, Signal
+from dojo_maps.issue import Element
+from dojo_maps.validation.check import element
+from dojo_maps.validation.facts import Facts
+
+GREEN, YELLOW = "Gg", "yY"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Conflict:
+    """Two ways across a junction that cross or join, and their letters in the signal's state."""
+
+    one: Connection | Crossing
+    other: Connection | Crossing
+    indices: tuple[int, int]
+
+
+class SignalFacts:
+    """A signal with its links by letter and the conflicts among them."""
+
+    def __init__(self, facts: Facts, signal: Signal) -> None:
+        """Look up what a signal controls."""
+        self.signal = signal
+        self.facts = facts
+        self.links: dict[int, list[Connection | Crossing]] = defaultdict(list)
+        self.vehicle = sorted({link.index for link in signal.links if link.kind is LinkKind.VEHICLE})
+        self.walking = sorted({link.index for link in signal.links if link.kind is LinkKind.PEDESTRIAN})
+        for link in signal.links:
+            way = way_of(facts, f"{link.from_id}->{link.to_id}") or way_of(facts, link.to_id)
+            if way is not None and way not in self.links[link.index]:
+                self.links[link.index].append(way)
+        self.conflicts = tuple(_conflicts(facts, signal))
+        self._columns: dict[int, tuple[Program, list[str]]] = {}
+
+    def letters(self, program: Program, index: int) -> str:
+        """What one letter of the state shows from phase to phase; where a state is too short, `?`."""
+        known = self._columns.get(id(program))
+        if known is None:
+            states = [phase.state for phase in program.phases]
+            columns = ["".join(column) for column in itertools.zip_longest(*states, fillvalue="?")]
+            # The program is kept as well, so that no other one can get its identity.
+            known = self._columns[id(program)] = (program, columns)
+        return known[1][index] if index < len(known[1]) else "?" * len(program.phases)
+
+    def elements(self, *indices: int) -> tuple[Element, ...]:
+        """Name the signal, then the ways and lanes that letters control."""
+        ways = [way for index in dict.fromkeys(indices) for way in self.links.get(index, ())]
+        return (*element("signal", self.signal.id), *name_ways(ways))
+
+    def named(self, program: Program) -> str:
+        """Name one of its programs in a sentence."""
+        return f"program {program.id} of the signal {self.signal.id}"
+
+    def place(self, index: int) -> Points:
+        """Where those stop whom a letter controls, (3,)."""
+        for way in self.links.get(index, ()):
+            return way.shape[0]
+        return self.middle
+
+    @property
+    def middle(self) -> Points:
+        """A place at the signal, (3,): where its first link stops, or else its junction."""
+        for ways in self.links.values():
+            for way in ways:
+                return way.shape[0]
+        for junction in self.signal.junctions:
+            if junction in self.facts.junctions:
+                return self.facts.junctions[junction].position  # type: ignore[return-value]
+        named = self.facts.junctions.get(self.signal.id)
+        return named.position if named else (*self.facts.map.origin, 0.0)  # type: ignore[return-value]
+
+
+def signals_of(facts: Facts) -> tuple[SignalFacts, ...]:
+    """Look up the street's signals, once per map."""
+    found: tuple[SignalFacts, ...] | None = facts.kept.get("signals")
+    if found is None:
+        found = facts.kept["signals"] = tuple(SignalFacts(facts, signal) for signal in facts.signals)
+    return found
+
+
+def programs_of(facts: Facts) -> Iterator[tuple[SignalFacts, Program]]:
+    """List every signal's programs that change, those with states of unequal length left out."""
+    for signal in signals_of(facts):
+        for program in signal.signal.programs:
+            if len(program.phases) > 1 and len({len(phase.state) for phase in program.phases}) == 1:
+                yield signal, program
+
+
+def following(program: Program, phase: int) -> tuple[int, ...]:
+    """The places of the phases that may come after one."""
+    return program.phases[phase].following or ((phase + 1) % len(program.phases),)
+
+
+def least(phase: Phase) -> float:
+    """The seconds that a phase lasts at least."""
+    return phase.duration if phase.min_duration is None else min(phase.duration, phase.min_duration)
+
+
+def run_from(program: Program, letters: str, phase: int, wanted: str) -> float:
+    """Measure how long a letter of `wanted` is shown at least, from the start of a phase; seconds."""
+    total, seen = 0.0, set[int]()
+    while letters[phase] in wanted and phase not in seen:
+        seen.add(phase)
+        total += least(program.phases[phase])
+        phase = following(program, phase)[0]
+    return total
+
+
+def starts(program: Program, letters: str, wanted: str) -> list[int]:
+    """The phases in which a letter of `wanted` begins to be shown."""
+    begun = {
+        after
+        for phase in range(len(letters))
+        if letters[phase] not in wanted
+        for after in following(program, phase)
+        if letters[after] in wanted
+    }
+    return sorted(begun)
+
+
+def way_of(facts: Facts, name: str) -> Connection | Crossing | None:
+    """Find a connection or one of the network's crossings by its id."""
+    return facts.connections.get(name) or facts.crossings.get(name)
+
+
+def name_ways(ways: Iterable[Connection | Crossing]) -> tuple[Element, ...]:
+    """Name ways and, for connections, their lanes."""
+    ways = list(ways)
+    lanes = [lane for way in ways if isinstance(way, Connection) for lane in (way.from_lane, way.to_lane)]
+    named = [
+        item
+        for way in ways
+        for item in element("crossing" if isinstance(way, Crossing) else "connection", way.id)
+    ]
+    return (*named, *element("lane", *dict.fromkeys(lanes)))
+
+
+def _conflicts(facts: Facts, signal: Signal) -> Iterator[Conflict]:
+    for name in signal.junctions:
+        junction = facts.junctions.get(name)
+        if junction is None:
+            continue
+        ways = [way_of(facts, rule.link) for rule in junction.right_of_way]
+        pairs = {
+            (min(k, foe), max(k, foe)) for k, rule in enumerate(junction.right_of_way) for foe in rule.foes
+        }
+        for k, foe in sorted(pairs):
+            one, other = ways[k], ways[foe]
+            if one is None or other is None or k == foe:
+                continue
+            if one.signal != signal.id or other.signal != signal.id:
+                continue
+            if one.link_index is not None and other.link_index is not None:
+                yield Conflict(one=one, other=other, indices=(one.link_index, other.link_index))

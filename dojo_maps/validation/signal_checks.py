@@ -1,0 +1,209 @@
+"""Checks of what signals show: states that fit the links, greens that never come or that collide."""
+
+from collections import defaultdict
+from collections.abc import Iterator
+
+from dojo_maps.validation.check import ERROR, NOTE, WARNING, Check, Finding, element
+from dojo_maps.validation.facts import Facts
+from dojo_maps.validation.profiles import Limits
+from dojo_maps.validation.programs import (
+    GREEN,
+    Conflict,
+    following,
+    name_ways,
+    programs_of,
+    signals_of,
+)  # fmt: skip
+
+_GOES = "GgsoO"
+"""Letters with which a vehicle may go, now or after a stop: green, stop first, signals off."""
+
+
+def check_state_length(facts: Facts, _limits: Limits) -> Iterator[Finding]:
+    """Find programs whose states have too few letters for the signal's links, or not all as many."""
+    for signal in signals_of(facts):
+        needed = max((link.index for link in signal.signal.links), default=-1) + 1
+        for program in signal.signal.programs:
+            sizes = {len(phase.state) for phase in program.phases}
+            if sizes and (min(sizes) < needed or len(sizes) > 1):
+                yield Finding(
+                    elements=element("signal", signal.signal.id),
+                    at=signal.middle,
+                    message=f"{signal.named(program)} has states of {_list(sorted(sizes))} letters for "
+                    f"{needed} links",
+                    measured=float(min(sizes)),
+                    limit=float(needed),
+                )
+
+
+def check_unused_index(facts: Facts, _limits: Limits) -> Iterator[Finding]:
+    """Find letters of a state that control nothing."""
+    for signal in signals_of(facts):
+        used = {link.index for link in signal.signal.links}
+        for program in signal.signal.programs:
+            size = max((len(phase.state) for phase in program.phases), default=0)
+            unused = [index for index in range(size) if index not in used]
+            if unused and used:
+                yield Finding(
+                    elements=element("signal", signal.signal.id),
+                    at=signal.middle,
+                    message=f"in {signal.named(program)} the letters {_list(unused)} control no link",
+                    measured=float(len(unused)),
+                    limit=0.0,
+                )
+
+
+def check_never_green(facts: Facts, _limits: Limits) -> Iterator[Finding]:
+    """Find links that no phase of a program lets go; a warning where another program of the signal does."""
+    for signal in signals_of(facts):
+        for index in (*signal.vehicle, *signal.walking):
+            dark = [
+                program.id
+                for program in signal.signal.programs
+                for letters in (signal.letters(program, index),)
+                if letters and "?" not in letters and not set(letters) & set(_GOES)
+            ]
+            if dark:
+                yield Finding(
+                    elements=signal.elements(index),
+                    at=signal.place(index),
+                    message=f"link {index} of the signal {signal.signal.id} never gets green in "
+                    f"{_programs(dark)}",
+                    severity=WARNING if len(dark) < len(signal.signal.programs) else ERROR,
+                )
+
+
+def _programs(names: list[str]) -> str:
+    return f"program {names[0]}" if len(names) == 1 else f"{len(names)} programs, {names[0]} among them"
+
+
+def check_always_green(facts: Facts, _limits: Limits) -> Iterator[Finding]:
+    """Find protected links that never stop while links that they cross get a green, too."""
+    for signal, program in programs_of(facts):
+        foes: dict[int, set[int]] = defaultdict(set)
+        for conflict in signal.conflicts:
+            one, other = conflict.indices
+            foes[one].add(other)
+            foes[other].add(one)
+        for index in signal.vehicle:
+            if set(signal.letters(program, index)) != {"G"}:
+                continue
+            crossed = sorted(
+                foe for foe in foes[index] if foe != index and set(signal.letters(program, foe)) & set(GREEN)
+            )
+            if crossed:
+                yield Finding(
+                    elements=signal.elements(index, *crossed),
+                    at=signal.place(index),
+                    message=f"link {index} never stops in {signal.named(program)}, though link "
+                    f"{crossed[0]} crosses it",
+                )
+
+
+def check_green_conflict(facts: Facts, _limits: Limits) -> Iterator[Finding]:
+    """Find pairs of letters that show protected green at once though ways they control cross or join."""
+    for signal in signals_of(facts):
+        pairs: dict[tuple[int, int], list[Conflict]] = defaultdict(list)
+        for conflict in signal.conflicts:
+            one, other = sorted(conflict.indices)
+            pairs[one, other].append(conflict)
+        for program in signal.signal.programs:
+            for (one, other), conflicts in pairs.items():
+                shown = zip(signal.letters(program, one), signal.letters(program, other), strict=True)
+                both = [k for k, letters in enumerate(shown) if letters == ("G", "G")]
+                if both:
+                    ways = dict.fromkeys(way for c in conflicts for way in (c.one, c.other))
+                    yield Finding(
+                        elements=(*element("signal", signal.signal.id), *name_ways(ways)),
+                        at=conflicts[0].one.shape[0],
+                        message=f"phase {both[0]} of {signal.named(program)} gives G to the links {one} and "
+                        f"{other}, whose ways cross or join",
+                    )
+
+
+def check_missing_yellow(facts: Facts, _limits: Limits) -> Iterator[Finding]:
+    """Find phases after which vehicles see red straight after green."""
+    for signal, program in programs_of(facts):
+        for phase in range(len(program.phases)):
+            cut = [
+                index
+                for index in signal.vehicle
+                for letters in (signal.letters(program, index),)
+                if letters[phase] in GREEN
+                and any(letters[after] in "rs" for after in following(program, phase))
+            ]
+            if cut:
+                yield Finding(
+                    elements=signal.elements(*cut),
+                    at=signal.place(cut[0]),
+                    message=f"after phase {phase} of {signal.named(program)} the links {_list(cut)} go "
+                    "from green to red without yellow",
+                )
+
+
+def _list(values: list[int]) -> str:
+    return ", ".join(map(str, values))
+
+
+CHECKS = (
+    Check(
+        id="signals.state_length",
+        code="SIG001",
+        title="States have a letter for each link",
+        severity=ERROR,
+        limit="highest link index + 1, in every phase",
+        source="SUMO tls_check.py; sumo: Mismatching phase size",
+        hint="write states with a letter per link, or let netconvert --tls.rebuild make them",
+        run=check_state_length,
+    ),
+    Check(
+        id="signals.unused_index",
+        code="SIG002",
+        title="Letters of a state control a link",
+        severity=NOTE,
+        limit="none without a link",
+        source="sumo: Unused state in tlLogic",
+        hint="remove the letters with netconvert --tls.ungroup-signals, or add the missing connection",
+        run=check_unused_index,
+    ),
+    Check(
+        id="signals.never_green",
+        code="SIG003",
+        title="Links get green",
+        severity=ERROR,
+        limit="one phase; warning where another program has it",
+        source="sumo: Missing green phase",
+        hint="add a phase in which the link has G or g",
+        run=check_never_green,
+    ),
+    Check(
+        id="signals.always_green",
+        code="SIG004",
+        title="Links that cross others stop at some time",
+        severity=WARNING,
+        limit="one phase",
+        source="MUTCD 4D",
+        hint="show red while the crossing link has green, or g if it has to yield",
+        run=check_always_green,
+    ),
+    Check(
+        id="signals.green_conflict",
+        code="SIG005",
+        title="No two protected greens collide",
+        severity=ERROR,
+        limit="none of the network's foes",
+        source="sumo: Unsafe green phase; mutual conflict",
+        hint="give one of the two g, so that it yields, or a phase of its own",
+        run=check_green_conflict,
+    ),
+    Check(
+        id="signals.missing_yellow",
+        code="SIG006",
+        title="Yellow comes between green and red",
+        severity=WARNING,
+        limit="one phase",
+        source="sumo: Missing yellow phase",
+        hint="put a phase with y for these links after it",
+        run=check_missing_yellow,
+    ),
+)

@@ -1,0 +1,227 @@
+"""Checks of single ways across junctions: turns that miss, lead the wrong way, or run over other roads."""
+
+from collections.abc import Iterator
+
+import numpy as np
+import shapely
+
+from dojo_maps.description import Connection, Lane, Road
+from dojo_maps.geometry.polylines import Floats
+from dojo_maps.validation.check import ERROR, WARNING, Check, Finding, element
+from dojo_maps.validation.facts import DRIVABLE, Facts, turn_deg
+from dojo_maps.validation.profiles import Limits
+
+_STUB = 1.0
+"""Metres: shorter pieces are rounding of coordinates and have no direction."""
+_NEAR = 5.0
+"""Metres from a lane's other end within which a way meets it there."""
+
+
+def check_missing_turn(facts: Facts, limits: Limits) -> Iterator[Finding]:
+    """Find roads that go straight on across a junction for cars without a connection that does.
+
+    Only the straight way is expected: turns are forbidden at many junctions, and a network does not say so. A
+    straight way that another road takes, of the two that lie closest, is not missing either.
+    """
+    for junction in facts.map.junctions:
+        if junction.kind == "dead_end" or junction.kind.startswith("rail"):
+            continue
+        roads, ways = (
+            [facts.roads[id_] for id_ in ids if "passenger" in facts.classes(id_)]
+            for ids in (junction.incoming, junction.outgoing)
+        )
+        for road in roads:
+            onward = [other for other in ways if other.to_junction != road.from_junction]
+            if onward and any(facts.leaving.get(lane) for lane in road.lanes):
+                yield from _missing_straight(facts, limits, road, onward)
+
+
+def _missing_straight(facts: Facts, limits: Limits, road: Road, onward: list[Road]) -> Iterator[Finding]:
+    arriving = facts.heading(road, at_end=True)
+    turns = [turn_deg(arriving, facts.heading(other, at_end=False)) for other in onward]
+    best = int(np.argmin([abs(turn) for turn in turns]))
+    if abs(turns[best]) > limits.straight_deg:
+        return
+    linked = [k for k, other in enumerate(onward) if (road.id, other.id) in facts.road_links]
+    if best in linked or any(abs(turns[k]) < limits.straight_deg for k in linked):
+        return
+    lane = facts.lanes_of(road.id)[-1]
+    yield Finding(
+        elements=element("road", road.id, onward[best].id),
+        at=lane.shape[-1],
+        message=f"no way leads straight on from the road {road.id} to {onward[best].id}",
+        measured=abs(turns[best]),
+        limit=limits.straight_deg,
+    )
+
+
+def _distances(shape: Floats) -> Floats:
+    return np.hypot(*(shape - shape[0]).T)
+
+
+def check_wrong_way(facts: Facts, limits: Limits) -> Iterator[Finding]:
+    """Find ways that meet a lane at its other end, and straight ways that turn back.
+
+    A hairpin is no wrong way: its path bends round and meets the lane where it begins.
+    """
+    for connection in facts.map.connections:
+        one, other = facts.lanes[connection.from_lane], facts.lanes[connection.to_lane]
+        problem, lanes = "", (other, one)
+        if facts.roads[one.road].to_junction != facts.roads[other.road].from_junction:
+            problem = "does not begin where the way ends"
+        elif (
+            connection.direction == "s"
+            and not connection.via
+            and _turn_between(one, other) > limits.turn_back_deg
+        ):
+            problem = "runs against the way, which is said to go straight on"
+        elif max((across for across, _ in connection.joints), default=0.0) < limits.gap_error:
+            continue
+        elif _is_nearer(connection.shape[1], one.shape[0], one.shape[-1], limits):
+            problem, lanes = "is met at its other end", (one, other)
+        elif _is_nearer(connection.shape[-2], other.shape[-1], other.shape[0], limits):
+            problem = "is met at its other end"
+        if problem:
+            yield Finding(
+                elements=(*element("connection", connection.id), *element("lane", *(x.id for x in lanes))),
+                at=one.shape[-1] if lanes[0] is one else other.shape[0],
+                message=f"the connection {connection.id}: the lane {lanes[0].id} {problem}",
+            )
+
+
+def _turn_between(one: Lane, other: Lane) -> float:
+    return abs(turn_deg(-_direction(one.shape[::-1]), _direction(other.shape)))
+
+
+def _is_nearer(place: Floats, wrong: Floats, right: Floats, limits: Limits) -> bool:
+    """Tell whether a path's end lies off the end of a lane that it should meet, and nearer to the other."""
+    gaps = [float(np.hypot(*(end - place)[:2])) for end in (wrong, right)]
+    return gaps[0] + limits.gap_error < gaps[1] and gaps[0] < _NEAR
+
+
+def _direction(shape: Floats) -> Floats:
+    """Take the direction of a line's first metres, past the stubs that rounding leaves."""
+    distances = _distances(shape[:, :2])
+    far = int(np.argmax(distances >= min(_STUB, float(distances.max()))))
+    return shape[far, :2] - shape[0, :2]
+
+
+def check_lane_type_mix(facts: Facts, _limits: Limits) -> Iterator[Finding]:
+    """Find ways that no vehicle may use at both ends, and roads for cars joined for others only."""
+    for connection in facts.map.connections:
+        one, other = facts.lanes[connection.from_lane], facts.lanes[connection.to_lane]
+        if one.allow and other.allow and not set(one.allow) & set(other.allow):
+            yield Finding(
+                elements=(*element("connection", connection.id), *element("lane", one.id, other.id)),
+                at=one.shape[-1],
+                message=f"no vehicle may use both ends of the connection {connection.id}",
+            )
+    for (one_road, other_road), connections in facts.road_links.items():
+        if _excludes_cars(facts, one_road, other_road, connections):
+            first = connections[0]
+            yield Finding(
+                elements=(
+                    *element("connection", first.id),
+                    *element("lane", first.from_lane, first.to_lane),
+                    *element("road", one_road, other_road),
+                ),
+                at=facts.lanes[first.from_lane].shape[-1],
+                message=f"from the road {one_road} to {other_road} cars may not use any connection",
+                severity=WARNING,
+            )
+
+
+def _excludes_cars(facts: Facts, one: str, other: str, connections: list[Connection]) -> bool:
+    if not all("passenger" in facts.classes(road) for road in (one, other)):
+        return False
+    driven = [c for c in connections if facts.lanes[c.from_lane].kind in DRIVABLE]
+    return bool(driven) and not any(
+        "passenger" in facts.lanes[c.from_lane].allow and "passenger" in facts.lanes[c.to_lane].allow
+        for c in connections
+    )
+
+
+def check_median_cross(facts: Facts, limits: Limits) -> Iterator[Finding]:
+    """Find ways across junctions that run over a road they do not join; who turns back has to."""
+    ways = [
+        c
+        for c in facts.map.connections
+        if len(c.shape) > 1 and facts.lanes[c.from_lane].kind in DRIVABLE and c.direction not in ("t", "T")
+    ]
+    if not ways or not facts.drivable:
+        return
+    paths = np.array([shapely.linestrings(c.shape[:, :2] - facts.origin[:2]) for c in ways], dtype=object)
+    which, strip = facts.road_tree.query(paths, predicate="intersects")
+    kept = np.array(
+        [_is_third(facts, ways[w], facts.drivable[s]) for w, s in zip(which, strip, strict=True)], dtype=bool
+    )
+    which, strip = which[kept], strip[kept]
+    over = shapely.intersection(paths[which], facts.road_strips[strip])
+    seen: set[tuple[int, str]] = set()
+    for k in np.flatnonzero(shapely.length(over) > limits.path_on_road):
+        way, lane = ways[which[k]], facts.drivable[strip[k]]
+        at = shapely.get_coordinates(over[k])[0] + facts.origin[:2]
+        if (int(which[k]), lane.road) in seen or not facts.near_level(
+            way.shape, lane.shape, at, limits.level_height
+        ):
+            continue
+        seen.add((int(which[k]), lane.road))
+        yield Finding(
+            elements=(
+                *element("connection", way.id),
+                *element("lane", way.from_lane, way.to_lane, lane.id),
+                *element("road", lane.road),
+            ),
+            at=at,
+            message=f"the connection {way.id} runs over the lane {lane.id}",
+            measured=float(shapely.length(over[k])),
+            limit=limits.path_on_road,
+        )
+
+
+def _is_third(facts: Facts, way: Connection, lane: Lane) -> bool:
+    return lane.road not in (facts.lanes[way.from_lane].road, facts.lanes[way.to_lane].road)
+
+
+CHECKS = (
+    Check(
+        id="topology.missing_turn",
+        code="TOP004",
+        title="Roads that go straight on are connected",
+        severity=WARNING,
+        limit="one connection within 30° of straight on",
+        source="SUMO tracker 14478",
+        hint="add the connection, or exclude the finding where the movement is forbidden",
+        run=check_missing_turn,
+    ),
+    Check(
+        id="topology.wrong_way",
+        code="TOP008",
+        title="Ways enter lanes in their direction",
+        severity=ERROR,
+        limit="150° of turn unless it is a turning back",
+        source="geometry",
+        hint="reverse the lane's shape, or correct the connection's lanes",
+        run=check_wrong_way,
+    ),
+    Check(
+        id="topology.lane_type_mix",
+        code="TOP009",
+        title="Ways join lanes for the same vehicles",
+        severity=ERROR,
+        limit="one vehicle class in common",
+        source="SUMO tracker 8538, 13087",
+        hint="correct the permissions of the lanes, or connect the lane beside",
+        run=check_lane_type_mix,
+    ),
+    Check(
+        id="topology.median_cross",
+        code="TOP010",
+        title="Ways across junctions stay off other roads",
+        severity=WARNING,
+        limit="3 m over a third road",
+        source="osm2streets",
+        hint="correct the connection, or the shape of the road it runs over",
+        run=check_median_cross,
+    ),
+)

@@ -1,0 +1,63 @@
+"""Repair of broken and hostile networks: a refusal in one line, or a network that is no worse."""
+
+import random
+from collections.abc import Callable
+from pathlib import Path
+from xml.etree import ElementTree as ET
+
+import networks
+import pytest
+from damage import DAMAGES, ODDITIES, damage
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from dojo_maps.errors import DojoError
+from dojo_maps.repair.fixing import describe, patch_of
+from dojo_maps.repair.rounds import fix_network
+
+
+def check_ends_fairly(data: bytes) -> None:
+    try:
+        fixed = fix_network(data, Path("hostile.net.xml"))
+    except DojoError as error:
+        assert 10 < len(str(error)) < 1000
+        return
+    for text in patch_of(fixed).values():
+        ET.fromstring(text)  # noqa: S314 - our own
+    assert all(line.isprintable() for line in describe(fixed))
+    for check, (old, _) in fixed.before.counts.items():
+        uncovered = any(made.edit.uncovers for made in fixed.made)
+        assert uncovered or fixed.after.counts.get(check, (0, 0))[0] <= old
+    if not fixed.made:
+        assert fixed.after.data == data
+
+
+@pytest.mark.parametrize("name", ["cologne1", "RiLSA1-rilsa1", "fkk_in-ingolstadt"])
+def test_fix_ends_fairly_on_a_network_damaged_at_random(name: str, request: pytest.FixtureRequest) -> None:
+    good = networks.read_network_bytes(networks.installed_networks()[name])
+
+    @settings(
+        max_examples=request.config.getoption("--fuzz") // 2,
+        deadline=None,
+        derandomize=True,
+        suppress_health_check=list(HealthCheck),
+    )
+    @given(st.randoms(use_true_random=True))
+    def run(chance: random.Random) -> None:
+        check_ends_fairly(damage(good, chance))
+
+    run()
+
+
+@pytest.mark.parametrize("name", [*DAMAGES, *ODDITIES])
+def test_fix_ends_fairly_on_a_damaged_or_odd_network(name: str, network_path: Callable[[str], Path]) -> None:
+    check_ends_fairly({**DAMAGES, **ODDITIES}[name](network_path("bare").read_bytes()))
+
+
+@pytest.mark.parametrize(
+    "name", ["strange_names", "rough_shapes", "two_programs", "slope", "left_hand", "far_away"]
+)
+def test_fix_ends_fairly_on_a_network_built_for_the_tests(
+    name: str, network_path: Callable[[str], Path]
+) -> None:
+    check_ends_fairly(network_path(name).read_bytes())
