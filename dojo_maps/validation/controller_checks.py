@@ -137,7 +137,7 @@ CHECKS = (
         limit="30 m from a cluster of signals within 45 m",
         source="netconvert --tls.guess-signals",
         hint="set the junction's type to traffic_light",
-        needs=Need.OSM,
+        needs=Need.IMPORT,
     ),
     Check(
         id="signals.rl_form",

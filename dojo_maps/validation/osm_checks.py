@@ -19,20 +19,18 @@ _ROWS = (
 )
 
 _LOSSES = (
-    ("IMP001", "osm.missing_crossing", "Mapped crossings are built", WARNING, "10 m"),
-    ("IMP002", "osm.missing_signal", "Mapped signals are built", WARNING, "one controller"),
-    ("IMP003", "osm.split_signal", "A signalised junction has one controller", WARNING, "one controller"),
-    ("IMP004", "osm.turn_lane_lost", "Lanes lead where their arrows say", NOTE, "all arrows"),
-    ("IMP005", "osm.turn_lane_mismatch", "There is an arrow entry for each lane", NOTE, "equal numbers"),
-    ("IMP006", "osm.restriction_lost", "Forbidden turns are not connected", WARNING, "none"),
-    ("IMP007", "osm.restriction_incomplete", "Turn restrictions are complete", NOTE, "from, via and to"),
-    ("IMP008", "osm.sidewalk_lost", "Mapped sidewalks are built", NOTE, "6 m, for all but 10 m"),
-    ("IMP009", "osm.short_edge", "Roads between junctions can store a car", NOTE, "5 m"),
-    ("IMP010", "osm.missing_node", "Roads have all their nodes", NOTE, "none missing"),
-    ("IMP011", "osm.netconvert_warning", "netconvert has nothing to object", NOTE, "none"),
-    ("IMP012", "osm.netconvert_failed", "netconvert takes all options", WARNING, "none"),
-    ("IMP013", "osm.context_left_out", "Buildings, trees and areas are all kept", NOTE, "thousands of each"),
-    ("IMP014", "osm.edit_lost", "Kept edits fit the new network", WARNING, "all"),
+    ("IMP001", "osm.split_signal", "A signalised junction has one controller", WARNING, "one controller"),
+    ("IMP002", "osm.turn_lane_lost", "Lanes lead where their arrows say", NOTE, "all arrows"),
+    ("IMP003", "osm.turn_lane_mismatch", "There is an arrow entry for each lane", NOTE, "equal numbers"),
+    ("IMP004", "osm.restriction_lost", "Forbidden turns are not connected", WARNING, "none"),
+    ("IMP005", "osm.restriction_incomplete", "Turn restrictions are complete", NOTE, "from, via and to"),
+    ("IMP006", "osm.sidewalk_lost", "Mapped sidewalks are built", NOTE, "6 m, for all but 10 m"),
+    ("IMP007", "osm.short_edge", "Roads between junctions can store a car", NOTE, "5 m"),
+    ("IMP008", "osm.missing_node", "Roads have all their nodes", NOTE, "none missing"),
+    ("IMP009", "osm.netconvert_warning", "netconvert has nothing to object", NOTE, "none"),
+    ("IMP010", "osm.netconvert_failed", "netconvert takes all options", WARNING, "none"),
+    ("IMP011", "osm.context_left_out", "Buildings, trees and areas are all kept", NOTE, "thousands of each"),
+    ("IMP012", "osm.edit_lost", "Kept edits fit the new network", WARNING, "all"),
 )
 """What an import counts while it builds a network: code, id, title, severity and limit."""
 

@@ -306,7 +306,7 @@ CHECKS = (
         limit="10 m",
         source="measured: 60 % are",
         hint="add the crossing in netedit",
-        needs=Need.OSM,
+        needs=Need.IMPORT,
     ),
     Check(
         id="osm.guessed_crossing",
