@@ -159,6 +159,23 @@ def build_six_legs(folder: Path) -> Path:
     return _many_legs(folder, "six_legs", [0, 48, 110, 185, 230, 300])
 
 
+def build_walkers_signal(folder: Path) -> Path:
+    """A straight road with a signal for one crossing, and nothing else."""
+    nodes = [_node("c", 0, 0, type_="traffic_light"), _node("w", -150, 0), _node("e", 150, 0)]
+    crossing = ['<crossing node="c" edges="w -w" priority="1"/>']
+    edges = _star_edges(["w", "e"], **_TOWN)
+    return _build(
+        folder,
+        "walkers_signal",
+        nodes,
+        edges,
+        _KEEP,
+        "--sidewalks.guess",
+        "--walkingareas",
+        connections=crossing,
+    )
+
+
 def build_bridge(folder: Path) -> Path:
     """A road with sidewalks 6 m above another one, with ramps, and a slip road between the two."""
     nodes = [
@@ -468,6 +485,7 @@ BUILDERS: dict[str, Callable[[Path], Path]] = {
     "left_hand": build_left_hand,
     "five_legs": build_five_legs,
     "six_legs": build_six_legs,
+    "walkers_signal": build_walkers_signal,
     "bare": build_bare,
     "left_hand_bare": build_left_hand_bare,
     "far_away": build_far_away,

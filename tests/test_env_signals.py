@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from functools import lru_cache, partial
+from pathlib import Path
 
 import networks
 import numpy as np
@@ -198,3 +199,17 @@ def test_watch_counts_walkers_that_are_cut_off_and_greens_without_all_red() -> N
             switch.request_phase(switch.next_phase)
         counted |= set(log.counts)
     assert {"walker_cut_off", "short_red"} <= counted
+
+
+@pytest.mark.parametrize("phases", ["program", "computed"])
+def test_walkers_with_a_signal_of_their_own_get_a_phase(
+    phases: str, network_path: Callable[[str], Path]
+) -> None:
+    path = network_path("walkers_signal")
+    found, _ = read_network(path.read_bytes(), path=path, name="w", sha256="")
+    config = SignalConfig(phases=phases, min_green=5, all_red=1)
+    plan = build_plan(found, found.signals[0], config)
+    assert plan.phases == ("GGGGr", "rrrrG")
+    log, states = drive(plan, config, lambda switch: switch.next_phase)
+    assert not log.counts, log.first
+    assert {"GGGGr", "yyyyr", "rrrrG"} <= set(states)

@@ -95,7 +95,8 @@ def build_plan(road_map: RoadMap, signal: Signal, config: SignalConfig) -> Signa
 def _program_phases(signal: Signal, crossings: NDArray[np.bool_]) -> list[str]:
     """Take the phases of the network's program that are green and no passage to another.
 
-    A phase in which walkers already have red while vehicles go on is the end of the phase before it.
+    A phase in which walkers already have red while vehicles go on is the end of the phase before it. One that
+    is for walkers alone counts where some of them have no other.
     """
     if not signal.programs:
         return []
@@ -108,10 +109,12 @@ def _program_phases(signal: Signal, crossings: NDArray[np.bool_]) -> list[str]:
     def walkers(state: str) -> set[int]:
         return {index for index in np.flatnonzero(crossings).tolist() if state[index] in GREEN}
 
+    driven = [state for state in green if GREEN & set(vehicles(state))]
+    beside = set[int]().union(*map(walkers, driven))
     return [
         state
         for state in green
-        if GREEN & set(vehicles(state))
+        if (state in driven or walkers(state) - beside)
         and not any(vehicles(o) == vehicles(state) and walkers(o) > walkers(state) for o in green)
     ]
 
@@ -121,7 +124,6 @@ def _computed_phases(
 ) -> list[str]:
     """Build sets of links without any conflict: each begins with a link that no set before it has."""
     every = [*dict.fromkeys(index for index, _, _ in links), *np.flatnonzero(crossings).tolist()]
-    vehicles = [index for index in every if not crossings[index]]
     covered: set[int] = set()
     phases = []
     for first in every:
@@ -132,8 +134,7 @@ def _computed_phases(
             if other not in chosen and not conflicts.foes[other, chosen].any():
                 chosen.append(other)
         covered.update(chosen)
-        if set(chosen) & set(vehicles):
-            phases.append("".join("G" if index in chosen else "r" for index in range(count)))
+        phases.append("".join("G" if index in chosen else "r" for index in range(count)))
     return phases
 
 
