@@ -15,7 +15,7 @@ from dojo_maps.description import Prop, RoadMap, points
 from dojo_maps.geometry.polylines import Floats, along
 from dojo_maps.issue import Element, Issue, Severity
 from dojo_maps.sources.osm import OsmData, Tags
-from dojo_maps.sources.osm_shapes import MapShapes, polygons_of, without_overlaps
+from dojo_maps.sources.osm_shapes import MapShapes, areas_of, polygons_of, without_overlaps
 
 MOST = {"building": 4_000, "tree": 2_500, "water": 500, "green": 1_500}
 """Things of each kind that are kept; the nearest to a signal, or to the map's middle, come first."""
@@ -52,7 +52,6 @@ _LEAST_AREA = {"building": 4.0, "water": 10.0, "green": 10.0}
 _DETAIL = {"building": 0.05, "water": 0.4, "green": 0.4}
 """How far an outline may be moved to leave corners out, metres."""
 _MOST_CORNERS = 2_000
-_GRID = 1e-3
 _MOST_NEIGHBOURS = 200
 
 
@@ -199,7 +198,7 @@ def _simpler(shape: shapely.Geometry, detail: float) -> shapely.Geometry:
     simple = shapely.simplify(shape, detail)
     if shapely.get_num_coordinates(simple) > _MOST_CORNERS:
         simple = shapely.simplify(shape, 2.0)
-    return shapely.set_precision(shapely.make_valid(simple), _GRID)
+    return areas_of(simple)
 
 
 def _spread(line: Floats) -> Floats:

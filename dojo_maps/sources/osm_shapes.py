@@ -11,11 +11,14 @@ import pyproj
 import shapely
 
 from dojo_maps.description import Projection
+from dojo_maps.geometry.pieces import flat_polygons
 from dojo_maps.geometry.polylines import Floats, Shapes
 from dojo_maps.sources.osm import OsmData, OsmWay
 
 _GRID = 1e-3
 _MOST_CORNERS = 20_000
+_MOST_WORK = 1_000_000
+"""Corners of a shape times those of the shapes that it lies over: what cutting them may take."""
 _MOST_TANGLED = 500
 """Corners of a shape that may cross itself."""
 
@@ -55,7 +58,7 @@ class MapShapes:
         lines = shapely.multilinestrings([shapely.linestrings(ring) for ring in rings])
         if corners > _MOST_TANGLED and not lines.is_simple:
             return None
-        area = shapely.build_area(shapely.node(lines))
+        area = areas_of(shapely.build_area(shapely.node(lines)))
         return None if area.is_empty else area
 
     def _rings(self, kind: str, element: int) -> Iterator[Floats]:
@@ -73,10 +76,15 @@ class MapShapes:
                     yield line
 
 
+def areas_of(shape: shapely.Geometry) -> shapely.Geometry:
+    """Keep what a shape has of areas, valid and on the raster; operations leave lines and points."""
+    valid = shapely.set_precision(shapely.make_valid(shape), _GRID)
+    return shapely.multipolygons(flat_polygons(np.array([valid]))[0])
+
+
 def polygons_of(shape: shapely.Geometry, *, larger_than: float) -> list[shapely.Polygon]:
     """List the polygons of a shape that are larger than some square metres, in a fixed order."""
-    parts = shapely.get_parts(shape)
-    kept = [part for part in parts if isinstance(part, shapely.Polygon) and part.area > larger_than]
+    kept = [part for part in shapely.get_parts(shape) if part.area > larger_than]
     return sorted(kept, key=lambda part: (-round(part.area, 3), part.bounds))
 
 
@@ -95,12 +103,16 @@ def without_overlaps(shapes: Shapes, order: Iterable[int], *, most: int) -> dict
     left: dict[int, shapely.Geometry] = {}
     for index in order:
         others = [int(k) for k in tree.query(shapes[index], predicate="intersects") if int(k) in left]
-        if len(others) > most:
+        corners = shapely.get_num_coordinates(shapes[index])
+        if (
+            len(others) > most
+            or corners * sum(shapely.get_num_coordinates(left[k]) for k in others) > _MOST_WORK
+        ):
             continue
         rest = shapes[index]
         if others:
             ground = shapely.union_all([left[k] for k in sorted(others)], grid_size=_GRID)
-            rest = shapely.difference(rest, ground, grid_size=_GRID)
+            rest = areas_of(shapely.difference(rest, areas_of(ground), grid_size=_GRID))
         if not rest.is_empty:
             left[index] = rest
     return left
