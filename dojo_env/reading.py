@@ -7,6 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 Figures = NDArray[np.float64]
+HALTING = 0.1
+"""m/s; SUMO's own limit below which a vehicle counts as stopped."""
 MIN_GAP = 2.5
 """Metres between standing vehicles: SUMO's default, and what SUMO-RL divides by."""
 RAW = 6

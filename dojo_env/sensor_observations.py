@@ -11,14 +11,13 @@ from numpy.typing import NDArray
 from dojo_env.errors import ConfigError
 from dojo_env.eyes import Eyes
 from dojo_env.instant import Instant
+from dojo_env.reading import HALTING, MIN_GAP
 from dojo_env.rendering.classes import Semantic
 from dojo_env.sensors.camera import BEV, Camera
 from dojo_env.sensors.lidar import Lidar
 from dojo_env.signals.plan import SignalPlan
 
 _LARGEST_NUMBER = np.iinfo(np.int32).max
-_MIN_GAP = 2.5
-_HALTING = 0.1
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -216,12 +215,12 @@ class DetectorObserver:
             k = index.get(snapshot.lanes[row])
             if name in detected and k is not None:
                 count[k] += 1
-                halting[k] += snapshot.speeds[row] < _HALTING
+                halting[k] += snapshot.speeds[row] < HALTING
                 length[k] += snapshot.sizes[row, 0]
         phantoms = self._random.poisson(self._detector.false_alarms, len(lanes))
         halting += self._random.binomial(phantoms, 0.5)
         mean_length = np.divide(length, count, out=np.full(len(lanes), 5.0), where=count > 0)
-        room = (_MIN_GAP + mean_length) / self._plans[signal].lengths
+        room = (MIN_GAP + mean_length) / self._plans[signal].lengths
         shares = np.minimum(1.0, np.concatenate([(count + phantoms) * room, halting * room]))
         return shares.astype(np.float32)
 

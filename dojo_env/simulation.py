@@ -15,13 +15,11 @@ import numpy as np
 
 from dojo_env.config import TrafficConfig
 from dojo_env.errors import SimulationBusyError, SimulationError
-from dojo_env.reading import RAW, Figures, TrafficReading, Trip
+from dojo_env.reading import HALTING, RAW, Figures, TrafficReading, Trip
 from dojo_env.road_users import RoadUsers
 from dojo_env.scenario import Scenario
 from dojo_env.snapshot import Snapshot
 
-_HALTING = 0.1
-"""m/s; SUMO's own limit below which a vehicle counts as stopped."""
 _LOGICS = {"actuated": 3, "delay_based": 5}
 """SUMO's numbers of its logics."""
 _LARGEST_SEED = 2**31 - 1
@@ -151,7 +149,7 @@ class Simulation:
         ids = get.vehicle_getIDList()
         speeds = list(map(get.vehicle_getSpeed, ids))
         # Who moves has a waiting time of zero.
-        stopped = [vehicle for vehicle, speed in zip(ids, speeds, strict=True) if speed < _HALTING]
+        stopped = [vehicle for vehicle, speed in zip(ids, speeds, strict=True) if speed < HALTING]
         people = get.person_getIDList()
         return TrafficReading(
             running=len(ids),

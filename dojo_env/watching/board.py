@@ -7,12 +7,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dojo_env.instant import Instant
+from dojo_env.reading import HALTING
 from dojo_env.signals.plan import SignalPlan
 from dojo_env.snapshot import Kind, Snapshot
 
 Bools = NDArray[np.bool_]
-_HALTING = 0.1
-"""m/s; SUMO's own limit below which a vehicle counts as stopped."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -99,7 +98,7 @@ class Scoreboard:
             self._stood, self._green = {}, {}
         self._time = snapshot.time
         vehicle = snapshot.kinds != Kind.PEDESTRIAN
-        halting = vehicle & (snapshot.speeds < _HALTING)
+        halting = vehicle & (snapshot.speeds < HALTING)
         self._add_second(snapshot, vehicle, halting)
         lanes = np.array(snapshot.lanes or (), dtype=np.str_)
         near = {name: vehicle & np.isin(lanes, plan.lanes) for name, plan in self._plans.items()}
