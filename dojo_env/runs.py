@@ -19,6 +19,7 @@ def run_controller(
     name: str,
     seeds: Sequence[int],
     *,
+    on_step: Callable[[dict[str, Any]], None] = lambda _info: None,
     on_episode: Callable[[dict[str, Any]], None] = lambda _figures: None,
     video: Path | None = None,
     **keywords: Any,
@@ -28,6 +29,7 @@ def run_controller(
     Args:
         name: of the controller.
         seeds: one episode each.
+        on_step: is told what `info` tells after each decision.
         on_episode: is told the figures of an episode when it is over.
         video: a file that shows all episodes, one after the other, second by second.
         keywords: settings of the environment.
@@ -50,7 +52,8 @@ def run_controller(
             world.reset(seed)
             ended = False
             while not ended:
-                _, _, ended, _ = world.step(controller.act(world.instant))
+                _, _, ended, info = world.step(controller.act(world.instant))
+                on_step(info)
             figures.append(world.metrics())
             on_episode(figures[-1])
     return figures

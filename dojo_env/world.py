@@ -229,14 +229,16 @@ class World:
     def _info(self, instant: Instant) -> dict[str, Any]:
         """Name the figures as SUMO-RL does; the keys are the same at every step."""
         info: dict[str, Any] = {"step": instant.time, **_system_figures(instant.traffic)}
-        stopped = waiting = 0.0
+        stopped = waiting = delay = co2 = 0.0
         for signal, view in instant.signals.items():
             lanes = view.lanes
             own = (int(lanes.total_halting), lanes.total_waiting, lanes.average_speed, view.phase)
             info.update(zip(self._names[signal], own, strict=True))
             stopped, waiting = stopped + lanes.total_halting, waiting + lanes.total_waiting
+            delay, co2 = delay + lanes.delay, co2 + lanes.total_co2
         info["agents_total_stopped"] = int(stopped)
         info["agents_total_accumulated_waiting_time"] = waiting
+        info["agents_total_delay"], info["agents_total_co2"] = delay, co2
         info["safety_violations"] = self.control.safety.counts.total()
         return info
 

@@ -32,10 +32,10 @@ def default_networks() -> list[str]:
 
 def measure(network: str, repeats: int) -> dict[str, float]:
     """Convert a network and let sumolib read it, in this process; the fastest of some repeats."""
-    import sumolib  # noqa: PLC0415 - measured apart
+    import sumolib
 
-    from dojo_maps import convert  # noqa: PLC0415
-    from dojo_maps.sources.files import find_network  # noqa: PLC0415
+    from dojo_maps import convert
+    from dojo_maps.sources.files import find_network
 
     path, _ = find_network(network)
     with tempfile.TemporaryDirectory() as folder:

@@ -40,7 +40,7 @@ def wanted_phase(decision: int, phases: int) -> int:
 
 def run_bare(scenario: str) -> dict[str, Any]:
     """Step libsumo and set states from a list made before."""
-    import libsumo  # noqa: PLC0415
+    import libsumo
 
     found = find_scenario(scenario)
     world = World(build_config(scenario=scenario, **SETTINGS))
@@ -79,7 +79,7 @@ def _states(world: World, signal: str) -> dict[int, str]:
 def run_sumo_rl(scenario: str) -> dict[str, Any]:
     """Run SUMO-RL's environment on libsumo."""
     found = find_scenario(scenario)
-    from sumo_rl import SumoEnvironment  # noqa: PLC0415
+    from sumo_rl import SumoEnvironment
 
     env = SumoEnvironment(
         net_file=str(found.map), route_file=str(found.routes[0]), begin_time=int(found.begin),

@@ -23,7 +23,7 @@ class PandaWorld:
             ToolMissingError: Panda3D is not installed.
         """
         try:
-            from panda3d import core  # noqa: PLC0415 - only the benchmark needs it
+            from panda3d import core
         except ImportError as error:
             raise ToolMissingError("Panda3D is not installed: pip install 'traffic-dojo[bench]'") from error
         core.load_prc_file_data(

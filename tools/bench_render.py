@@ -21,8 +21,8 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from bench_panda import PandaWorld
 
+from bench_panda import PandaWorld
 from dojo_env.config import TrafficConfig
 from dojo_env.rendering.bullet import BulletWorld
 from dojo_env.rendering.renderer import Renderer

@@ -26,7 +26,7 @@ _SOME_LANES = 6_000
 
 def make_grid(side: int, folder: Path) -> Path:
     """Let netgenerate make a grid with signals, sidewalks and crossings; 4 x side x (side - 1) edges."""
-    from dojo_maps.sources.netconvert import find_netconvert  # noqa: PLC0415 - measured apart
+    from dojo_maps.sources.netconvert import find_netconvert
 
     target = folder / f"grid{side}.net.xml"
     program = find_netconvert().with_name("netgenerate")
@@ -39,8 +39,8 @@ def make_grid(side: int, folder: Path) -> Path:
 
 def measure(network: str, repeats: int, *, largest: bool) -> dict[str, float]:
     """Validate a network, and convert it, in this process; the fastest of some repeats."""
-    from dojo_maps import convert  # noqa: PLC0415
-    from dojo_maps.inspection import inspect  # noqa: PLC0415
+    from dojo_maps import convert
+    from dojo_maps.inspection import inspect
 
     def fastest(run: Callable[[], object]) -> float:
         seconds = []

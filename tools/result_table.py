@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from dojo_env.metrics import SIX
+from learning.run_row import FIGURES
 
 Figures = Mapping[str, Mapping[str, float]]
 """Mean and standard deviation of each figure."""
@@ -17,13 +18,14 @@ def write_tables(folder: Path, order: Sequence[str], published: Mapping[str, Map
     """Write `table.md` and `table.csv` of all rows in a folder; returns the first.
 
     Args:
-        folder: holds `scenario/row.json`.
+        folder: holds a folder per scenario, and in it one per row.
         order: the rows' order.
         published: figures by scenario and row to show beside ours.
     """
     parts, lines = [], []
     for scenario in sorted(path for path in folder.iterdir() if path.is_dir()):
-        kept = {p.stem: json.loads(p.read_text(encoding="utf-8"))["figures"] for p in scenario.glob("*.json")}
+        files = [json.loads(path.read_text(encoding="utf-8")) for path in scenario.glob(f"*/{FIGURES}")]
+        kept = {file["row"]: file["figures"] for file in files}
         theirs = published.get(scenario.name, {})
         names = [
             *(n for n in order if n in kept or n in theirs),

@@ -1,0 +1,83 @@
+"""Training: the same seed gives the same curve, an interrupted run goes on to the same result, errors are told."""
+
+import csv
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+from conftest import REPOSITORY, command_environment
+
+torch = pytest.importorskip("torch")
+pytest.importorskip("stable_baselines3")
+
+TRAIN = [sys.executable, str(REPOSITORY / "tools" / "train.py")]
+QUICK = {
+    "ppo": ["--scenario", "two-way", "--algorithm", "ppo"],
+    "dqn": ["--scenario", "two-way", "--algorithm", "dqn", "--set", "learning_starts=500", "gradient_steps=1"],
+    "a2c": ["--scenario", "two-way", "--algorithm", "a2c"],
+    "bev": ["--scenario", "two-way", "--algorithm", "dqn", "--observation", "bev", "--size", "36x48",
+            "--set", "learning_starts=1400", "gradient_steps=1"],
+}  # fmt: skip
+SIZE = ["--processes", "2", "--steps", "4320", "--every", "1"]
+
+
+def train(*arguments: object) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [*TRAIN, *map(str, arguments)], capture_output=True, text=True, env=command_environment(),
+        check=False, timeout=300,
+    )  # fmt: skip
+
+
+def interrupt(folder: Path, *arguments: object) -> None:
+    """Kill a run hard, with all of its processes, once it has written a checkpoint."""
+    running = subprocess.Popen(
+        [*TRAIN, *map(str, arguments), "--out", str(folder)], env=command_environment(),
+        stderr=subprocess.DEVNULL, start_new_session=True,
+    )  # fmt: skip
+    while not (folder / "checkpoint.pt").exists():
+        assert running.poll() is None
+        time.sleep(0.05)
+    os.killpg(running.pid, signal.SIGKILL)
+    running.wait()
+
+
+@pytest.mark.parametrize("kind", QUICK)
+def test_interrupted_run_goes_on_to_the_same_result(kind: str, tmp_path: Path) -> None:
+    whole, cut = tmp_path / "whole", tmp_path / "cut"
+    done = train(*QUICK[kind], *SIZE, "--out", whole)
+    assert done.returncode == 0, done.stderr
+    interrupt(cut, *QUICK[kind], *SIZE)
+    done = train(*QUICK[kind], *SIZE, "--out", cut, "--resume")
+    assert done.returncode == 0, done.stderr
+    assert (cut / "curve.csv").read_bytes() == (whole / "curve.csv").read_bytes()
+    a, b = (torch.load(folder / "policy.pt", weights_only=True) for folder in (whole, cut))
+    assert all(torch.equal(a[name], b[name]) for name in a)
+    with (whole / "curve.csv").open() as file:
+        parts = [row["part"] for row in csv.DictReader(file)]
+    assert parts.count("validation") == 3
+
+
+def test_bad_arguments_are_one_line_before_any_work(tmp_path: Path) -> None:
+    kept = tmp_path / "kept"
+    done = train(*QUICK["ppo"], "--processes", 1, "--steps", 720, "--out", kept)
+    assert done.returncode == 0, done.stderr
+    wrong: list[tuple[str, list[object]]] = [
+        ("nowhere", ["--scenario", "nowhere", "--out", tmp_path / "a"]),
+        ("n_steps=7", [*QUICK["ppo"], "--set", "n_steps=7", "--out", tmp_path / "a"]),
+        ("wings", [*QUICK["ppo"], "--set", "wings=2", "--out", tmp_path / "a"]),
+        ("beauty", [*QUICK["ppo"], "--reward", "beauty=1", "--out", tmp_path / "a"]),
+        ("needs images", [*QUICK["ppo"], "--encoder", "efficientnet-lite0", "--out", tmp_path / "a"]),
+        ("holds a run already", [*QUICK["ppo"], "--out", kept]),
+        ("another run's settings", [*QUICK["dqn"], "--out", kept, "--resume"]),
+        ("not the settings", [*QUICK["ppo"], "--out", tmp_path / "a", "--resume"]),
+    ]
+    for words, arguments in wrong:
+        done = train(*arguments)
+        assert done.returncode == 3, arguments
+        assert words in done.stderr
+        assert len(done.stderr.strip().splitlines()) == 1, done.stderr
+    assert not (tmp_path / "a").exists()

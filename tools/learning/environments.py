@@ -1,0 +1,69 @@
+"""The environments a policy learns in: each episode has a seed of its own, and tells its figures."""
+
+from collections.abc import Sequence
+from functools import partial
+from typing import Any
+
+import gymnasium
+from stable_baselines3.common.vec_env import SubprocVecEnv, VecEnv
+
+from dojo_env.env import TrafficSignalEnv
+
+from .settings import DECISIONS, Training
+
+FIRST_TRAINING_SEED = 1_000
+"""The seeds below are for evaluation: the benchmark's, and from 500 those that choose the best policy."""
+VALIDATION_SEEDS = (500, 501)
+_SEEDS_PER_RUN = 1_000_000
+
+
+class SeededEpisodes(gymnasium.Wrapper[Any, Any, Any, Any]):
+    """Begins each episode with the seed that follows, and adds its figures to the last step's info.
+
+    So a run that was interrupted between two episodes goes on with the same traffic.
+    """
+
+    def __init__(self, env: TrafficSignalEnv, first: int, stride: int) -> None:
+        """Count from the first seed in strides."""
+        super().__init__(env)
+        self._next, self._stride = first, stride
+
+    def reset(self, **_keywords: Any) -> tuple[Any, dict[str, Any]]:
+        """Begin the next episode."""
+        seed, self._next = self._next, self._next + self._stride
+        return self.env.reset(seed=seed)
+
+    def step(self, action: Any) -> tuple[Any, Any, bool, bool, dict[str, Any]]:
+        """Act; at the end of an episode, its figures come with it."""
+        seen, reward, terminated, truncated, info = self.env.step(action)
+        if truncated:
+            info["figures"] = self.env.unwrapped.metrics()
+        return seen, reward, terminated, truncated, info
+
+
+def open_environments(training: Training, *, done: int = 0) -> VecEnv:
+    """Open a run's environments as they are after so many steps."""
+    start = FIRST_TRAINING_SEED + training.seed * _SEEDS_PER_RUN + done // DECISIONS
+    makers = [
+        partial(_make, training.environment, start + index, training.processes)
+        for index in range(training.processes)
+    ]
+    return _encode(SubprocVecEnv(makers, start_method="forkserver"), training)
+
+
+def open_evaluation(training: Training, seeds: Sequence[int], **changes: Any) -> VecEnv:
+    """Open an environment per seed; every episode of each has the same seed."""
+    makers = [partial(_make, {**training.environment, **changes}, seed, 0) for seed in seeds]
+    return _encode(SubprocVecEnv(makers, start_method="forkserver"), training)
+
+
+def _encode(environments: VecEnv, training: Training) -> VecEnv:
+    if training.encoder == "none":
+        return environments
+    from dojo_env.encoders import EncodedVecEnv, load_encoder
+
+    return EncodedVecEnv(environments, load_encoder(training.encoder))
+
+
+def _make(keywords: dict[str, Any], first: int, stride: int) -> SeededEpisodes:
+    return SeededEpisodes(TrafficSignalEnv(**keywords), first, stride)

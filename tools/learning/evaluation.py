@@ -1,0 +1,47 @@
+"""What a policy is worth: whole episodes without exploration, measured as everything else is."""
+
+from collections.abc import Sequence
+from contextlib import closing
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from stable_baselines3.common.base_class import BaseAlgorithm
+from stable_baselines3.common.vec_env import VecEnv
+
+from .environments import open_evaluation
+from .models import build_model, load_policy
+from .settings import POLICY, Training
+
+
+def evaluate(model: BaseAlgorithm, environments: VecEnv) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
+    """Run one episode in each environment, side by side.
+
+    Episodes have one length, so they end together.
+
+    Returns:
+        The figures of each, in the environments' order, and every `info` of the first.
+    """
+    seen, first = environments.reset(), []
+    while True:
+        actions, _ = model.predict(seen, deterministic=True)
+        seen, _, ended, infos = environments.step(actions)
+        first.append(infos[0])
+        if np.all(ended):
+            return [info["figures"] for info in infos], first
+
+
+def run_policy(
+    training: Training, folder: Path, seeds: Sequence[int], **changes: Any
+) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
+    """Evaluate a trained policy, an episode per seed; `changes` are settings of the environment.
+
+    Returns:
+        What `evaluate` does.
+    """
+    torch.set_num_threads(1)
+    with closing(open_evaluation(training, seeds, **changes)) as environments:
+        model = build_model(training, environments)
+        load_policy(model, folder / POLICY)
+        return evaluate(model, environments)

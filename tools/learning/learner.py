@@ -1,0 +1,80 @@
+"""One training run, from its settings to the best policy in its folder; goes on where it was interrupted."""
+
+import csv
+from contextlib import ExitStack, closing
+from pathlib import Path
+
+import torch
+from stable_baselines3.common.logger import Logger, TensorBoardOutputFormat
+
+from dojo_env.errors import ConfigError
+
+from .environments import VALIDATION_SEEDS, open_environments, open_evaluation
+from .models import build_model, read_checkpoint, restore_checkpoint
+from .progress import Progress
+from .settings import CHECKPOINT, CURVE, POLICY, SETTINGS, Training, read_training, write_training
+
+
+def prepare_folder(training: Training, folder: Path, *, resume: bool) -> None:
+    """Make the folder of a run, or see that it is this run's.
+
+    Raises:
+        ConfigError: it holds a run already, or none, or another one's.
+    """
+    path = folder / SETTINGS
+    if resume:
+        if read_training(path) != training:
+            raise ConfigError(f"{path}: another run's settings; give the same ones, or another --out")
+        if not (folder / CHECKPOINT).is_file():
+            raise ConfigError(f"{folder}: no checkpoint yet; start again without --resume in another folder")
+    elif path.exists():
+        raise ConfigError(f"{folder} holds a run already; --resume goes on with it, or name another --out")
+    else:
+        folder.mkdir(parents=True, exist_ok=True)
+        write_training(training, path)
+
+
+def is_trained(training: Training, folder: Path) -> bool:
+    """Tell whether a run has come to its end in a folder.
+
+    Raises:
+        ConfigError: the folder holds another run.
+    """
+    if not (folder / SETTINGS).is_file():
+        return False
+    if read_training(folder / SETTINGS) != training:
+        raise ConfigError(f"{folder}: trained with other settings; delete it, or name another --results")
+    if not (folder / POLICY).is_file() or not (folder / CURVE).is_file():
+        return False
+    with (folder / CURVE).open(encoding="utf-8") as file:
+        return any(int(row["steps"]) >= training.whole_steps for row in csv.DictReader(file))
+
+
+def train(
+    training: Training, folder: Path, *, resume: bool = False, every: int = 5, tensorboard: bool = False
+) -> None:
+    """Train, and keep the best policy, the curve and a checkpoint in the folder.
+
+    Args:
+        training: all that it depends on.
+        folder: where all of it goes.
+        resume: go on from the folder's checkpoint.
+        every: rounds of episodes between evaluations and checkpoints.
+        tensorboard: write its event files, too.
+    """
+    prepare_folder(training, folder, resume=resume)
+    torch.set_num_threads(1)
+    torch.use_deterministic_algorithms(True)
+    known = read_checkpoint(folder / CHECKPOINT) if resume else None
+    done = known["counters"]["num_timesteps"] if known else 0
+    with ExitStack() as stack:
+        environments = stack.enter_context(closing(open_environments(training, done=done)))
+        validation = stack.enter_context(closing(open_evaluation(training, VALIDATION_SEEDS)))
+        model = build_model(training, environments)
+        model.set_logger(Logger(str(folder), [TensorBoardOutputFormat(str(folder))] if tensorboard else []))
+        progress = Progress(training, folder, validation, every=every)
+        if known is not None:
+            progress.resume(restore_checkpoint(model, known, folder / CHECKPOINT), done)
+        model.learn(
+            training.whole_steps - done, progress, log_interval=None, reset_num_timesteps=known is None
+        )

@@ -1,0 +1,162 @@
+"""Stable-Baselines3's algorithms over our networks; policies and checkpoints without pickled code."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from gymnasium import spaces
+from stable_baselines3 import A2C, DQN, PPO
+from stable_baselines3.common.base_class import BaseAlgorithm
+from stable_baselines3.common.buffers import ReplayBuffer
+from stable_baselines3.common.vec_env import VecEnv
+
+from dojo_env.errors import ConfigError
+
+from .networks import ViewNet
+from .settings import Training
+
+CLASSES: dict[str, type[BaseAlgorithm]] = {"ppo": PPO, "a2c": A2C, "dqn": DQN}
+_COUNTERS = (
+    "num_timesteps",
+    "_n_updates",
+    "_n_calls",
+    "_episode_num",
+    "_current_progress_remaining",
+    "exploration_rate",
+)
+_BUFFERED = ("observations", "next_observations", "actions", "rewards", "dones", "timeouts")
+
+
+def build_model(training: Training, environments: VecEnv) -> BaseAlgorithm:
+    """Build the algorithm with fresh weights."""
+    space = environments.observation_space
+    sees = training.encoder == "none" and training.observation in ("bev", "multi_view")
+    policy: dict[str, Any] = {"net_arch": [128] if sees else [128, 128]}
+    if sees:
+        policy |= {
+            "features_extractor_class": ViewNet,
+            "features_extractor_kwargs": {"shared": training.shared_views},
+        }
+    name = "MultiInputPolicy" if isinstance(space, spaces.Dict) else "CnnPolicy" if sees else "MlpPolicy"
+    return CLASSES[training.algorithm](
+        name,
+        environments,
+        seed=training.seed,
+        device="auto" if sees else "cpu",
+        policy_kwargs=policy,
+        **training.settings,
+    )
+
+
+def save_policy(model: BaseAlgorithm, path: Path) -> None:
+    """Write the weights alone."""
+    _save(model.policy.state_dict(), path)
+
+
+def load_policy(model: BaseAlgorithm, path: Path) -> None:
+    """Take weights from a file.
+
+    Raises:
+        ConfigError: they are no weights, or those of another policy.
+    """
+    try:
+        model.policy.load_state_dict(_load(path))
+    except RuntimeError as error:
+        raise ConfigError(
+            f"{path}: weights of another policy; give the folder they were trained in ({error})"
+        ) from error
+
+
+def save_checkpoint(model: BaseAlgorithm, path: Path, known: dict[str, Any]) -> None:
+    """Write all that the next update depends on, between two episodes; and what the caller knows."""
+    state = {
+        "parameters": model.get_parameters(),
+        "counters": {name: getattr(model, name) for name in _COUNTERS if hasattr(model, name)},
+        "torch": torch.get_rng_state(),
+        "numpy": _plain(np.random.get_state()),  # noqa: NPY002 - Stable-Baselines3 draws from it
+        "actions": model.action_space.np_random.bit_generator.state,
+        "buffer": _read_buffer(model),
+        "known": known,
+    }
+    _save(state, path)
+
+
+def read_checkpoint(path: Path) -> dict[str, Any]:
+    """Read a checkpoint.
+
+    Raises:
+        ConfigError: it is none.
+    """
+    state = _load(path)
+    if not isinstance(state, dict) or "counters" not in state:
+        raise ConfigError(f"{path}: not a checkpoint; start anew in another folder")
+    return state
+
+
+def restore_checkpoint(model: BaseAlgorithm, state: dict[str, Any], path: Path) -> dict[str, Any]:
+    """Put a model where it was; returns what the caller knew.
+
+    Raises:
+        ConfigError: the checkpoint is another run's.
+    """
+    try:
+        model.set_parameters(state["parameters"])
+        for name, value in state["counters"].items():
+            setattr(model, name, value)
+        torch.set_rng_state(state["torch"])
+        np.random.set_state(tuple(state["numpy"]))  # noqa: NPY002
+        model.action_space.np_random.bit_generator.state = state["actions"]
+        _fill_buffer(model, state["buffer"])
+    except (KeyError, TypeError, ValueError, RuntimeError) as error:
+        raise ConfigError(
+            f"{path}: another run's checkpoint ({error}); start anew in another folder"
+        ) from error
+    return state["known"]
+
+
+def _read_buffer(model: BaseAlgorithm) -> dict[str, Any]:
+    buffer = getattr(model, "replay_buffer", None)
+    if not isinstance(buffer, ReplayBuffer):
+        return {}
+    filled = buffer.buffer_size if buffer.full else buffer.pos
+    arrays = {name: _map(lambda a: torch.from_numpy(a[:filled]), getattr(buffer, name)) for name in _BUFFERED}
+    return {"pos": buffer.pos, "full": buffer.full, **arrays}
+
+
+def _fill_buffer(model: BaseAlgorithm, state: dict[str, Any]) -> None:
+    buffer = getattr(model, "replay_buffer", None)
+    if not isinstance(buffer, ReplayBuffer):
+        return
+    for name in _BUFFERED:
+        kept, array = state[name], getattr(buffer, name)
+        for to, values in (
+            [(array[key], kept[key]) for key in array] if isinstance(array, dict) else [(array, kept)]
+        ):
+            to[: len(values)] = values.numpy()
+    buffer.pos, buffer.full = state["pos"], state["full"]
+
+
+def _map(function: Any, value: Any) -> Any:
+    return (
+        {key: function(each) for key, each in value.items()} if isinstance(value, dict) else function(value)
+    )
+
+
+def _plain(state: tuple[Any, ...]) -> list[Any]:
+    return [part.tolist() if isinstance(part, np.ndarray) else part for part in state]
+
+
+def _save(state: Any, path: Path) -> None:
+    fresh = path.with_suffix(".part")
+    torch.save(state, fresh)
+    fresh.replace(path)
+
+
+def _load(path: Path) -> Any:
+    try:
+        return torch.load(path, map_location="cpu", weights_only=True)
+    except FileNotFoundError as error:
+        raise ConfigError(f"{path}: there is no such file") from error
+    except Exception as error:  # torch raises whatever its readers do
+        raise ConfigError(f"{path}: neither weights nor a checkpoint ({error})") from error

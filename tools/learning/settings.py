@@ -1,0 +1,160 @@
+"""Everything that a training run depends on, kept beside its policy as JSON."""
+
+import dataclasses
+import json
+import platform
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Any
+
+from dojo_env.errors import ConfigError
+
+ALGORITHMS: dict[str, dict[str, Any]] = {
+    "ppo": {"n_steps": 180, "batch_size": 240, "n_epochs": 5, "learning_rate": 5e-4, "gamma": 0.97,
+            "gae_lambda": 0.9, "ent_coef": 0.005, "clip_range": 0.2},
+    "a2c": {"n_steps": 12, "learning_rate": 7e-4, "gamma": 0.97, "gae_lambda": 0.9, "ent_coef": 0.005},
+    "dqn": {"buffer_size": 50_000, "learning_starts": 2_880, "batch_size": 64, "learning_rate": 5e-4,
+            "gamma": 0.97, "train_freq": 1, "gradient_steps": 2, "target_update_interval": 500,
+            "exploration_fraction": 0.3, "exploration_final_eps": 0.02},
+}  # fmt: skip
+"""The algorithms and what their settings are unless said otherwise; the names are Stable-Baselines3's."""
+OBSERVATIONS = ("features", "bev", "multi_view", "detector")
+IMAGES = ("bev", "multi_view")
+PACKAGES = ("traffic-dojo", "libsumo", "numpy", "gymnasium", "torch", "stable-baselines3")
+CONDITIONS: dict[str, dict[str, tuple[float, float]]] = {
+    "day": {},
+    "random": {
+        "hour": (0, 24),
+        "rain": (0, 1),
+        "noise": (0, 6),
+        "pan_jitter": (-2, 2),
+        "tilt_jitter": (-2, 2),
+    },
+}
+"""Ranges from which each training episode draws its light, weather and lenses."""
+SETTINGS, CURVE, CHECKPOINT, POLICY = "training.json", "curve.csv", "checkpoint.pt", "policy.pt"
+"""The files of a run's folder."""
+DECISIONS = 720
+"""Decisions in an episode of 3,600 s, one every 5 s."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Training:
+    """One training run.
+
+    Attributes:
+        scenario: name or path.
+        algorithm: `ppo`, `a2c` or `dqn`.
+        observation: what the policy sees.
+        encoder: a frozen encoder of images, or `none`.
+        seed: of everything random.
+        steps: decisions of all environments together.
+        processes: environments, each in a process of its own.
+        min_green: seconds of green alone before a change is granted.
+        reward: names of rewards and their weights.
+        height: pixels, where the policy sees images.
+        width: pixels.
+        shared_views: one set of weights for all of `multi_view`'s images.
+        conditions: `day`, or `random` light, weather and lenses per episode.
+        hyperparameters: of the algorithm, where they differ from `ALGORITHMS`.
+    """
+
+    scenario: str = "cologne1"
+    algorithm: str = "ppo"
+    observation: str = "features"
+    encoder: str = "none"
+    seed: int = 0
+    steps: int = 200_000
+    processes: int = 4
+    min_green: int = 10
+    reward: Mapping[str, float] = field(default_factory=lambda: {"queue": 0.05})
+    height: int = 84
+    width: int = 84
+    shared_views: bool = False
+    conditions: str = "day"
+    hyperparameters: Mapping[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        """Refuse what cannot be."""
+        known = {"algorithm": tuple(ALGORITHMS), "observation": OBSERVATIONS, "conditions": tuple(CONDITIONS)}
+        for name, values in known.items():
+            if getattr(self, name) not in values:
+                raise ConfigError(f"{name}={getattr(self, name)!r}: expected one of {', '.join(values)}")
+        for name in ("steps", "processes"):
+            if getattr(self, name) < 1:
+                raise ConfigError(f"{name}={getattr(self, name)}: expected at least 1")
+        if self.encoder != "none" and self.observation not in IMAGES:
+            raise ConfigError(f"encoder={self.encoder!r} needs images; observe {' or '.join(IMAGES)}")
+        unknown = set(self.hyperparameters) - set(ALGORITHMS[self.algorithm])
+        if unknown:
+            raise ConfigError(
+                f"{self.algorithm} has no setting {', '.join(sorted(unknown))} here; "
+                f"known are {', '.join(ALGORITHMS[self.algorithm])}"
+            )
+
+        for name in ("n_steps", "train_freq"):
+            if DECISIONS % self.settings.get(name, 1):
+                raise ConfigError(
+                    f"{name}={self.settings[name]}: expected a divisor of {DECISIONS}, an episode"
+                )
+
+    @property
+    def round_steps(self) -> int:
+        """Steps of an episode in each environment."""
+        return DECISIONS * self.processes
+
+    @property
+    def whole_steps(self) -> int:
+        """Steps of whole rounds: a run ends where episodes end."""
+        return -(-self.steps // self.round_steps) * self.round_steps
+
+    @property
+    def settings(self) -> dict[str, Any]:
+        """The algorithm's settings, all of them."""
+        return {**ALGORITHMS[self.algorithm], **self.hyperparameters}
+
+    @property
+    def environment(self) -> dict[str, Any]:
+        """Keywords of the environment that it learns in."""
+        keywords: dict[str, Any] = {"scenario": self.scenario, "observation": self.observation,
+                                    "min_green": self.min_green}  # fmt: skip
+        if self.observation in IMAGES:
+            keywords |= {"height": self.height, "width": self.width, "show_links": True}
+        if CONDITIONS[self.conditions]:
+            keywords["conditions"] = CONDITIONS[self.conditions]
+        return {**keywords, "reward_fn": dict(self.reward)}
+
+
+def read_training(path: Path) -> Training:
+    """Read a run's settings.
+
+    Raises:
+        ConfigError: there is none, or it is not one of ours.
+    """
+    try:
+        return Training(**json.loads(path.read_text(encoding="utf-8"))["training"])
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise ConfigError(f"{path}: not the settings of a training run ({error})") from error
+
+
+def write_training(training: Training, path: Path) -> None:
+    """Write a run's settings, and the versions of what it ran on."""
+    known = {
+        "training": dataclasses.asdict(training),
+        "all_settings": training.settings,
+        "versions": list_versions(),
+    }
+    path.write_text(json.dumps(known, indent=1) + "\n", encoding="utf-8")
+
+
+def list_versions() -> dict[str, str]:
+    """List what a run's figures may depend on."""
+    found = {"python": platform.python_version()}
+    for name in PACKAGES:
+        try:
+            found[name] = version(name)
+        except PackageNotFoundError:
+            found[name] = "not installed"
+    return found
