@@ -14,7 +14,7 @@ from dojo_env.errors import ConfigError
 from dojo_env.rewards import REWARDS
 from dojo_env.scenario import find_scenario, open_map
 from dojo_maps.errors import DojoError
-from learning.settings import ALGORITHMS, CONDITIONS, OBSERVATIONS, Training
+from learning.settings import ALGORITHMS, CONDITIONS, OBSERVATIONS, REWARD, Training
 
 
 def read_size(text: str) -> tuple[int, int]:
@@ -43,11 +43,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--encoder", default="none", help="a frozen encoder of images; see dojo_env's README")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--steps", type=int, default=200_000, help="decisions of all environments together")
+    parser.add_argument("--seconds", type=int, default=3600, help="of an episode")
     parser.add_argument("--processes", type=int, default=4, help="environments, each in its own process")
     parser.add_argument("--min-green", type=int, default=10, help="seconds of green before a change")
     parser.add_argument(
-        "--reward", nargs="+", default=["queue=0.05"], metavar="NAME=WEIGHT", help=", ".join(REWARDS)
-    )
+        "--reward", nargs="+", default=[f"{name}={weight}" for name, weight in REWARD.items()],
+        metavar="NAME=WEIGHT", help=", ".join(REWARDS),
+    )  # fmt: skip
     parser.add_argument("--size", type=read_size, default=(84, 84), metavar="HEIGHTxWIDTH", help="of images")
     parser.add_argument("--shared-views", action="store_true", help="one set of weights for all views")
     parser.add_argument("--conditions", default="day", choices=list(CONDITIONS), help="light and weather")
@@ -73,6 +75,7 @@ def read_arguments(options: argparse.Namespace) -> Training:
         "encoder",
         "seed",
         "steps",
+        "seconds",
         "processes",
         "min_green",
         "shared_views",
@@ -106,6 +109,11 @@ def main() -> int:
     except (DojoError, OSError) as error:
         print(f"train: {error}", file=sys.stderr)
         return 3
+    except KeyboardInterrupt:
+        print(
+            f"train: interrupted; --resume goes on from the last checkpoint in {options.out}", file=sys.stderr
+        )
+        return 130
     return 0
 
 

@@ -1,5 +1,7 @@
 """The environments a policy learns in: each episode has a seed of its own, and tells its figures."""
 
+import multiprocessing
+import signal
 from collections.abc import Sequence
 from functools import partial
 from typing import Any
@@ -9,7 +11,7 @@ from stable_baselines3.common.vec_env import SubprocVecEnv, VecEnv
 
 from dojo_env.env import TrafficSignalEnv
 
-from .settings import DECISIONS, Training
+from .settings import Training
 
 FIRST_TRAINING_SEED = 1_000
 """The seeds below are for evaluation: the benchmark's, and from 500 those that choose the best policy."""
@@ -43,18 +45,24 @@ class SeededEpisodes(gymnasium.Wrapper[Any, Any, Any, Any]):
 
 def open_environments(training: Training, *, done: int = 0) -> VecEnv:
     """Open a run's environments as they are after so many steps."""
-    start = FIRST_TRAINING_SEED + training.seed * _SEEDS_PER_RUN + done // DECISIONS
+    start = FIRST_TRAINING_SEED + training.seed * _SEEDS_PER_RUN + done // training.decisions
     makers = [
         partial(_make, training.environment, start + index, training.processes)
         for index in range(training.processes)
     ]
-    return _encode(SubprocVecEnv(makers, start_method="forkserver"), training)
+    return _encode(_start(makers), training)
 
 
 def open_evaluation(training: Training, seeds: Sequence[int], **changes: Any) -> VecEnv:
     """Open an environment per seed; every episode of each has the same seed."""
     makers = [partial(_make, {**training.environment, **changes}, seed, 0) for seed in seeds]
-    return _encode(SubprocVecEnv(makers, start_method="forkserver"), training)
+    return _encode(_start(makers), training)
+
+
+def _start(makers: list[Any]) -> VecEnv:
+    """Start an environment per maker, in processes that share what is loaded once."""
+    multiprocessing.set_forkserver_preload([__name__])
+    return SubprocVecEnv(makers, start_method="forkserver")
 
 
 def _encode(environments: VecEnv, training: Training) -> VecEnv:
@@ -66,4 +74,5 @@ def _encode(environments: VecEnv, training: Training) -> VecEnv:
 
 
 def _make(keywords: dict[str, Any], first: int, stride: int) -> SeededEpisodes:
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the learner, which closes us.
     return SeededEpisodes(TrafficSignalEnv(**keywords), first, stride)

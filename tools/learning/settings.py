@@ -12,7 +12,7 @@ from typing import Any
 from dojo_env.errors import ConfigError
 
 ALGORITHMS: dict[str, dict[str, Any]] = {
-    "ppo": {"n_steps": 180, "batch_size": 240, "n_epochs": 5, "learning_rate": 5e-4, "gamma": 0.97,
+    "ppo": {"n_steps": 180, "batch_size": 180, "n_epochs": 5, "learning_rate": 5e-4, "gamma": 0.97,
             "gae_lambda": 0.9, "ent_coef": 0.005, "clip_range": 0.2},
     "a2c": {"n_steps": 12, "learning_rate": 7e-4, "gamma": 0.97, "gae_lambda": 0.9, "ent_coef": 0.005},
     "dqn": {"buffer_size": 50_000, "learning_starts": 2_880, "batch_size": 64, "learning_rate": 5e-4,
@@ -36,8 +36,10 @@ CONDITIONS: dict[str, dict[str, tuple[float, float]]] = {
 """Ranges from which each training episode draws its light, weather and lenses."""
 SETTINGS, CURVE, CHECKPOINT, POLICY = "training.json", "curve.csv", "checkpoint.pt", "policy.pt"
 """The files of a run's folder."""
-DECISIONS = 720
-"""Decisions in an episode of 3,600 s, one every 5 s."""
+REWARD = {"queue": 0.05, "diff-waiting-time": 0.5}
+"""The queue keeps everyone's trip short, the difference of waiting forgets nobody in a side street."""
+INTERVAL = 5
+"""Seconds from decision to decision."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -51,6 +53,7 @@ class Training:
         encoder: a frozen encoder of images, or `none`.
         seed: of everything random.
         steps: decisions of all environments together.
+        seconds: of an episode.
         processes: environments, each in a process of its own.
         min_green: seconds of green alone before a change is granted.
         reward: names of rewards and their weights.
@@ -67,9 +70,10 @@ class Training:
     encoder: str = "none"
     seed: int = 0
     steps: int = 200_000
+    seconds: int = 3600
     processes: int = 4
     min_green: int = 10
-    reward: Mapping[str, float] = field(default_factory=lambda: {"queue": 0.05})
+    reward: Mapping[str, float] = field(default_factory=lambda: dict(REWARD))
     height: int = 84
     width: int = 84
     shared_views: bool = False
@@ -82,7 +86,7 @@ class Training:
         for name, values in known.items():
             if getattr(self, name) not in values:
                 raise ConfigError(f"{name}={getattr(self, name)!r}: expected one of {', '.join(values)}")
-        for name in ("steps", "processes"):
+        for name in ("steps", "processes", "seconds", "min_green"):
             if getattr(self, name) < 1:
                 raise ConfigError(f"{name}={getattr(self, name)}: expected at least 1")
         if self.encoder != "none" and self.observation not in IMAGES:
@@ -95,15 +99,20 @@ class Training:
             )
 
         for name in ("n_steps", "train_freq"):
-            if DECISIONS % self.settings.get(name, 1):
+            if self.decisions % self.settings.get(name, 1):
                 raise ConfigError(
-                    f"{name}={self.settings[name]}: expected a divisor of {DECISIONS}, an episode"
+                    f"{name}={self.settings[name]}: expected a divisor of {self.decisions}, an episode"
                 )
+
+    @property
+    def decisions(self) -> int:
+        """Decisions in an episode."""
+        return self.seconds // INTERVAL
 
     @property
     def round_steps(self) -> int:
         """Steps of an episode in each environment."""
-        return DECISIONS * self.processes
+        return self.decisions * self.processes
 
     @property
     def whole_steps(self) -> int:
@@ -118,8 +127,12 @@ class Training:
     @property
     def environment(self) -> dict[str, Any]:
         """Keywords of the environment that it learns in."""
-        keywords: dict[str, Any] = {"scenario": self.scenario, "observation": self.observation,
-                                    "min_green": self.min_green}  # fmt: skip
+        keywords: dict[str, Any] = {
+            "scenario": self.scenario,
+            "observation": self.observation,
+            "min_green": self.min_green,
+            "num_seconds": self.seconds,
+        }
         if self.observation in IMAGES:
             keywords |= {"height": self.height, "width": self.width, "show_links": True}
         if CONDITIONS[self.conditions]:
