@@ -24,12 +24,12 @@ def test_rows_are_run_once_and_stand_beside_published_figures(tmp_path: Path) ->
     (tmp_path / "paper.json").write_text(json.dumps(published))
     arguments = ("--scenarios", "two-way", "--seeds", 2, "--seconds", 300, "--results", tmp_path / "results",
                  "--paper", tmp_path / "paper.json")  # fmt: skip
-    done = benchmark("--controllers", "MaxPressure", *arguments)
+    done = benchmark("--rows", "MaxPressure", *arguments)
     assert done.returncode == 0, done.stderr
     assert "| SOTL | not run |" in done.stdout
-    kept = tmp_path / "results" / "two-way" / "MaxPressure.json"
+    kept = tmp_path / "results" / "two-way" / "MaxPressure" / "figures.json"
     first = kept.stat().st_mtime_ns
-    done = benchmark("--controllers", "MaxPressure", "Cycle", *arguments)
+    done = benchmark("--rows", "MaxPressure", "Cycle", *arguments)
     assert done.returncode == 0, done.stderr
     assert kept.stat().st_mtime_ns == first
     assert "**" in done.stdout
@@ -44,6 +44,6 @@ def test_rows_are_run_once_and_stand_beside_published_figures(tmp_path: Path) ->
 
 def test_bad_input_is_one_line_and_a_status(tmp_path: Path) -> None:
     for arguments in (("--scenarios", "nowhere"), ("--paper", tmp_path / "none.json")):
-        done = benchmark("--controllers", "Cycle", "--results", tmp_path, *arguments)
+        done = benchmark("--rows", "Cycle", "--results", tmp_path, *arguments)
         assert done.returncode == 3
         assert len(done.stderr.strip().splitlines()) == 1, done.stderr

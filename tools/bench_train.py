@@ -1,0 +1,70 @@
+"""How fast policies learn from pictures beside features: the same algorithm and processes, taking turns.
+
+Steps per second of wall time, simulation, pictures and updates together; ratios are medians over the rounds.
+The first episodes of an untrained policy are left out: they jam, and a jam takes SUMO long.
+"""
+
+import argparse
+import statistics
+import sys
+import time
+from contextlib import closing
+
+import torch
+from learning.environments import open_environments
+from learning.models import build_model
+from learning.settings import ALGORITHMS, Training
+from stable_baselines3.common.base_class import BaseAlgorithm
+
+GOAL = 0.6
+"""Of features' steps per second, with pictures."""
+
+
+def time_learning(model: BaseAlgorithm, steps: int) -> float:
+    """Give steps per second."""
+    start = time.perf_counter()
+    model.learn(steps, log_interval=None, reset_num_timesteps=False)
+    return steps / (time.perf_counter() - start)
+
+
+def measure(settings: dict[str, object], rounds: int, warm_up: int) -> dict[str, list[float]]:
+    """Let both learn in turns, each in environments of its own."""
+    runs = {name: Training(observation=name, **settings) for name in ("features", "bev")}
+    with (
+        closing(open_environments(runs["features"])) as first,
+        closing(open_environments(runs["bev"])) as second,
+    ):
+        models = {
+            name: build_model(run, environments)
+            for (name, run), environments in zip(runs.items(), (first, second), strict=True)
+        }
+        for model in models.values():
+            model.learn(warm_up, log_interval=None)
+        return {
+            name: [time_learning(model, runs[name].round_steps) for _ in range(rounds)]
+            for name, model in models.items()
+        }
+
+
+def main() -> int:
+    """Measure and print."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--scenario", default="cologne1")
+    parser.add_argument("--algorithms", nargs="+", default=list(ALGORITHMS), choices=list(ALGORITHMS))
+    parser.add_argument("--processes", type=int, default=4)
+    parser.add_argument("--rounds", type=int, default=3, help="of an episode in each environment")
+    parser.add_argument("--warm-up", type=int, default=20_000, help="steps before anything is measured")
+    options = parser.parse_args()
+    torch.set_num_threads(1)
+    for algorithm in options.algorithms:
+        settings = {"scenario": options.scenario, "processes": options.processes, "algorithm": algorithm}
+        pace = measure(settings, options.rounds, options.warm_up)
+        features, bev = (statistics.median(pace[name]) for name in ("features", "bev"))
+        verdict = "holds" if bev >= GOAL * features else "MISSED"
+        print(f"{algorithm}: features {features:.0f} steps/s, bev {bev:.0f}, ratio {bev / features:.2f} "
+              f"(goal {GOAL}: {verdict})")  # fmt: skip
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
