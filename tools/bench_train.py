@@ -11,10 +11,11 @@ import time
 from contextlib import closing
 
 import torch
+from stable_baselines3.common.base_class import BaseAlgorithm
+
 from learning.environments import open_environments
 from learning.models import build_model
 from learning.settings import ALGORITHMS, Training
-from stable_baselines3.common.base_class import BaseAlgorithm
 
 GOAL = 0.6
 """Of features' steps per second, with pictures."""
