@@ -1,8 +1,8 @@
 """The demand of the scenario two-way: two directions that take turns being busy, four times an hour."""
 
-import os
-import tempfile
 from pathlib import Path
+
+from dojo_maps.whole_file import replaced
 
 _PERIOD = 900
 """Seconds from one change of the demand to the next."""
@@ -35,8 +35,6 @@ def write_two_way_demand(folder: Path) -> Path:
     """Write the demand into a folder, whole, unless it lies there already."""
     path, text = folder / "two-way.rou.xml", build_two_way_demand()
     if not path.is_file() or path.read_text(encoding="utf-8") != text:
-        handle, fresh = tempfile.mkstemp(dir=folder, suffix=".xml")
-        with os.fdopen(handle, "w", encoding="utf-8") as file:
-            file.write(text)
-        Path(fresh).replace(path)
+        with replaced(path) as fresh:
+            fresh.write_text(text, encoding="utf-8")
     return path

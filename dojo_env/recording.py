@@ -6,8 +6,6 @@ is read within bounds and checked, whoever made it.
 """
 
 import math
-import os
-import tempfile
 import zipfile
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -18,6 +16,7 @@ from numpy.typing import NDArray
 
 from dojo_env.errors import RecordingError, SnapshotError
 from dojo_env.snapshot import Snapshot
+from dojo_maps.whole_file import replaced
 
 _VERSION = 1
 _MAX_BYTES = 1 << 31
@@ -96,13 +95,8 @@ class Recorder:
             "shown": np.array(self._shown, np.int32).reshape(len(self._times), -1),
         }
         path.parent.mkdir(parents=True, exist_ok=True)
-        handle, fresh = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
-        try:
-            with os.fdopen(handle, "wb") as file:
-                np.savez_compressed(file, **arrays)  # type: ignore[arg-type]
-            Path(fresh).replace(path)
-        finally:
-            Path(fresh).unlink(missing_ok=True)
+        with replaced(path) as fresh, fresh.open("wb") as file:
+            np.savez_compressed(file, **arrays)  # type: ignore[arg-type]
 
 
 class Recording(Sequence[Snapshot]):

@@ -1,9 +1,6 @@
 """From a network or bundle to a report: read it, run every check, write what is asked for."""
 
-import contextlib
-import os
-import tempfile
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -23,6 +20,7 @@ from dojo_maps.sources.sumo_net import read_network
 from dojo_maps.validation.exclusions import Exclusion
 from dojo_maps.validation.profiles import DEFAULT, Profile
 from dojo_maps.validation.runner import run_checks
+from dojo_maps.whole_file import replaced
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -67,26 +65,6 @@ def inspect(
     with without_cycle_search():
         read = read_source(source)
         return read, run_checks(read.road_map, read.meshes, read.issues, profile, exclusions)
-
-
-@contextlib.contextmanager
-def replaced(path: Path) -> Iterator[Path]:
-    """Give a new file to write, and put it in the place of `path` only once it is whole."""
-    handle, name = tempfile.mkstemp(prefix=f".{path.name}.", dir=path.parent)
-    os.close(handle)
-    fresh = Path(name)
-    try:
-        yield fresh
-        fresh.chmod(0o666 & ~_umask())
-        fresh.replace(path)
-    finally:
-        fresh.unlink(missing_ok=True)
-
-
-def _umask() -> int:
-    mask = os.umask(0)
-    os.umask(mask)
-    return mask
 
 
 def write_reports(

@@ -1,7 +1,5 @@
 """Draw departures by chance, from a seed, and write them as a SUMO route file."""
 
-import os
-import tempfile
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from xml.sax.saxutils import quoteattr
@@ -11,6 +9,7 @@ import numpy as np
 from dojo_maps.demand.movements import Route
 from dojo_maps.demand.walkers import Walk
 from dojo_maps.geometry.polylines import Floats
+from dojo_maps.whole_file import replaced
 
 _FEWEST = 3
 """Vehicles on a route in an hour, so that every movement is used."""
@@ -60,7 +59,8 @@ def write_route_file(
         for number, route in enumerate(routes)
     ]
     lines += [f"    {line}" for _, line in sorted(vehicles + walkers)]
-    _write(path, "\n".join(["<routes>", *lines, "</routes>", ""]))
+    with replaced(path) as fresh:
+        fresh.write_text("\n".join(["<routes>", *lines, "</routes>", ""]), encoding="utf-8")
     return len(vehicles), len(walkers)
 
 
@@ -83,15 +83,3 @@ def _walkers(number: int, walk: Walk, departures: Floats) -> Iterator[_Departure
             f'departPos="{walk.start_place:.2f}"><walk from={start} to={end} '
             f'arrivalPos="{walk.end_place:.2f}"/></person>',
         )
-
-
-def _write(path: Path, text: str) -> None:
-    handle, fresh = tempfile.mkstemp(dir=path.parent, suffix=".xml")
-    try:
-        with os.fdopen(handle, "w", encoding="utf-8") as file:
-            file.write(text)
-        Path(fresh).chmod(0o644)
-        Path(fresh).replace(path)
-    except BaseException:
-        Path(fresh).unlink(missing_ok=True)
-        raise

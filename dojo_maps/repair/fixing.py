@@ -6,12 +6,13 @@ from collections.abc import Collection, Iterator
 from pathlib import Path
 
 from dojo_maps.errors import UsageError
-from dojo_maps.inspection import read_source, replaced
+from dojo_maps.inspection import read_source
 from dojo_maps.issue import Severity
 from dojo_maps.repair.patch import plain_files
 from dojo_maps.repair.repairs import ON_REQUEST, REPAIRS
 from dojo_maps.repair.rounds import Fixed, fix_network
 from dojo_maps.report.formats import printable
+from dojo_maps.whole_file import replaced
 
 
 def fix(source: str, only: Collection[str] = ()) -> Fixed:

@@ -12,6 +12,7 @@ from stable_baselines3.common.buffers import ReplayBuffer
 from stable_baselines3.common.vec_env import VecEnv
 
 from dojo_env.errors import ConfigError
+from dojo_maps.whole_file import replaced
 
 from .networks import ViewNet
 from .settings import Training
@@ -148,9 +149,8 @@ def _plain(state: tuple[Any, ...]) -> list[Any]:
 
 
 def _save(state: Any, path: Path) -> None:
-    fresh = path.with_suffix(".part")
-    torch.save(state, fresh)
-    fresh.replace(path)
+    with replaced(path) as fresh:
+        torch.save(state, fresh)
 
 
 def _load(path: Path) -> Any:

@@ -12,6 +12,7 @@ from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.vec_env import VecEnv
 
 from dojo_env.metrics import SIX
+from dojo_maps.whole_file import replaced
 
 from .evaluation import evaluate
 from .models import save_checkpoint, save_policy
@@ -82,14 +83,12 @@ class Progress(BaseCallback):
 
     def _write(self) -> None:
         path = self._folder / CURVE
-        fresh = path.with_suffix(".part")
-        with fresh.open("w", newline="", encoding="utf-8") as file:
+        with replaced(path) as fresh, fresh.open("w", newline="", encoding="utf-8") as file:
             writer = csv.DictWriter(file, COLUMNS)
             writer.writeheader()
             writer.writerows(
                 {n: round(v, 4) if isinstance(v, float) else v for n, v in r.items()} for r in self._rows
             )
-        fresh.replace(path)
 
     def _tell(self, row: dict[str, Any]) -> None:
         steps, total = self.num_timesteps, self._training.whole_steps

@@ -10,6 +10,7 @@ from typing import Any
 
 from dojo_env.metrics import SIX
 from dojo_env.runs import run_controller, summarize
+from dojo_maps.whole_file import replaced
 
 from .rows import CONTROLLERS, LEARNED, OWN_SETTINGS, find_training
 from .settings import list_versions
@@ -68,9 +69,8 @@ def run_row(task: Mapping[str, Any], results: Path) -> None:
         "figures": {name: value for name, value in summarize(episodes).items() if name in KEPT},
         "episodes": [{name: episode[name] for name in KEPT} for episode in episodes],
     }
-    fresh = folder / (FIGURES + ".part")
-    fresh.write_text(json.dumps(result, indent=1) + "\n", encoding="utf-8")
-    fresh.replace(folder / FIGURES)
+    with replaced(folder / FIGURES) as fresh:
+        fresh.write_text(json.dumps(result, indent=1) + "\n", encoding="utf-8")
 
 
 Outcome = tuple[list[dict[str, Any]], list[dict[str, Any]]]
