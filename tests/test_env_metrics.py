@@ -91,6 +91,20 @@ def test_system_figures_agree_with_summary(episode) -> None:
             assert info["system_mean_speed"] == pytest.approx(float(step["meanSpeed"]), abs=1e-4)
 
 
+def test_episode_figures_are_means_of_what_info_tells(episode) -> None:
+    _, _, infos, figures, _ = episode
+    names = {
+        "co2": "co2",
+        "delay": "delay",
+        "queue": "stopped",
+        "accumulated_waiting": "accumulated_waiting_time",
+    }
+    for figure, name in names.items():
+        assert figures[figure] == pytest.approx(np.mean([info[f"agents_total_{name}"] for info in infos])), (
+            figure
+        )
+
+
 def test_co2_and_queue_agree_with_emission_output(episode) -> None:
     folder, plan, infos, figures, begin = episode
     lanes = set(plan.lanes)
