@@ -1,5 +1,6 @@
 """Stable-Baselines3's algorithms over our networks; policies and checkpoints without pickled code."""
 
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -46,8 +47,13 @@ def build_model(training: Training, environments: VecEnv) -> BaseAlgorithm:
         seed=training.seed,
         device="auto" if sees else "cpu",
         policy_kwargs=policy,
-        **training.settings,
+        **{**training.settings, "learning_rate": partial(_fall, training.settings["learning_rate"])},
     )
+
+
+def _fall(rate: float, left: float) -> float:
+    """Give the learning rate when a share of the run is left."""
+    return rate * left
 
 
 def save_policy(model: BaseAlgorithm, path: Path) -> None:

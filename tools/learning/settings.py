@@ -19,7 +19,10 @@ ALGORITHMS: dict[str, dict[str, Any]] = {
             "gamma": 0.97, "train_freq": 1, "gradient_steps": 2, "target_update_interval": 500,
             "exploration_fraction": 0.3, "exploration_final_eps": 0.02},
 }  # fmt: skip
-"""The algorithms and what their settings are unless said otherwise; the names are Stable-Baselines3's."""
+"""The algorithms and what their settings are unless said otherwise; the names are Stable-Baselines3's.
+
+The learning rate is that of the beginning; it falls to 0 at the end, so that the last policies differ little.
+"""
 OBSERVATIONS = ("features", "bev", "multi_view", "detector")
 IMAGES = ("bev", "multi_view")
 PACKAGES = ("traffic-dojo", "libsumo", "numpy", "gymnasium", "torch", "stable-baselines3")
@@ -36,7 +39,7 @@ CONDITIONS: dict[str, dict[str, tuple[float, float]]] = {
 """Ranges from which each training episode draws its light, weather and lenses."""
 SETTINGS, CURVE, CHECKPOINT, POLICY = "training.json", "curve.csv", "checkpoint.pt", "policy.pt"
 """The files of a run's folder."""
-REWARD = {"queue": 0.05, "diff-waiting-time": 0.5}
+REWARD = {"queue": 0.05, "diff-waiting-time": 0.25}
 """The queue keeps everyone's trip short, the difference of waiting forgets nobody in a side street."""
 INTERVAL = 5
 """Seconds from decision to decision."""
