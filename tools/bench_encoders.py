@@ -1,8 +1,8 @@
 """What frozen encoders tell of the queues, and how long they take.
 
 Episodes of several controllers are seen from above. From some of them a linear probe (ridge regression)
-learns the queue of each approach, of which a lane counts at most six vehicles since no more are in the picture;
-it is scored on an episode of another controller and seed: R2, the mean over approaches. The control is the
+learns the queue of each approach, of which a lane counts at most six vehicles, as no more are in the picture.
+It is scored on an episode of another controller and seed: R2, the mean over approaches. The control is the
 same network with random weights. Times are the fastest of many, since others may use the machine.
 """
 

@@ -111,10 +111,8 @@ def encoded_space(space: spaces.Space[Any], encoder: Encoder) -> spaces.Box:
         ConfigError: observations are neither a picture nor a dict of pictures of one size.
     """
     parts = list(space.spaces.values()) if isinstance(space, spaces.Dict) else [space]
-    shapes = {part.shape for part in parts if isinstance(part, spaces.Box) and part.dtype == np.uint8}
-    pictures = all(isinstance(part, spaces.Box) and part.dtype == np.uint8 for part in parts)
-    shape = next(iter(shapes), None)
-    if not pictures or len(shapes) != 1 or shape is None or len(shape) != 3 or shape[-1] != 3:
+    (shape, dtype), *others = {(part.shape or (), part.dtype) for part in parts}
+    if others or dtype != np.uint8 or len(shape) != 3 or shape[2] != 3:
         raise ConfigError(
             f"encoder {encoder.name!r} needs observations that are colour pictures of one size, "
             f'as "bev" and "multi_view" are; got {space}'
