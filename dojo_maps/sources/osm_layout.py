@@ -11,6 +11,7 @@ import numpy as np
 
 from dojo_maps.geometry.polylines import Floats, along
 from dojo_maps.sources.osm import OsmData
+from dojo_maps.sources.osm_corners import Arm, sharp_corners
 from dojo_maps.sources.osm_crossings import MappedCrossing, find_crossings
 from dojo_maps.sources.osm_graph import RoadGraph, Section
 from dojo_maps.sources.osm_junctions import Junctions, group_junctions, share_controllers
@@ -21,14 +22,15 @@ _REACH, _SIGNAL_REACH = 14.0, 30.0
 _ROOM = 11.0
 """Metres between two crossings of a section that leave an edge of 5 m between them, and a little."""
 _LEFT_OVER = 6.0
+_ASIDE = 6.0
+"""Metres by which roads that part at a sharp angle may move a crossing."""
+_VANISHING = 30.0
+"""Metres up to which a road may vanish where its ends lie on others."""
 _SIGNAL_NEAR = 20.0
 _BOTH_CARRIAGEWAYS = 28.0
 _BEYOND = 14.0
 _INNER, _ROUND = 80.0, 15.0
 """Metres up to which a road inside a junction, or a part of a roundabout there, vanishes in it."""
-
-Arm = tuple[str, bool]
-"""A section's id, and whether its end is meant rather than its start."""
 
 
 @dataclass(slots=True, kw_only=True)
@@ -98,6 +100,7 @@ def lay_out(
         _move(graph, node, towards, metres)
     _signal_between(layout)
     _host(layout)
+    _draw_back(layout)
     _align_carriageways(layout)
     return layout
 
@@ -255,6 +258,23 @@ def _host(layout: Layout) -> None:
     for number, crossing in enumerate(layout.crossings):
         if number not in placed:
             layout.lost.append((crossing, "another crossing or the road's end is too near"))
+
+
+def _draw_back(layout: Layout) -> None:
+    """Draw roads back that part at a sharp angle, but no crossing out of its place."""
+    graph = layout.graph
+    wanted: dict[Arm, float] = {}
+    for arms in layout.arms().values():
+        wanted |= sharp_corners(graph, arms)
+    for arm, metres in sorted(wanted.items()):
+        farthest = layout.cuts[arm] + _ASIDE if arm in layout.hosted else metres
+        layout.cuts[arm] = max(layout.cuts.get(arm, 0.0), min(metres, farthest))
+    for arm in sorted(wanted):
+        length, both = graph.length(graph.sections[arm[0]]), [arm, (arm[0], not arm[1])]
+        room = length - layout.cuts.get(both[1], 0.0) - _LEFT_OVER
+        crossed = any(end in layout.hosted for end in both)
+        if arm not in layout.hosted and (crossed or length > _VANISHING) and room < layout.cuts[arm]:
+            layout.cuts[arm] = max(room, 0.0)
 
 
 def _align_carriageways(layout: Layout) -> None:

@@ -17,6 +17,7 @@ from dojo_maps.sources.osm import OsmData
 from dojo_maps.sources.osm_graph import build_graph
 from dojo_maps.sources.osm_layout import Layout, lay_out
 from dojo_maps.sources.osm_movements import Restriction, read_restrictions
+from dojo_maps.sources.osm_outlines import mend_outlines
 from dojo_maps.sources.osm_plain import CONNECTIONS, EDGES, NODES, Plain, write_plain
 from dojo_maps.sources.signal_programs import program_signals
 from dojo_maps.sources.sumo_net import read_network
@@ -87,7 +88,7 @@ def build_network(data: OsmData, *, path: Path, name: str, sha256: str) -> OsmNe
         joined += pairs
         moved = moves | moved
         paved |= unpaved
-    built = program_signals(built, road_map)
+    built = mend_outlines(program_signals(built, road_map))
     road_map, issues = read_network(built, path=path, name=name, sha256=sha256)
     issues += tuple(_dropped_issue(option, reason, road_map) for option, reason in dropped)
     issues += tuple(_warning_issue(warning, road_map) for warning in warnings)

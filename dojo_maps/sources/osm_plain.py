@@ -182,7 +182,7 @@ def _divider(layout: Layout, section: Section, heights: dict[int, float]) -> Flo
 def _trim(line: Floats, start: float, end: float) -> Floats:
     lengths = along(line)
     total = float(lengths[-1])
-    if start + end > total - 1.0:
+    if 0 < start + end > total - 1.0:
         share = max(total - 1.0, 0.0) / (start + end)
         start, end = start * share, end * share
     inner = (lengths > start + 0.3) & (lengths < total - end - 0.3)
