@@ -16,7 +16,7 @@ from dojo_maps.errors import SourceError
 from dojo_maps.geometry.polylines import Floats, along
 from dojo_maps.sources.osm import OsmData, OsmWay
 from dojo_maps.sources.osm_country import centre_of, drives_left
-from dojo_maps.sources.osm_ways import RoadTags, read_road
+from dojo_maps.sources.osm_ways import KINDS, RoadTags, read_road
 
 _LEAST_SECTION = 12.0
 """Metres: a shorter section between two changes of lanes takes its neighbour's."""
@@ -67,6 +67,7 @@ class RoadGraph:
     proj: str
     offset: tuple[float, float]
     unmatched_turns: list[int] = field(default_factory=list)
+    doubled: list[int] = field(default_factory=list)
     missing: list[int] = field(default_factory=list)
 
     def ends(self) -> dict[int, list[str]]:
@@ -135,6 +136,7 @@ def build_graph(data: OsmData, path: object) -> RoadGraph:
         unmatched_turns=unmatched, missing=sorted(missing),
     )  # fmt: skip
     _cut_sections(graph, pieces, roads)
+    _drop_doubles(graph)
     _keep_largest(graph)
     while _join_sections(graph):
         pass
@@ -204,6 +206,26 @@ def _cut_sections(
                 count[way] += 1
                 graph.sections[section.id] = section if section.road.forward else section.flipped()
                 first = index
+
+
+def _drop_doubles(graph: RoadGraph) -> None:
+    """Keep one of the sections drawn over the same nodes; one-ways against each other make a two-way road."""
+    kept: dict[tuple[int, ...], Section] = {}
+    for section in graph.sections.values():
+        key = (section.road.layer, *min(section.nodes, section.nodes[::-1]))
+        twin = kept.get(key)
+        if twin is None:
+            kept[key] = section
+        elif twin.road.oneway and section.road.oneway and twin.nodes != section.nodes:
+            kept[key] = replace(twin, road=replace(twin.road, backward=section.road.forward))
+        else:
+            kept[key], other = sorted((twin, section), key=_importance, reverse=True)
+            graph.doubled.append(other.ways[0])
+    graph.sections = {section.id: section for section in kept.values()}
+
+
+def _importance(section: Section) -> tuple[int, float]:
+    return KINDS[section.road.kind], section.road.drives
 
 
 def _keep_largest(graph: RoadGraph) -> None:

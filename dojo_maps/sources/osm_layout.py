@@ -24,13 +24,13 @@ _ROOM = 11.0
 _LEFT_OVER = 6.0
 _ASIDE = 6.0
 """Metres by which roads that part at a sharp angle may move a crossing."""
-_VANISHING = 30.0
-"""Metres up to which a road may vanish where its ends lie on others."""
 _SIGNAL_NEAR = 20.0
 _BOTH_CARRIAGEWAYS = 28.0
 _BEYOND = 14.0
 _INNER, _ROUND = 80.0, 15.0
 """Metres up to which a road inside a junction, or a part of a roundabout there, vanishes in it."""
+_LOOP = 40.0
+"""Metres up to which a road that leads back to where it began vanishes."""
 
 
 @dataclass(slots=True, kw_only=True)
@@ -113,7 +113,10 @@ def _move(graph: RoadGraph, node: int, towards: int, metres: float) -> None:
 
 def _is_inner(graph: RoadGraph, section: Section) -> bool:
     """Tell whether a section between vertices of one junction vanishes in it."""
-    return graph.length(section) < (_ROUND if section.road.roundabout else _INNER)
+    if section.road.roundabout:
+        return graph.length(section) < _ROUND
+    apart = math.dist(graph.places[section.start], graph.places[section.end])
+    return graph.length(section) < min(_INNER, _LOOP + 2 * apart)
 
 
 def _split_loops(graph: RoadGraph, junctions: Junctions) -> bool:
@@ -269,12 +272,9 @@ def _draw_back(layout: Layout) -> None:
     for arm, metres in sorted(wanted.items()):
         farthest = layout.cuts[arm] + _ASIDE if arm in layout.hosted else metres
         layout.cuts[arm] = max(layout.cuts.get(arm, 0.0), min(metres, farthest))
-    for arm in sorted(wanted):
-        length, both = graph.length(graph.sections[arm[0]]), [arm, (arm[0], not arm[1])]
-        room = length - layout.cuts.get(both[1], 0.0) - _LEFT_OVER
-        crossed = any(end in layout.hosted for end in both)
-        if arm not in layout.hosted and (crossed or length > _VANISHING) and room < layout.cuts[arm]:
-            layout.cuts[arm] = max(room, 0.0)
+    for arm in sorted(wanted.keys() - layout.hosted.keys()):
+        room = graph.length(graph.sections[arm[0]]) - layout.cuts.get((arm[0], not arm[1]), 0.0)
+        layout.cuts[arm] = max(0.0, min(layout.cuts[arm], room - _LEFT_OVER))
 
 
 def _align_carriageways(layout: Layout) -> None:
