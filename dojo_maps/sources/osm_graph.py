@@ -192,6 +192,8 @@ def _cut_sections(
     for _, run in pieces:
         for node in run:
             uses[node] += 1
+        for before, node, after in zip(run, run[1:], run[2:], strict=False):
+            uses[node] += before == after
         uses[run[0]] += 1
         uses[run[-1]] += 1
     count: dict[int, int] = defaultdict(int)
