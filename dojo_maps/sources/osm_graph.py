@@ -6,7 +6,7 @@ end, or change. Sections that only a split of the way or an unseen change of tag
 
 import math
 from collections import defaultdict
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -14,8 +14,9 @@ import pyproj
 
 from dojo_maps.errors import SourceError
 from dojo_maps.geometry.polylines import Floats, along
-from dojo_maps.sources.osm import OsmData, OsmWay
+from dojo_maps.sources.osm import OsmData
 from dojo_maps.sources.osm_country import centre_of, drives_left
+from dojo_maps.sources.osm_runs import known_runs
 from dojo_maps.sources.osm_ways import KINDS, RoadTags, read_road
 
 _LEAST_SECTION = 12.0
@@ -119,21 +120,21 @@ def build_graph(data: OsmData, path: object) -> RoadGraph:
     left_hand = drives_left(data)
     lon, lat = centre_of(data)
     roads: dict[int, RoadTags] = {}
-    unmatched, missing = [], set[int]()
+    unmatched = []
     for way, found in data.ways.items():
         road, agree = read_road(found.tags, lon=lon, lat=lat, left_hand=left_hand)
         if road is not None:
             roads[way] = road
         if not agree:
             unmatched.append(way)
-    pieces = [(way, run) for way in roads for run in _known_runs(data.ways[way], data, missing)]
+    pieces, missing = known_runs(data, roads)
     used = sorted({node for _, run in pieces for node in run})
     if not used:
         raise SourceError(path, "has no roads for cars or buses; choose a larger area")
     proj, offset, places = _project(data, used, path)
     graph = RoadGraph(
         places=places, sections={}, left_hand=left_hand, proj=proj, offset=offset,
-        unmatched_turns=unmatched, missing=sorted(missing),
+        unmatched_turns=unmatched, missing=missing,
     )  # fmt: skip
     _cut_sections(graph, pieces, roads)
     _drop_doubles(graph)
@@ -141,24 +142,6 @@ def build_graph(data: OsmData, path: object) -> RoadGraph:
     while _join_sections(graph):
         pass
     return graph
-
-
-def _known_runs(way: OsmWay, data: OsmData, missing: set[int]) -> Iterator[tuple[int, ...]]:
-    """Give the parts of a way whose nodes the extract holds, without repeated places."""
-    run: list[int] = []
-    for node in way.nodes:
-        if node not in data.nodes:
-            missing.add(node)
-            if len(run) > 1:
-                yield tuple(run)
-            run = []
-            continue
-        here = data.nodes[node]
-        if run and (data.nodes[run[-1]].lon, data.nodes[run[-1]].lat) == (here.lon, here.lat):
-            continue
-        run.append(node)
-    if len(run) > 1:
-        yield tuple(run)
 
 
 def _project(
