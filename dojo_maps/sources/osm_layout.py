@@ -15,6 +15,7 @@ from dojo_maps.sources.osm_corners import Arm, sharp_corners
 from dojo_maps.sources.osm_crossings import MappedCrossing, find_crossings
 from dojo_maps.sources.osm_graph import RoadGraph, Section
 from dojo_maps.sources.osm_junctions import Junctions, group_junctions, share_controllers
+from dojo_maps.sources.osm_rings import widen_rings
 
 CROSSING_WIDTH = 4.0
 _REACH, _SIGNAL_REACH = 14.0, 30.0
@@ -29,6 +30,8 @@ _BOTH_CARRIAGEWAYS = 28.0
 _BEYOND = 14.0
 _INNER, _ROUND = 80.0, 15.0
 """Metres up to which a road inside a junction, or a part of a roundabout there, vanishes in it."""
+_SHORT_WAY = 1.5
+"""How much longer a part of a roundabout is than the straight line, at most, if it is the short way round."""
 _LOOP = 40.0
 """Metres up to which a road that leads back to where it began vanishes."""
 
@@ -81,6 +84,7 @@ def lay_out(
         joined: vertices to join because a section between them came out too short before.
         moved: crossings to move for the same reason, by node: towards which node, and how far.
     """
+    widen_rings(graph)
     crossings = find_crossings(data, graph)
     if _extend_ends(graph, {crossing.node for crossing in crossings}):
         crossings = find_crossings(data, graph)
@@ -113,10 +117,11 @@ def _move(graph: RoadGraph, node: int, towards: int, metres: float) -> None:
 
 def _is_inner(graph: RoadGraph, section: Section) -> bool:
     """Tell whether a section between vertices of one junction vanishes in it."""
-    if section.road.roundabout:
-        return graph.length(section) < _ROUND
+    length = graph.length(section)
     apart = math.dist(graph.places[section.start], graph.places[section.end])
-    return graph.length(section) < min(_INNER, _LOOP + 2 * apart)
+    if section.road.roundabout:
+        return length < max(_ROUND, apart * _SHORT_WAY)
+    return length < min(_INNER, _LOOP + 2 * apart)
 
 
 def _split_loops(graph: RoadGraph, junctions: Junctions) -> bool:

@@ -25,6 +25,8 @@ _BUSES = 'allow="bus coach taxi emergency"'
 
 
 _BUSY = KINDS["tertiary"]
+_RING_RADIUS = 0.5
+"""Metres by which the corners of roundabouts are rounded; more would leave nothing of a small ring."""
 _MAPPED_NEAR = 100.0
 """Metres around a mapped crossing within which crossings are taken to be mapped completely."""
 
@@ -117,6 +119,8 @@ def _nodes(layout: Layout, arms: dict[int, list[Arm]], plain: Plain) -> list[str
             kind = f'type="traffic_light" tl="{controller}"'
         elif not any(_drives(plain, outgoing_name(arm)) for arm in arms[junction]):
             kind = 'type="dead_end"'
+        if any(layout.graph.sections[name].road.roundabout for name, _ in arms[junction]):
+            kind += f' radius="{_RING_RADIUS}"'
         z = sum(plain.heights.get(vertex, 0.0) for vertex in members[junction]) / len(places)
         lines.append(f'<node id="{junction}" x="{x:.2f}" y="{y:.2f}" z="{z:.2f}" {kind}/>')
     return lines
