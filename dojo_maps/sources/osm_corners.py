@@ -34,7 +34,8 @@ def sharp_corners(graph: RoadGraph, arms: Sequence[Arm]) -> dict[Arm, float]:
         arms: those of one junction.
 
     Returns:
-        Metres from the vertex of each arm; empty where no two roads part at a sharp angle.
+        Metres from the vertex of each arm; empty where no two roads part at a sharp angle. A roundabout's
+        ring stays as it is: it is enough to draw the other road back.
     """
     lines = {arm: _first_part(graph, arm) for arm in arms}
     found: dict[Arm, float] = {}
@@ -45,7 +46,8 @@ def sharp_corners(graph: RoadGraph, arms: Sequence[Arm]) -> dict[Arm, float]:
         if shared is not None:
             for arm, metres in zip((one, other), shared, strict=True):
                 found[arm] = max(found.get(arm, 0.0), metres)
-    return {arm: max(found.get(arm, 0.0), _FLOOR) for arm in arms} if found else {}
+    drawn = [arm for arm in arms if not graph.sections[arm[0]].road.roundabout]
+    return {arm: max(found.get(arm, 0.0), _FLOOR) for arm in drawn} if found else {}
 
 
 def _first_part(graph: RoadGraph, arm: Arm) -> Floats:

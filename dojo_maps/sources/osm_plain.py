@@ -10,11 +10,12 @@ import numpy as np
 
 from dojo_maps.geometry.polylines import Floats, along
 from dojo_maps.sources.osm import OsmData
+from dojo_maps.sources.osm_corners import Arm
 from dojo_maps.sources.osm_crossings import MappedCrossing
 from dojo_maps.sources.osm_graph import Section
 from dojo_maps.sources.osm_heights import compute_heights
 from dojo_maps.sources.osm_lanes import connect_lanes
-from dojo_maps.sources.osm_layout import CROSSING_WIDTH, Arm, Layout
+from dojo_maps.sources.osm_layout import CROSSING_WIDTH, Layout
 from dojo_maps.sources.osm_movements import Movement, Movements, Restriction, directed, leads_through
 from dojo_maps.sources.osm_sidewalks import ISLAND_WIDTH, SIDEWALK_WIDTH, Sidewalks
 from dojo_maps.sources.osm_ways import KINDS, LaneTags
