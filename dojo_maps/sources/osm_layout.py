@@ -15,6 +15,7 @@ from dojo_maps.sources.osm_corners import Arm, sharp_corners
 from dojo_maps.sources.osm_crossings import MappedCrossing, find_crossings
 from dojo_maps.sources.osm_graph import RoadGraph, Section
 from dojo_maps.sources.osm_junctions import Junctions, group_junctions, share_controllers
+from dojo_maps.sources.osm_loops import is_inner, split_loops
 from dojo_maps.sources.osm_rings import widen_rings
 
 CROSSING_WIDTH = 4.0
@@ -28,12 +29,6 @@ _ASIDE = 6.0
 _SIGNAL_NEAR = 20.0
 _BOTH_CARRIAGEWAYS = 28.0
 _BEYOND = 14.0
-_INNER, _ROUND = 80.0, 15.0
-"""Metres up to which a road inside a junction, or a part of a roundabout there, vanishes in it."""
-_SHORT_WAY = 1.5
-"""How much longer a part of a roundabout is than the straight line, at most, if it is the short way round."""
-_LOOP = 40.0
-"""Metres up to which a road that leads back to where it began vanishes."""
 
 
 @dataclass(slots=True, kw_only=True)
@@ -93,12 +88,12 @@ def lay_out(
         crossings = find_crossings(data, graph)
     joined = [*joined, *_over_both_carriageways(graph, crossings)]
     junctions = group_junctions(data, graph, crossings, joined)
-    while _split_loops(graph, junctions):
+    while split_loops(graph, junctions):
         crossings = find_crossings(data, graph)
         junctions = group_junctions(data, graph, crossings, joined)
     layout = Layout(graph=graph, junctions=junctions, crossings=crossings)
     for name, section in graph.sections.items():
-        if junctions.of[section.start] == junctions.of[section.end] and _is_inner(graph, section):
+        if junctions.of[section.start] == junctions.of[section.end] and is_inner(graph, section):
             layout.inner.add(name)
     for node, (towards, metres) in moved.items():
         _move(graph, node, towards, metres)
@@ -113,32 +108,6 @@ def _move(graph: RoadGraph, node: int, towards: int, metres: float) -> None:
     (x, y), (a, b) = graph.places[node], graph.places[towards]
     share = min(metres / max(math.dist((x, y), (a, b)), 1e-3), 0.8)
     graph.places[node] = (x + (a - x) * share, y + (b - y) * share)
-
-
-def _is_inner(graph: RoadGraph, section: Section) -> bool:
-    """Tell whether a section between vertices of one junction vanishes in it."""
-    length = graph.length(section)
-    apart = math.dist(graph.places[section.start], graph.places[section.end])
-    if section.road.roundabout:
-        return length < max(_ROUND, apart * _SHORT_WAY)
-    return length < min(_INNER, _LOOP + 2 * apart)
-
-
-def _split_loops(graph: RoadGraph, junctions: Junctions) -> bool:
-    """Split roads that lead back to their junction; SUMO has none. Tell whether there was one."""
-    changed = False
-    for name, section in sorted(graph.sections.items()):
-        if junctions.of[section.start] != junctions.of[section.end] or _is_inner(graph, section):
-            continue
-        if len(section.nodes) == 2:
-            node = min(0, *graph.places) - 1
-            ends = [graph.places[vertex] for vertex in section.nodes]
-            graph.places[node] = ((ends[0][0] + ends[1][0]) / 2, (ends[0][1] + ends[1][1]) / 2)
-            nodes = (section.start, node, section.end)
-            graph.sections[name] = replace(section, nodes=nodes, ways=section.ways * 2)
-        graph.split(name, len(graph.sections[name].nodes) // 2)
-        changed = True
-    return changed
 
 
 def _extend_ends(graph: RoadGraph, crossed: set[int]) -> bool:
