@@ -15,7 +15,7 @@ from dojo_maps.geometry.polylines import Floats, along
 from dojo_maps.sources.osm_graph import RoadGraph
 
 _SHARP = math.cos(math.radians(65.0))
-_FARTHEST = 80.0
+_FARTHEST = 100.0
 """Metres from a junction within which roads that begin there must have parted."""
 _HEADING = 25.0
 _FLOOR = 3.0

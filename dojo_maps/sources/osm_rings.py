@@ -8,8 +8,8 @@ from collections import defaultdict
 
 from dojo_maps.sources.osm_graph import RoadGraph, Section
 
-_ROOM = 5.5
-"""Metres of ring to keep between the mouths of two arms."""
+_ROOM = 6.5
+"""Metres of ring to keep between the mouths of two arms, with their rounded corners."""
 _WALK = 2.5
 """Metres of pavement on each side of an arm."""
 _WIDER = 3.0
