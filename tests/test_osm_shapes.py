@@ -70,7 +70,7 @@ def test_fork_at_a_sharp_angle_has_its_own_ground(degrees: float, tmp_path: Path
 def test_slip_lane_that_merges_flat_leaves_no_hole(tmp_path: Path) -> None:
     d = Drawing()
     d.way((-150, 0), (0, 0), (60, 0), (150, 0), highway="secondary", lanes="4")
-    d.way((0, 150), (0, 40), (60, 0), highway="secondary_link", oneway="yes", lanes="2")
+    d.way((-20, 150), (10, 12), (60, 0), highway="secondary_link", oneway="yes", lanes="2")
     d.way((60, 0), (70, -150), **STREET)
     _, report = built(d, tmp_path)
     assert report["osm"]["overlap_square_metres"] < 5
