@@ -7,11 +7,13 @@ from typing import Any
 
 import pytest
 import shapely
-from osm_drawings import HELSINKI, LONDON, Drawing
+from osm_drawings import HELSINKI, LONDON, Drawing, cross
 from test_osm_import import check_no_dead_ends
 
 from dojo_maps.bundle import Bundle
 from dojo_maps.conversion import convert
+from dojo_maps.sources import osm_network
+from dojo_maps.sources.netconvert import NetconvertResult, run_netconvert
 from dojo_maps.sources.osm import read_osm
 from dojo_maps.sources.osm_graph import RoadGraph, build_graph
 from dojo_maps.sources.osm_heights import compute_heights
@@ -149,6 +151,26 @@ def test_road_is_down_where_it_passes_under_a_bridge(tmp_path: Path) -> None:
         for one, other in itertools.pairwise(section.nodes):
             rise = abs(heights.get(one, 0.0) - heights.get(other, 0.0))
             assert rise <= 0.16 * math.dist(graph.places[one], graph.places[other])
+
+
+def test_crossing_without_a_place_is_left_out(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where a crossing has no room, netconvert may write nan for its corners."""
+    gone = '<crossing node="3" edges="-1001#0 1001#0"'
+
+    def spoil(arguments: list[str], *, folder: Path, timeout: float) -> NetconvertResult:
+        result = run_netconvert(arguments, folder=folder, timeout=timeout)
+        output = folder / "output.net.xml"
+        before, found, after = output.read_text().partition('crossingEdges="-1001#0 1001#0"')
+        output.write_text(before + found + after.replace(' shape="', ' shape="-nan,-nan ', 1))
+        assert bool(found) == (gone in (folder / "input.con.xml").read_text())
+        return result
+
+    monkeypatch.setattr(osm_network, "run_netconvert", spoil)
+    _, report = built(cross(), tmp_path)
+    lost = [issue["message"] for issue in report["issues"] if issue["check"] == "osm.netconvert_failed"]
+    assert len(lost) == 1
+    assert "no place for it" in lost[0]
+    assert report["osm"]["crossings"]["kept"] == report["osm"]["crossings"]["of"] - 1
 
 
 def test_outline_that_crosses_itself_is_untwisted() -> None:
