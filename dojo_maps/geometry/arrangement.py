@@ -48,7 +48,8 @@ def paved_ground(pieces: Pieces) -> shapely.Geometry:
     joined = shapely.multipolygons(pieces.polygons[: pieces.paved])
     for distance in (_SEAM, -_SEAM):
         joined = shapely.buffer(joined, distance, join_style="mitre", mitre_limit=2.0)
-    return shapely.set_precision(joined, GRID)
+    # Mitred buffers may come out crossing themselves.
+    return shapely.set_precision(shapely.make_valid(joined), GRID)
 
 
 def divide_ground(pieces: Pieces, paved: shapely.Geometry, ramps: Shapes, *, margin: float) -> Parts:

@@ -6,7 +6,7 @@ end, or change. Sections that only a split of the way or an unseen change of tag
 
 import math
 from collections import defaultdict
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -14,9 +14,10 @@ import pyproj
 
 from dojo_maps.errors import SourceError
 from dojo_maps.geometry.polylines import Floats, along
-from dojo_maps.sources.osm import OsmData, OsmWay
+from dojo_maps.sources.osm import OsmData
 from dojo_maps.sources.osm_country import centre_of, drives_left
-from dojo_maps.sources.osm_ways import RoadTags, read_road
+from dojo_maps.sources.osm_runs import known_runs
+from dojo_maps.sources.osm_ways import KINDS, RoadTags, read_road
 
 _LEAST_SECTION = 12.0
 """Metres: a shorter section between two changes of lanes takes its neighbour's."""
@@ -67,6 +68,7 @@ class RoadGraph:
     proj: str
     offset: tuple[float, float]
     unmatched_turns: list[int] = field(default_factory=list)
+    doubled: list[int] = field(default_factory=list)
     missing: list[int] = field(default_factory=list)
 
     def ends(self) -> dict[int, list[str]]:
@@ -118,45 +120,28 @@ def build_graph(data: OsmData, path: object) -> RoadGraph:
     left_hand = drives_left(data)
     lon, lat = centre_of(data)
     roads: dict[int, RoadTags] = {}
-    unmatched, missing = [], set[int]()
+    unmatched = []
     for way, found in data.ways.items():
         road, agree = read_road(found.tags, lon=lon, lat=lat, left_hand=left_hand)
         if road is not None:
             roads[way] = road
         if not agree:
             unmatched.append(way)
-    pieces = [(way, run) for way in roads for run in _known_runs(data.ways[way], data, missing)]
+    pieces, missing = known_runs(data, roads)
     used = sorted({node for _, run in pieces for node in run})
     if not used:
         raise SourceError(path, "has no roads for cars or buses; choose a larger area")
     proj, offset, places = _project(data, used, path)
     graph = RoadGraph(
         places=places, sections={}, left_hand=left_hand, proj=proj, offset=offset,
-        unmatched_turns=unmatched, missing=sorted(missing),
+        unmatched_turns=unmatched, missing=missing,
     )  # fmt: skip
     _cut_sections(graph, pieces, roads)
+    _drop_doubles(graph)
     _keep_largest(graph)
     while _join_sections(graph):
         pass
     return graph
-
-
-def _known_runs(way: OsmWay, data: OsmData, missing: set[int]) -> Iterator[tuple[int, ...]]:
-    """Give the parts of a way whose nodes the extract holds, without repeated places."""
-    run: list[int] = []
-    for node in way.nodes:
-        if node not in data.nodes:
-            missing.add(node)
-            if len(run) > 1:
-                yield tuple(run)
-            run = []
-            continue
-        here = data.nodes[node]
-        if run and (data.nodes[run[-1]].lon, data.nodes[run[-1]].lat) == (here.lon, here.lat):
-            continue
-        run.append(node)
-    if len(run) > 1:
-        yield tuple(run)
 
 
 def _project(
@@ -190,6 +175,8 @@ def _cut_sections(
     for _, run in pieces:
         for node in run:
             uses[node] += 1
+        for before, node, after in zip(run, run[1:], run[2:], strict=False):
+            uses[node] += before == after
         uses[run[0]] += 1
         uses[run[-1]] += 1
     count: dict[int, int] = defaultdict(int)
@@ -204,6 +191,26 @@ def _cut_sections(
                 count[way] += 1
                 graph.sections[section.id] = section if section.road.forward else section.flipped()
                 first = index
+
+
+def _drop_doubles(graph: RoadGraph) -> None:
+    """Keep one of the sections drawn over the same nodes; one-ways against each other make a two-way road."""
+    kept: dict[tuple[int, ...], Section] = {}
+    for section in graph.sections.values():
+        key = (section.road.layer, *min(section.nodes, section.nodes[::-1]))
+        twin = kept.get(key)
+        if twin is None:
+            kept[key] = section
+        elif twin.road.oneway and section.road.oneway and twin.nodes != section.nodes:
+            kept[key] = replace(twin, road=replace(twin.road, backward=section.road.forward))
+        else:
+            kept[key], other = sorted((twin, section), key=_importance, reverse=True)
+            graph.doubled.append(other.ways[0])
+    graph.sections = {section.id: section for section in kept.values()}
+
+
+def _importance(section: Section) -> tuple[int, float]:
+    return KINDS[section.road.kind], section.road.drives
 
 
 def _keep_largest(graph: RoadGraph) -> None:

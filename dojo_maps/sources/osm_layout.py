@@ -11,9 +11,12 @@ import numpy as np
 
 from dojo_maps.geometry.polylines import Floats, along
 from dojo_maps.sources.osm import OsmData
+from dojo_maps.sources.osm_corners import Arm, sharp_corners
 from dojo_maps.sources.osm_crossings import MappedCrossing, find_crossings
 from dojo_maps.sources.osm_graph import RoadGraph, Section
 from dojo_maps.sources.osm_junctions import Junctions, group_junctions, share_controllers
+from dojo_maps.sources.osm_loops import is_inner, split_loops
+from dojo_maps.sources.osm_rings import widen_rings
 
 CROSSING_WIDTH = 4.0
 _REACH, _SIGNAL_REACH = 14.0, 30.0
@@ -21,14 +24,11 @@ _REACH, _SIGNAL_REACH = 14.0, 30.0
 _ROOM = 11.0
 """Metres between two crossings of a section that leave an edge of 5 m between them, and a little."""
 _LEFT_OVER = 6.0
+_ASIDE = 6.0
+"""Metres by which roads that part at a sharp angle may move a crossing."""
 _SIGNAL_NEAR = 20.0
 _BOTH_CARRIAGEWAYS = 28.0
 _BEYOND = 14.0
-_INNER, _ROUND = 80.0, 15.0
-"""Metres up to which a road inside a junction, or a part of a roundabout there, vanishes in it."""
-
-Arm = tuple[str, bool]
-"""A section's id, and whether its end is meant rather than its start."""
 
 
 @dataclass(slots=True, kw_only=True)
@@ -79,6 +79,7 @@ def lay_out(
         joined: vertices to join because a section between them came out too short before.
         moved: crossings to move for the same reason, by node: towards which node, and how far.
     """
+    widen_rings(graph)
     crossings = find_crossings(data, graph)
     if _extend_ends(graph, {crossing.node for crossing in crossings}):
         crossings = find_crossings(data, graph)
@@ -87,17 +88,18 @@ def lay_out(
         crossings = find_crossings(data, graph)
     joined = [*joined, *_over_both_carriageways(graph, crossings)]
     junctions = group_junctions(data, graph, crossings, joined)
-    while _split_loops(graph, junctions):
+    while split_loops(graph, junctions):
         crossings = find_crossings(data, graph)
         junctions = group_junctions(data, graph, crossings, joined)
     layout = Layout(graph=graph, junctions=junctions, crossings=crossings)
     for name, section in graph.sections.items():
-        if junctions.of[section.start] == junctions.of[section.end] and _is_inner(graph, section):
+        if junctions.of[section.start] == junctions.of[section.end] and is_inner(graph, section):
             layout.inner.add(name)
     for node, (towards, metres) in moved.items():
         _move(graph, node, towards, metres)
     _signal_between(layout)
     _host(layout)
+    _draw_back(layout)
     _align_carriageways(layout)
     return layout
 
@@ -106,28 +108,6 @@ def _move(graph: RoadGraph, node: int, towards: int, metres: float) -> None:
     (x, y), (a, b) = graph.places[node], graph.places[towards]
     share = min(metres / max(math.dist((x, y), (a, b)), 1e-3), 0.8)
     graph.places[node] = (x + (a - x) * share, y + (b - y) * share)
-
-
-def _is_inner(graph: RoadGraph, section: Section) -> bool:
-    """Tell whether a section between vertices of one junction vanishes in it."""
-    return graph.length(section) < (_ROUND if section.road.roundabout else _INNER)
-
-
-def _split_loops(graph: RoadGraph, junctions: Junctions) -> bool:
-    """Split roads that lead back to their junction; SUMO has none. Tell whether there was one."""
-    changed = False
-    for name, section in sorted(graph.sections.items()):
-        if junctions.of[section.start] != junctions.of[section.end] or _is_inner(graph, section):
-            continue
-        if len(section.nodes) == 2:
-            node = min(0, *graph.places) - 1
-            ends = [graph.places[vertex] for vertex in section.nodes]
-            graph.places[node] = ((ends[0][0] + ends[1][0]) / 2, (ends[0][1] + ends[1][1]) / 2)
-            nodes = (section.start, node, section.end)
-            graph.sections[name] = replace(section, nodes=nodes, ways=section.ways * 2)
-        graph.split(name, len(graph.sections[name].nodes) // 2)
-        changed = True
-    return changed
 
 
 def _extend_ends(graph: RoadGraph, crossed: set[int]) -> bool:
@@ -255,6 +235,20 @@ def _host(layout: Layout) -> None:
     for number, crossing in enumerate(layout.crossings):
         if number not in placed:
             layout.lost.append((crossing, "another crossing or the road's end is too near"))
+
+
+def _draw_back(layout: Layout) -> None:
+    """Draw roads back that part at a sharp angle, but no crossing out of its place."""
+    graph = layout.graph
+    wanted: dict[Arm, float] = {}
+    for arms in layout.arms().values():
+        wanted |= sharp_corners(graph, arms)
+    for arm, metres in sorted(wanted.items()):
+        farthest = layout.cuts[arm] + _ASIDE if arm in layout.hosted else metres
+        layout.cuts[arm] = max(layout.cuts.get(arm, 0.0), min(metres, farthest))
+    for arm in sorted(wanted.keys() - layout.hosted.keys()):
+        room = graph.length(graph.sections[arm[0]]) - layout.cuts.get((arm[0], not arm[1]), 0.0)
+        layout.cuts[arm] = max(0.0, min(layout.cuts[arm], room - _LEFT_OVER))
 
 
 def _align_carriageways(layout: Layout) -> None:

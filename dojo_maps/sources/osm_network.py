@@ -17,6 +17,7 @@ from dojo_maps.sources.osm import OsmData
 from dojo_maps.sources.osm_graph import build_graph
 from dojo_maps.sources.osm_layout import Layout, lay_out
 from dojo_maps.sources.osm_movements import Restriction, read_restrictions
+from dojo_maps.sources.osm_outlines import mend_outlines
 from dojo_maps.sources.osm_plain import CONNECTIONS, EDGES, NODES, Plain, write_plain
 from dojo_maps.sources.signal_programs import program_signals
 from dojo_maps.sources.sumo_net import read_network
@@ -33,6 +34,9 @@ _ROUNDS = 6
 _TIMEOUT = 240.0
 _NO_PAVEMENT = re.compile(
     r"(?:invalid crossing .* with edges|crossing .* across) \[([^]]*)\] (?:\(no walkingarea|has no target)"
+)
+_PLACELESS = re.compile(
+    rb'<edge id=":[^"]*" function="crossing" crossingEdges="([^"]*)"[^>]*>\s*<lane [^>]*"[^"]*\bnan\b'
 )
 _QUOTED = re.compile(r"'(:?-?[\w#.]+?)(_[cw]?\d+)?'")
 
@@ -87,7 +91,7 @@ def build_network(data: OsmData, *, path: Path, name: str, sha256: str) -> OsmNe
         joined += pairs
         moved = moves | moved
         paved |= unpaved
-    built = program_signals(built, road_map)
+    built = mend_outlines(program_signals(built, road_map))
     road_map, issues = read_network(built, path=path, name=name, sha256=sha256)
     issues += tuple(_dropped_issue(option, reason, road_map) for option, reason in dropped)
     issues += tuple(_warning_issue(warning, road_map) for warning in warnings)
@@ -110,19 +114,40 @@ def _convert(
     always = [*_ALWAYS, "--lefthand"] if left_hand else list(_ALWAYS)
     options = list(_DROPPED_IN_TURN)
     dropped: list[tuple[str, str]] = []
+    output = folder / "output.net.xml"
     while True:
         try:
             result = run_netconvert([*always, *options], folder=folder, timeout=_TIMEOUT)
-            break
+            placeless = _drop_placeless(folder, output) if output.is_file() else []
+            if not placeless:
+                break
+            dropped += [
+                (f"the crossing of {edges}", "netconvert finds no place for it") for edges in placeless
+            ]
         except NetconvertError as error:
             what = options.pop() if options else _drop_crossings(folder)
             if what is None:
                 raise
             dropped.append((what, str(error)))
-    output = folder / "output.net.xml"
     if not output.is_file():
         raise SourceError(path, "netconvert built no network from its roads; choose a larger area")
     return _without_header(output.read_bytes()), result.warnings, dropped
+
+
+def _drop_placeless(folder: Path, output: Path) -> list[str]:
+    """Take the crossings out of netconvert's input that it gave coordinates that are no numbers."""
+    found = {frozenset(match[1].decode().split()) for match in _PLACELESS.finditer(output.read_bytes())}
+    lines = (folder / CONNECTIONS).read_text(encoding="utf-8").splitlines(keepends=True)
+    gone = [line for line in lines if _crossed_by(line) in found]
+    kept = [line for line in lines if line not in gone]
+    (folder / CONNECTIONS).write_text("".join(kept), encoding="utf-8")
+    return [" ".join(sorted(_crossed_by(line))) for line in gone]
+
+
+def _crossed_by(line: str) -> frozenset[str]:
+    """Name the edges that a line of netconvert's input lets people cross; none if it is no crossing."""
+    match = re.match(r'<crossing .*?edges="([^"]*)"', line)
+    return frozenset(match[1].split()) if match else frozenset()
 
 
 def _drop_crossings(folder: Path) -> str | None:

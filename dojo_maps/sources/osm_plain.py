@@ -10,11 +10,12 @@ import numpy as np
 
 from dojo_maps.geometry.polylines import Floats, along
 from dojo_maps.sources.osm import OsmData
+from dojo_maps.sources.osm_corners import Arm
 from dojo_maps.sources.osm_crossings import MappedCrossing
 from dojo_maps.sources.osm_graph import Section
 from dojo_maps.sources.osm_heights import compute_heights
 from dojo_maps.sources.osm_lanes import connect_lanes
-from dojo_maps.sources.osm_layout import CROSSING_WIDTH, Arm, Layout
+from dojo_maps.sources.osm_layout import CROSSING_WIDTH, Layout
 from dojo_maps.sources.osm_movements import Movement, Movements, Restriction, directed, leads_through
 from dojo_maps.sources.osm_sidewalks import ISLAND_WIDTH, SIDEWALK_WIDTH, Sidewalks
 from dojo_maps.sources.osm_ways import KINDS, LaneTags
@@ -25,6 +26,8 @@ _BUSES = 'allow="bus coach taxi emergency"'
 
 
 _BUSY = KINDS["tertiary"]
+_RING_RADIUS = 0.5
+"""Metres by which the corners of roundabouts are rounded; more would leave nothing of a small ring."""
 _MAPPED_NEAR = 100.0
 """Metres around a mapped crossing within which crossings are taken to be mapped completely."""
 
@@ -117,6 +120,8 @@ def _nodes(layout: Layout, arms: dict[int, list[Arm]], plain: Plain) -> list[str
             kind = f'type="traffic_light" tl="{controller}"'
         elif not any(_drives(plain, outgoing_name(arm)) for arm in arms[junction]):
             kind = 'type="dead_end"'
+        if any(layout.graph.sections[name].road.roundabout for name, _ in arms[junction]):
+            kind += f' radius="{_RING_RADIUS}"'
         z = sum(plain.heights.get(vertex, 0.0) for vertex in members[junction]) / len(places)
         lines.append(f'<node id="{junction}" x="{x:.2f}" y="{y:.2f}" z="{z:.2f}" {kind}/>')
     return lines
@@ -182,7 +187,7 @@ def _divider(layout: Layout, section: Section, heights: dict[int, float]) -> Flo
 def _trim(line: Floats, start: float, end: float) -> Floats:
     lengths = along(line)
     total = float(lengths[-1])
-    if start + end > total - 1.0:
+    if 0 < start + end > total - 1.0:
         share = max(total - 1.0, 0.0) / (start + end)
         start, end = start * share, end * share
     inner = (lengths > start + 0.3) & (lengths < total - end - 0.3)

@@ -153,6 +153,14 @@ def _unread(data: OsmData, network: OsmNetwork) -> list[Issue]:
                 ("way", way), place, "correct lanes or turn:lanes", severity=Severity.NOTE,
             )
         )  # fmt: skip
+    for way in sorted(set(graph.doubled)):
+        place = next(graph.places[node] for node in data.ways[way].nodes if node in graph.places)
+        issues.append(
+            loss(
+                "osm.parallel_ways", "another road is drawn over the same nodes, and was kept",
+                ("way", way), place, "remove one of the two",
+            )
+        )  # fmt: skip
     if graph.missing:
         what = f"roads name {len(graph.missing)} nodes that the extract lacks; they end there, the first at"
         issues.append(

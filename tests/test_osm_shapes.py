@@ -1,0 +1,186 @@
+"""Shapes that junctions have in the wild, and data in a bad state: each the smallest that once failed."""
+
+import itertools
+import math
+from pathlib import Path
+from typing import Any
+
+import pytest
+import shapely
+from osm_drawings import HELSINKI, LONDON, Drawing, cross
+from test_osm_import import check_no_dead_ends
+
+from dojo_maps.bundle import Bundle
+from dojo_maps.conversion import convert
+from dojo_maps.sources import osm_network
+from dojo_maps.sources.netconvert import NetconvertResult, run_netconvert
+from dojo_maps.sources.osm import read_osm
+from dojo_maps.sources.osm_graph import RoadGraph, build_graph
+from dojo_maps.sources.osm_heights import compute_heights
+from dojo_maps.sources.osm_outlines import mend_outlines
+
+STREET = {"highway": "tertiary", "lanes": "2"}
+ONE_WAY = {"highway": "tertiary", "oneway": "yes"}
+
+
+def built(drawing: Drawing, folder: Path) -> tuple[Bundle, dict[str, Any]]:
+    """Import a drawing; no import may have errors, short edges or lanes that lead nowhere."""
+    bundle, report = convert(str(drawing.write(folder / "a.osm")), folder / "a.dojo")
+    assert not [issue["message"] for issue in report["issues"] if issue["severity"] == "error"]
+    assert report["osm"]["edges_under_5_m"] == 0
+    check_no_dead_ends(bundle)
+    return bundle, report
+
+
+def graph_of(drawing: Drawing, folder: Path) -> RoadGraph:
+    path = drawing.write(folder / "a.osm")
+    return build_graph(read_osm(path), path)
+
+
+def small_roundabout(*, left_hand: bool, radius: float = 10.0) -> Drawing:
+    """Four arms and zebras around a ring of the size that most have."""
+    d = Drawing(centre=LONDON if left_hand else HELSINKI)
+    turns = [k * math.pi / 8 * (-1 if left_hand else 1) for k in range(16)]
+    ring = [(round(radius * math.cos(turn), 3), round(radius * math.sin(turn), 3)) for turn in turns]
+    d.way(*ring, ring[0], highway="tertiary", junction="roundabout")
+    for x, y in ring[::4]:
+        d.way((x * 12, y * 12), (x * 1.7, y * 1.7), (x, y), **STREET)
+        d.node(x * 1.7, y * 1.7, highway="crossing", crossing="uncontrolled")
+    return d
+
+
+@pytest.mark.parametrize("left_hand", [False, True])
+def test_small_roundabout_keeps_its_ring(left_hand: bool, tmp_path: Path) -> None:
+    bundle, report = built(small_roundabout(left_hand=left_hand), tmp_path)
+    ring = [road.id for road in bundle.road_map.roads if road.id.startswith("1001#")]
+    assert len(ring) == 4
+    assert report["osm"]["crossings"] == {"kept": 4, "of": 4, "share": 1.0}
+
+
+@pytest.mark.parametrize("degrees", [4.0, 8.0, 16.0])
+def test_fork_at_a_sharp_angle_has_its_own_ground(degrees: float, tmp_path: Path) -> None:
+    d = Drawing()
+    d.way((-150, 0), (0, 0), highway="secondary", lanes="4")
+    for sign in (1, -1):
+        angle = math.radians(degrees * sign / 2)
+        d.way((0, 0), (250 * math.cos(angle), 250 * math.sin(angle)), **STREET)
+    _, report = built(d, tmp_path)
+    assert report["osm"]["overlap_square_metres"] < 5
+    assert report["osm"]["road_metres_on_floor"]["share"] > 0.99
+
+
+def test_slip_lane_that_merges_flat_leaves_no_hole(tmp_path: Path) -> None:
+    d = Drawing()
+    d.way((-150, 0), (0, 0), (60, 0), (150, 0), highway="secondary", lanes="4")
+    d.way((-20, 150), (10, 12), (60, 0), highway="secondary_link", oneway="yes", lanes="2")
+    d.way((60, 0), (70, -150), **STREET)
+    _, report = built(d, tmp_path)
+    assert report["osm"]["overlap_square_metres"] < 5
+    assert report["osm"]["road_metres_on_floor"]["share"] > 0.99
+
+
+def test_sausage_link_parts_on_ground_of_its_own(tmp_path: Path) -> None:
+    d = Drawing()
+    d.way((-200, 0), (-60, 0), **STREET)
+    d.way((-60, 0), (-30, -6), (30, -6), (60, 0), **ONE_WAY)
+    d.way((60, 0), (30, 6), (-30, 6), (-60, 0), **ONE_WAY)
+    d.way((60, 0), (200, 0), **STREET)
+    bundle, _ = built(d, tmp_path)
+    outlines = [junction.polygon[:, :2] for junction in bundle.road_map.junctions]
+    areas = [shapely.Polygon(outline).area for outline in outlines if len(outline) > 3]
+    assert len(areas) == 2
+    assert min(areas) > 50
+
+
+def test_loop_at_the_end_of_a_street_stays(tmp_path: Path) -> None:
+    d = Drawing()
+    d.way((-100, 0), (0, 0), (100, 0), **STREET)
+    d.way((0, 0), (0, 60), (11, 71), (0, 82), (-11, 71), (0, 60), highway="residential", oneway="yes")
+    bundle, report = built(d, tmp_path)
+    assert report["osm"]["road_metres_on_floor"]["share"] > 0.99
+    assert sum(road.id.lstrip("-").startswith("1002#") for road in bundle.road_map.roads) >= 3
+
+
+def test_stub_shorter_than_a_metre_is_no_failure(tmp_path: Path) -> None:
+    d = Drawing()
+    d.way((-100, 0), (0, 0), (100, 0), **STREET)
+    d.way((0, 0), (0, 0.8), **STREET)
+    built(d, tmp_path)
+
+
+def test_roads_drawn_twice_are_one(tmp_path: Path) -> None:
+    d = Drawing()
+    d.way((-100, 0), (0, 0), (100, 0), **STREET)
+    d.way((-100, 0), (0, 0), highway="residential")
+    d.way((0, 0), (0, 100), **ONE_WAY)
+    d.way((0, 100), (0, 0), **ONE_WAY)
+    d.way((0, 0), (0, -50), (0, -100), (0, -50), (0, 0), **STREET)
+    graph = graph_of(d, tmp_path)
+    lanes = {
+        tuple(sorted(section.nodes)): (len(section.road.forward), len(section.road.backward))
+        for section in graph.sections.values()
+    }
+    assert len(lanes) == 4
+    assert set(lanes.values()) == {(1, 1)}
+    assert set(graph.doubled) == {1002, 1005}
+    _, report = built(d, tmp_path)
+    found = [issue for issue in report["issues"] if issue["check"] == "osm.parallel_ways"]
+    assert len(found) == 2
+
+
+def test_nodes_on_one_place_do_not_tear_a_road(tmp_path: Path) -> None:
+    d = Drawing()
+    d.way((-100, 0), (0, 0), (1e-6, 0), (100, 0), **STREET)
+    d.way((1e-6, 0), (0, 100), **STREET)
+    d.way((0, 0), (0, -100), **STREET)
+    graph = graph_of(d, tmp_path)
+    assert sorted(map(len, graph.ends().values())) == [1, 1, 1, 1, 4]
+
+
+def test_road_is_down_where_it_passes_under_a_bridge(tmp_path: Path) -> None:
+    d = Drawing()
+    d.way((-60, 0), (60, 0), bridge="yes", layer="1", **STREET)
+    d.way((60, 0), (100, 30), **STREET)
+    d.way((-60, 0), (-60, 40), (0, 40), (0, -150), **STREET)
+    graph = graph_of(d, tmp_path)
+    heights = compute_heights(graph)
+    under = [node for node in graph.places if node < 0]
+    assert len(under) == 1
+    assert heights.get(under[0], 0.0) == 0.0
+    for section in graph.sections.values():
+        for one, other in itertools.pairwise(section.nodes):
+            rise = abs(heights.get(one, 0.0) - heights.get(other, 0.0))
+            assert rise <= 0.16 * math.dist(graph.places[one], graph.places[other])
+
+
+def test_crossing_without_a_place_is_left_out(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where a crossing has no room, netconvert may write nan for its corners."""
+    gone = '<crossing node="3" edges="-1001#0 1001#0"'
+
+    def spoil(arguments: list[str], *, folder: Path, timeout: float) -> NetconvertResult:
+        result = run_netconvert(arguments, folder=folder, timeout=timeout)
+        output = folder / "output.net.xml"
+        before, found, after = output.read_text().partition('crossingEdges="-1001#0 1001#0"')
+        output.write_text(before + found + after.replace(' shape="', ' shape="-nan,-nan ', 1))
+        assert bool(found) == (gone in (folder / "input.con.xml").read_text())
+        return result
+
+    monkeypatch.setattr(osm_network, "run_netconvert", spoil)
+    _, report = built(cross(), tmp_path)
+    lost = [issue["message"] for issue in report["issues"] if issue["check"] == "osm.netconvert_failed"]
+    assert len(lost) == 1
+    assert "no place for it" in lost[0]
+    assert report["osm"]["crossings"]["kept"] == report["osm"]["crossings"]["of"] - 1
+
+
+def test_outline_that_crosses_itself_is_untwisted() -> None:
+    twisted = b'<junction id="a" type="priority" incLanes="b_0" shape="0,0 10,10 10,0 0,10"/>\n'
+    whole = b'<junction id="c" type="priority" incLanes="" shape="0,0 10,0 10,10 0,10"/>\n'
+    inner = twisted.replace(b'"a"', b'":a_0"')
+    mended = mend_outlines(twisted + whole + inner)
+    first, rest = mended.split(b"\n", maxsplit=1)
+    assert rest == whole + inner
+    corners = [tuple(map(float, corner.split(b","))) for corner in first.split(b'"')[-2].split()]
+    outline = shapely.Polygon(corners)
+    assert outline.is_valid
+    assert outline.area >= 50
