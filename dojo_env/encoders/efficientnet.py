@@ -6,8 +6,6 @@ https://github.com/tensorflow/tpu/tree/master/models/official/efficientnet/lite.
 """
 
 import importlib.util
-import os
-import tempfile
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -19,6 +17,7 @@ from dojo_env.cache import cache_folder
 from dojo_env.encoders.base import Scaling, import_needed
 from dojo_env.encoders.onnx_file import INSTALL, OnnxEncoder
 from dojo_env.errors import ConfigError
+from dojo_maps.whole_file import replaced
 
 NAME = "efficientnet-lite0"
 _WEIGHTS = "efficientnet-lite0-57934424"
@@ -42,10 +41,8 @@ def open_efficientnet() -> OnnxEncoder:
     if not file.is_file():
         content = build_network(read_weights())
         file.parent.mkdir(parents=True, exist_ok=True)
-        # Renamed when whole: other processes may be at it, too.
-        with tempfile.NamedTemporaryFile(dir=file.parent, delete=False) as partial:
-            partial.write(content)
-        os.replace(partial.name, file)  # noqa: PTH105 - beside the temporary file's name
+        with replaced(file) as fresh:  # Other processes may be at it, too.
+            fresh.write_bytes(content)
     return OnnxEncoder(NAME, file, SCALING)
 
 

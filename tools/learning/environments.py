@@ -68,7 +68,8 @@ def _start(makers: list[Any]) -> VecEnv:
 def _encode(environments: VecEnv, training: Training) -> VecEnv:
     if training.encoder == "none":
         return environments
-    from dojo_env.encoders import EncodedVecEnv, load_encoder
+    from dojo_env.encoders import load_encoder
+    from dojo_env.encoders.vectorised import EncodedVecEnv
 
     return EncodedVecEnv(environments, load_encoder(training.encoder))
 

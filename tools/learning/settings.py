@@ -12,11 +12,11 @@ from typing import Any
 from dojo_env.errors import ConfigError
 
 ALGORITHMS: dict[str, dict[str, Any]] = {
-    "ppo": {"n_steps": 180, "batch_size": 180, "n_epochs": 5, "learning_rate": 5e-4, "gamma": 0.97,
+    "ppo": {"n_steps": 180, "batch_size": 180, "n_epochs": 3, "learning_rate": 5e-4, "gamma": 0.97,
             "gae_lambda": 0.9, "ent_coef": 0.005, "clip_range": 0.2},
     "a2c": {"n_steps": 12, "learning_rate": 7e-4, "gamma": 0.97, "gae_lambda": 0.9, "ent_coef": 0.005},
-    "dqn": {"buffer_size": 50_000, "learning_starts": 2_880, "batch_size": 64, "learning_rate": 5e-4,
-            "gamma": 0.97, "train_freq": 1, "gradient_steps": 2, "target_update_interval": 500,
+    "dqn": {"buffer_size": 50_000, "learning_starts": 2_880, "batch_size": 32, "learning_rate": 5e-4,
+            "gamma": 0.97, "train_freq": 1, "gradient_steps": 1, "target_update_interval": 500,
             "exploration_fraction": 0.3, "exploration_final_eps": 0.02},
 }  # fmt: skip
 """The algorithms and what their settings are unless said otherwise; the names are Stable-Baselines3's.
