@@ -10,12 +10,13 @@ from gymnasium import spaces
 from stable_baselines3 import A2C, DQN, PPO
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.buffers import ReplayBuffer
+from stable_baselines3.common.preprocessing import is_image_space
 from stable_baselines3.common.vec_env import VecEnv
 
 from dojo_env.errors import ConfigError
 from dojo_maps.whole_file import replaced
 
-from .networks import ViewNet
+from .networks import EncodedNet, ViewNet
 from .settings import Training
 
 CLASSES: dict[str, type[BaseAlgorithm]] = {"ppo": PPO, "a2c": A2C, "dqn": DQN}
@@ -33,13 +34,13 @@ _BUFFERED = ("observations", "next_observations", "actions", "rewards", "dones",
 def build_model(training: Training, environments: VecEnv) -> BaseAlgorithm:
     """Build the algorithm with fresh weights."""
     space = environments.observation_space
-    sees = training.encoder == "none" and training.observation in ("bev", "multi_view")
+    sees = isinstance(space, spaces.Dict) or is_image_space(space)
     policy: dict[str, Any] = {"net_arch": [128] if sees else [128, 128]}
     if sees:
-        policy |= {
-            "features_extractor_class": ViewNet,
-            "features_extractor_kwargs": {"shared": training.shared_views},
-        }
+        policy["features_extractor_class"] = ViewNet
+        policy["features_extractor_kwargs"] = {"shared": training.shared_views}
+    elif training.encoder != "none":
+        policy["features_extractor_class"] = EncodedNet
     name = "MultiInputPolicy" if isinstance(space, spaces.Dict) else "CnnPolicy" if sees else "MlpPolicy"
     return CLASSES[training.algorithm](
         name,

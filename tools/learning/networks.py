@@ -9,6 +9,9 @@ from torch import nn
 
 WIDTH = 128
 """Features that a view gives."""
+_SLOWEST = 1e-3
+"""The least share that a batch has in the running means."""
+_LEAST_DEVIATION = 1e-3
 
 
 def build_view(shape: tuple[int, int, int]) -> nn.Sequential:
@@ -45,3 +48,34 @@ class ViewNet(BaseFeaturesExtractor):
         """Turn images (n, 3, h, w), 0 to 1, into (n, features)."""
         images = [seen[name] for name in self._names] if isinstance(seen, dict) else [seen]
         return torch.cat([view(image - 0.5) for view, image in zip(self._views, images, strict=True)], dim=1)
+
+
+class EncodedNet(BaseFeaturesExtractor):
+    """Takes what a frozen encoder saw, each feature by how far it is from its mean.
+
+    Most of every feature is the road, which never changes; what is left tells the cars. Mean and deviation
+    run along while the policy learns, and are kept with its weights; Stable-Baselines3's DQN copies to its
+    target network what is named `running_`.
+    """
+
+    running_mean: torch.Tensor
+    running_square: torch.Tensor
+    running_count: torch.Tensor
+
+    def __init__(self, observation_space: spaces.Box) -> None:
+        """Begin with nothing known."""
+        size = int(observation_space.shape[0])
+        super().__init__(observation_space, size)
+        self.register_buffer("running_mean", torch.zeros(size))
+        self.register_buffer("running_square", torch.ones(size))
+        self.register_buffer("running_count", torch.zeros(()))
+
+    def forward(self, seen: torch.Tensor) -> torch.Tensor:
+        """Standardize (n, features)."""
+        if self.training:
+            self.running_count += len(seen)
+            share = (len(seen) / self.running_count).clamp(min=_SLOWEST)
+            self.running_mean += share * (seen.mean(0) - self.running_mean)
+            self.running_square += share * (seen.square().mean(0) - self.running_square)
+        deviation = (self.running_square - self.running_mean.square()).clamp(min=0).sqrt()
+        return ((seen - self.running_mean) / (deviation + _LEAST_DEVIATION)).clamp(-5.0, 5.0)
