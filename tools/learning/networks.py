@@ -11,7 +11,7 @@ WIDTH = 128
 """Features that a view gives."""
 _SLOWEST = 1e-3
 """The least share that a batch has in the running means."""
-_LEAST_DEVIATION = 1e-3
+_FARTHEST = 5.0
 
 
 def build_view(shape: tuple[int, int, int]) -> nn.Sequential:
@@ -28,11 +28,42 @@ def build_view(shape: tuple[int, int, int]) -> nn.Sequential:
     return nn.Sequential(*stem, nn.Linear(size, WIDTH), nn.ReLU())
 
 
+class Standard(nn.Module):
+    """Tells each value by how far it is from its own mean, in its own deviations.
+
+    Most of what a camera that does not move shows never changes; what is left tells cars and lights. Mean
+    and deviation run along while a policy learns, and are kept with its weights. Stable-Baselines3's DQN
+    copies to its target network what is named `running_`.
+    """
+
+    running_mean: torch.Tensor
+    running_square: torch.Tensor
+    running_count: torch.Tensor
+
+    def __init__(self, shape: tuple[int, ...], least: float) -> None:
+        """Begin with nothing known; `least` is added to deviations, so that noise does not grow."""
+        super().__init__()
+        self._least = least
+        self.register_buffer("running_mean", torch.zeros(shape))
+        self.register_buffer("running_square", torch.ones(shape))
+        self.register_buffer("running_count", torch.zeros(()))
+
+    def forward(self, seen: torch.Tensor) -> torch.Tensor:
+        """Standardize (n, ...)."""
+        if self.training:
+            self.running_count += len(seen)
+            share = (len(seen) / self.running_count).clamp(min=_SLOWEST)
+            self.running_mean += share * (seen.mean(0) - self.running_mean)
+            self.running_square += share * (seen.square().mean(0) - self.running_square)
+        deviation = (self.running_square - self.running_mean.square()).clamp(min=0).sqrt()
+        return ((seen - self.running_mean) / (deviation + self._least)).clamp(-_FARTHEST, _FARTHEST)
+
+
 class ViewNet(BaseFeaturesExtractor):
     """Sees one image, or several and concatenates what it sees in each."""
 
     def __init__(self, observation_space: spaces.Space[Any], *, shared: bool = False) -> None:
-        """Build a network per view, or one for all."""
+        """Build a network per view, or one for all; what is usual is each view's own."""
         views = (
             observation_space.spaces
             if isinstance(observation_space, spaces.Dict)
@@ -42,40 +73,25 @@ class ViewNet(BaseFeaturesExtractor):
         self._names = sorted(views)
         shapes = [views[name].shape for name in self._names]
         built = [build_view(shape) for shape in (shapes[:1] if shared else shapes)]
+        self._standards = nn.ModuleList(Standard(shape, 0.05) for shape in shapes)
         self._views = nn.ModuleList(built * len(shapes) if shared else built)
 
     def forward(self, seen: Any) -> torch.Tensor:
         """Turn images (n, 3, h, w), 0 to 1, into (n, features)."""
         images = [seen[name] for name in self._names] if isinstance(seen, dict) else [seen]
-        return torch.cat([view(image - 0.5) for view, image in zip(self._views, images, strict=True)], dim=1)
+        parts = zip(self._views, self._standards, images, strict=True)
+        return torch.cat([view(standard(image)) for view, standard, image in parts], dim=1)
 
 
 class EncodedNet(BaseFeaturesExtractor):
-    """Takes what a frozen encoder saw, each feature by how far it is from its mean.
-
-    Most of every feature is the road, which never changes; what is left tells the cars. Mean and deviation
-    run along while the policy learns, and are kept with its weights; Stable-Baselines3's DQN copies to its
-    target network what is named `running_`.
-    """
-
-    running_mean: torch.Tensor
-    running_square: torch.Tensor
-    running_count: torch.Tensor
+    """Takes what a frozen encoder saw, standardized."""
 
     def __init__(self, observation_space: spaces.Box) -> None:
         """Begin with nothing known."""
         size = int(observation_space.shape[0])
         super().__init__(observation_space, size)
-        self.register_buffer("running_mean", torch.zeros(size))
-        self.register_buffer("running_square", torch.ones(size))
-        self.register_buffer("running_count", torch.zeros(()))
+        self._standard = Standard((size,), 1e-3)
 
     def forward(self, seen: torch.Tensor) -> torch.Tensor:
         """Standardize (n, features)."""
-        if self.training:
-            self.running_count += len(seen)
-            share = (len(seen) / self.running_count).clamp(min=_SLOWEST)
-            self.running_mean += share * (seen.mean(0) - self.running_mean)
-            self.running_square += share * (seen.square().mean(0) - self.running_square)
-        deviation = (self.running_square - self.running_mean.square()).clamp(min=0).sqrt()
-        return ((seen - self.running_mean) / (deviation + _LEAST_DEVIATION)).clamp(-5.0, 5.0)
+        return self._standard(seen)
