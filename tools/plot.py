@@ -177,12 +177,11 @@ def draw_bars(scenario: str, kept: Mapping[str, KeptRow], published: Published) 
         colours = [COLOURS[0] if kept[name].learned else COLOURS[5] for name in names]
         _draw_bars(place, spots + (0.2 if theirs else 0), ours, colours)
         _draw_bars(place, [spot - 0.2 for spot, _ in theirs], [cell for _, cell in theirs], "#bdbdbd")
-        values = [cell["mean"] for cell in (*ours, *(cell for _, cell in theirs))]
-        logarithmic = min(values) > 0 and max(values) > 30 * min(values)
-        if logarithmic:
-            place.set_xscale("log")
-            place.set_xlim(left=10.0 ** np.floor(np.log10(min(values))))
-        place.set_title(TITLES[figure_name] + (", logarithmic" if logarithmic else ""), loc="left")
+        _cut(
+            place,
+            [*zip(spots + (0.2 if theirs else 0), ours, strict=True), *((s - 0.2, c) for s, c in theirs)],
+        )
+        place.set_title(TITLES[figure_name], loc="left")
         place.grid(visible=False, axis="y")
     axes[0, 0].set_yticks(spots, names)
     axes[0, 0].set_ylim(-0.6, len(names) - 0.4)
@@ -206,6 +205,17 @@ def _draw_bars(place: Axes, at: Any, cells: Sequence[Mapping[str, float]], colou
             xerr=spreads,
             error_kw={"elinewidth": 0.9, "ecolor": "#444444"},
         )
+
+
+def _cut(place: Axes, bars: Sequence[tuple[float, Mapping[str, float]]]) -> None:
+    """End the axis where a few rows that fail would hide what sets the others apart, and write their values."""
+    limit = 2.5 * float(np.median([cell["mean"] for _, cell in bars]))
+    largest = max(cell["mean"] + cell["std"] for _, cell in bars)
+    place.set_xlim(0, min(limit, 1.05 * largest))
+    for at, cell in bars:
+        if cell["mean"] > limit:
+            text = f"{cell['mean']:,.0f} \u2192"
+            place.text(limit * 0.99, at, text, ha="right", va="center", fontsize=7, color="black")
 
 
 def _looks(rows: Iterable[KeptRow]) -> dict[str, dict[str, Any]]:
