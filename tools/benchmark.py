@@ -17,11 +17,9 @@ from typing import Any
 from dojo_env.errors import ConfigError
 from dojo_env.scenario import find_scenario, open_map
 from dojo_maps.errors import DojoError
-from learning.rows import CONTROLLERS, LEARNED, ROWS
+from learning.rows import GROUPS, ROWS
 from learning.run_row import describe, is_done, run_row
 from result_table import write_tables
-
-GROUPS = {"all": ROWS, "controllers": tuple(CONTROLLERS), "learned": tuple(LEARNED)}
 
 
 def run_rows(tasks: list[dict[str, Any]], results: Path, jobs: int) -> None:

@@ -208,14 +208,16 @@ def _draw_bars(place: Axes, at: Any, cells: Sequence[Mapping[str, float]], colou
 
 
 def _cut(place: Axes, bars: Sequence[tuple[float, Mapping[str, float]]]) -> None:
-    """End the axis where a few rows that fail would hide what sets the others apart, and write their values."""
+    """End the axis before rows that fail would hide what sets the others apart, and write their values."""
     limit = 2.5 * float(np.median([cell["mean"] for _, cell in bars]))
     largest = max(cell["mean"] + cell["std"] for _, cell in bars)
     place.set_xlim(0, min(limit, 1.05 * largest))
     for at, cell in bars:
         if cell["mean"] > limit:
-            text = f"{cell['mean']:,.0f} \u2192"
-            place.text(limit * 0.99, at, text, ha="right", va="center", fontsize=7, color="black")
+            place.text(
+                limit, at, f"{cell['mean']:,.0f} \u2192", ha="right", va="center", fontsize=7,
+                bbox={"facecolor": "white", "edgecolor": "none", "pad": 0.6},
+            )  # fmt: skip
 
 
 def _looks(rows: Iterable[KeptRow]) -> dict[str, dict[str, Any]]:
