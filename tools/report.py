@@ -26,7 +26,7 @@ MEANINGS = {
     "travel_time": "mean duration of the trips that have ended, averaged over all decisions of the episode; "
     "what a vehicle waits before it may enter the map does not count",
     "throughput": "vehicles that have reached the end of their trip",
-    "delay": "for each lane that leads to a signal: 1 minus mean speed over speed limit, 0 where it is empty; "
+    "delay": "for each lane that leads to a signal: 1 minus mean speed over speed limit, 0 if empty; "
     "summed over lanes, averaged over decisions",
     "accumulated_waiting": "the seconds that each vehicle on these lanes has stood so far, summed over "
     "vehicles, averaged over decisions; it grows with the square of a wait, so it shows who is forgotten",
@@ -79,7 +79,7 @@ encoder is a small one that runs on a plain CPU.
 - Policies are evaluated without exploration.
 - SUMO itself lets cologne1 vary by a few percent from machine to machine.
 """
-_AGAIN = """`python tools/report.py` writes this page, its tables and its pictures anew from the rows' files. \
+_AGAIN = """`python tools/report.py` writes this page, its tables and pictures anew from the rows' files. \
 The commands below make the rows; one that is there with the same settings is not run again, so delete its \
 folder first. `tools/robustness.py` makes the matrix."""
 
