@@ -26,6 +26,8 @@ from learning.kept import KeptRow, Numbers, read_kept
 Published = Mapping[str, Mapping[str, Mapping[str, float]]]
 """Mean and standard deviation by row and figure."""
 REFERENCE = "MaxPressure"
+ALL_TRIPS = "mean_trip_duration_all"
+"""What tells good policies: unlike travel time it counts vehicles that have not arrived."""
 WINDOW = 50
 """Decisions that a curve is averaged over, as in the paper's figures 4 and 5."""
 PAPER_CHOICES = {
@@ -80,7 +82,7 @@ def draw_all(results: Path, published: Mapping[str, Published], rows: Sequence[s
 
 def choose_rows(kept: Mapping[str, KeptRow]) -> list[str]:
     """Choose MaxPressure, the best controller beside it, and the four best rows that learned."""
-    best = sorted(kept, key=lambda name: kept[name].figures["travel_time"]["mean"])
+    best = sorted(kept, key=lambda name: kept[name].figures[ALL_TRIPS]["mean"])
     others = [name for name in best if not kept[name].learned and name != REFERENCE][:1]
     return [name for name in (REFERENCE, *others) if name in kept] + [n for n in best if kept[n].learned][:4]
 
@@ -120,7 +122,10 @@ def draw_hour(scenario: str, rows: Sequence[KeptRow]) -> Figure | None:
 
 
 def draw_training(scenario: str, kept: Mapping[str, KeptRow]) -> Figure | None:
-    """Draw travel time on validation seeds over the steps, a panel for each kind of sight."""
+    """Draw the mean trip on validation seeds over the steps, a panel for each kind of sight.
+
+    All trips count, those too that have not ended: travel time alone praises who jams the junction.
+    """
     panels: dict[str, list[tuple[KeptRow, dict[str, Numbers]]]] = {}
     for row in kept.values():
         if row.learned and (curve := row.read_curve()):
@@ -133,7 +138,7 @@ def draw_training(scenario: str, kept: Mapping[str, KeptRow]) -> Figure | None:
         lines, columns, figsize=(max(2.9 * columns, 5.5), 2.6 * lines + 0.9),
         sharey=True, squeeze=False, layout="constrained",
     )  # fmt: skip
-    reference = kept[REFERENCE].figures["travel_time"]["mean"] if REFERENCE in kept else None
+    reference = kept[REFERENCE].figures[ALL_TRIPS]["mean"] if REFERENCE in kept else None
     for place, (seen, curves) in zip(axes.flat, panels.items(), strict=False):
         for row, curve in curves:
             _draw_curve(place, row, curve)
@@ -143,13 +148,15 @@ def draw_training(scenario: str, kept: Mapping[str, KeptRow]) -> Figure | None:
         place.set_xlabel("thousand steps")
         place.set_xlim(left=0)
         place.set_yscale("log")
-        place.yaxis.set_major_locator(plt.FixedLocator([30, 40, 50, 60, 80, 100, 150, 200, 300, 500]))
+        place.yaxis.set_major_locator(
+            plt.FixedLocator([30, 40, 50, 60, 80, 100, 150, 200, 300, 500, 1000, 2000])
+        )
         place.yaxis.set_major_formatter(ScalarFormatter())
         place.yaxis.set_minor_locator(plt.NullLocator())
     for place in list(axes.flat)[len(panels) :]:
         place.set_axis_off()
     for place in axes[:, 0]:
-        place.set_ylabel("travel time (s)")
+        place.set_ylabel("mean trip, of all vehicles (s)")
     figure.suptitle(f"{scenario}: training, on validation seeds; the dot is the policy that was kept")
     _legend(figure, *axes.flat)
     return figure
@@ -159,9 +166,9 @@ def _draw_curve(place: Axes, row: KeptRow, curve: Mapping[str, Numbers]) -> None
     algorithms = ("DQN", "PPO", "A2C")
     algorithm = row.name.partition("-")[0]
     colour = COLOURS[algorithms.index(algorithm)] if algorithm in algorithms else COLOURS[-1]
-    steps, times = curve["steps"] / 1000, curve["travel_time"]
+    steps, times = curve["steps"] / 1000, curve[ALL_TRIPS]
     place.plot(steps, times, color=colour, label=algorithm)
-    best = int(np.argmin(curve["mean_trip_duration_all"]))
+    best = int(np.argmin(times))
     place.plot(steps[best], times[best], "o", color=colour, markersize=5)
 
 

@@ -36,7 +36,8 @@ MEANINGS = {
 WORDS = {
     "hour": f"The hour of the first seed. Each curve is the mean of the last {WINDOW} decisions.",
     "paper": "The same for the rows that the paper draws.",
-    "training": "Travel time on validation seeds during training.",
+    "training": "Mean trip on validation seeds during training, with those that have not ended: travel time "
+    "alone would praise who jams the junction.",
     "figures": "All rows. Where a bar ends in a number, the axis was cut for the others' sake.",
 }
 _OPENING = """# Results

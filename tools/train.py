@@ -12,8 +12,8 @@ from typing import Any
 
 from dojo_env.errors import ConfigError
 from dojo_env.rewards import REWARDS
-from dojo_env.scenario import find_scenario, open_map
 from dojo_maps.errors import DojoError
+from learning.scenarios import check_scenario
 from learning.settings import AGENTS, ALGORITHMS, CONDITIONS, OBSERVATIONS, REWARD, Training
 
 
@@ -102,7 +102,7 @@ def main() -> int:
     options = parser.parse_args()
     try:
         training = read_arguments(options)
-        open_map(find_scenario(training.scenario))
+        check_scenario(training)
         from learning.learner import train  # Bad settings are told before torch is loaded.
 
         train(
