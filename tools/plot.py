@@ -30,6 +30,8 @@ ALL_TRIPS = "mean_trip_duration_all"
 """What tells good policies: unlike travel time it counts vehicles that have not arrived."""
 WINDOW = 50
 """Decisions that a curve is averaged over, as in the paper's figures 4 and 5."""
+CUT = 2.5
+"""Axes end at so many times what is usual, lest a row that jams hide what sets the others apart."""
 PAPER_CHOICES = {
     "two-way": ("DQN-BEV*", "PPO-BEV*", "A2C-BEV*"),
     "cologne1": ("DQN-F", "DQN-MV", "DQN-BEV", "DQN-BEV*"),
@@ -111,7 +113,8 @@ def draw_hour(scenario: str, rows: Sequence[KeptRow]) -> Figure | None:
             minutes, series = row.read_series()
             place.plot(minutes, smooth(series[name]), label=row.name, **looks[row.name])
         place.set_title(TITLES[name], loc="left")
-        place.set_ylim(bottom=0)
+        highest = [line.get_ydata().max() for line in place.get_lines()]
+        place.set_ylim(0, 1.05 * min(max(highest), CUT * min(highest)) or None)
         place.set_xlim(0, minutes[-1])
         place.xaxis.set_major_locator(plt.MultipleLocator(minutes[-1] / 4))
     for place in axes[1]:
@@ -149,7 +152,7 @@ def draw_training(scenario: str, kept: Mapping[str, KeptRow]) -> Figure | None:
         place.set_xlim(left=0)
         place.set_yscale("log")
         place.yaxis.set_major_locator(
-            plt.FixedLocator([30, 40, 50, 60, 80, 100, 150, 200, 300, 500, 1000, 2000])
+            plt.FixedLocator((30, 40, 50, 60, 80, 100, 150, 200, 300, 500, 1000, 2000))
         )
         place.yaxis.set_major_formatter(ScalarFormatter())
         place.yaxis.set_minor_locator(plt.NullLocator())
@@ -157,7 +160,7 @@ def draw_training(scenario: str, kept: Mapping[str, KeptRow]) -> Figure | None:
         place.set_axis_off()
     for place in axes[:, 0]:
         place.set_ylabel("mean trip, of all vehicles (s)")
-    figure.suptitle(f"{scenario}: training, on validation seeds; the dot is the policy that was kept")
+    figure.suptitle(f"{scenario}: training; the dot is the policy that was kept")
     _legend(figure, *axes.flat)
     return figure
 
@@ -193,7 +196,11 @@ def draw_bars(scenario: str, kept: Mapping[str, KeptRow], published: Published) 
     axes[0, 0].set_yticks(spots, names)
     axes[0, 0].set_ylim(-0.6, len(names) - 0.4)
     figure.suptitle(f"{scenario}: means of {kept[names[0]].result['seeds']} episodes, bars with their spread")
-    handles = [(COLOURS[5], "ours, not learned"), (COLOURS[0], "ours, learned"), ("#bdbdbd", "published")]
+    handles = [
+        (COLOURS[5], "ours, not learned"),
+        *([(COLOURS[0], "ours, learned")] if any(row.learned for row in kept.values()) else []),
+        *([("#bdbdbd", "published")] if published else []),
+    ]
     figure.legend(
         handles=[plt.Rectangle((0, 0), 1, 1, color=c, label=t) for c, t in handles],
         loc="outside lower center", ncols=3,
@@ -216,7 +223,7 @@ def _draw_bars(place: Axes, at: Any, cells: Sequence[Mapping[str, float]], colou
 
 def _cut(place: Axes, bars: Sequence[tuple[float, Mapping[str, float]]]) -> None:
     """End the axis before rows that fail would hide what sets the others apart, and write their values."""
-    limit = 2.5 * float(np.median([cell["mean"] for _, cell in bars]))
+    limit = CUT * float(np.median([cell["mean"] for _, cell in bars]))
     largest = max(cell["mean"] + cell["std"] for _, cell in bars)
     place.set_xlim(0, min(limit, 1.05 * largest))
     for at, cell in bars:

@@ -34,7 +34,8 @@ MEANINGS = {
     "co2": "what the vehicles on these lanes emit, averaged over decisions",
 }
 WORDS = {
-    "hour": f"The hour of the first seed. Each curve is the mean of the last {WINDOW} decisions.",
+    "hour": f"The hour of the first seed. Each curve is the mean of the last {WINDOW} decisions. What leaves "
+    "the picture jams.",
     "paper": "The same for the rows that the paper draws.",
     "training": "Mean trip on validation seeds during training, with those that have not ended: travel time "
     "alone would praise who jams the junction.",
