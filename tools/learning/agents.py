@@ -14,7 +14,7 @@ from gymnasium import spaces
 from numpy.typing import NDArray
 from stable_baselines3.common.vec_env import VecEnv, VecEnvWrapper
 
-from dojo_env.parallel_env import TrafficSignalsEnv
+from dojo_env.parallel import TrafficSignalsEnv
 
 
 class JointEpisodes(gymnasium.Env[Any, Any]):

@@ -10,7 +10,7 @@ import gymnasium
 from stable_baselines3.common.vec_env import SubprocVecEnv, VecEnv
 
 from dojo_env.env import TrafficSignalEnv
-from dojo_env.parallel_env import TrafficSignalsEnv
+from dojo_env.parallel import TrafficSignalsEnv
 
 from .agents import AgentsVecEnv, JointEpisodes
 from .settings import Training
