@@ -45,6 +45,7 @@ TITLES = {
     "queue": "queue (vehicles)",
     "co2": "CO₂ (g/s)",
 }
+TICKS = (30, 40, 50, 60, 80, 100, 150, 200, 300, 500, 1000, 2000)
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
 """Okabe and Ito's, which people who see few colours tell apart."""
 _STYLE: dict[str, Any] = {
@@ -150,19 +151,25 @@ def draw_training(scenario: str, kept: Mapping[str, KeptRow]) -> Figure | None:
         place.set_title(f"observes {seen}", loc="left")
         place.set_xlabel("thousand steps")
         place.set_xlim(left=0)
-        place.set_yscale("log")
-        place.yaxis.set_major_locator(
-            plt.FixedLocator((30, 40, 50, 60, 80, 100, 150, 200, 300, 500, 1000, 2000))
-        )
-        place.yaxis.set_major_formatter(ScalarFormatter())
-        place.yaxis.set_minor_locator(plt.NullLocator())
     for place in list(axes.flat)[len(panels) :]:
         place.set_axis_off()
     for place in axes[:, 0]:
         place.set_ylabel("mean trip, of all vehicles (s)")
+    _scale(list(axes.flat))
     figure.suptitle(f"{scenario}: training; the dot is the policy that was kept")
     _legend(figure, *axes.flat)
     return figure
+
+
+def _scale(axes: Sequence[Axes]) -> None:
+    """Give panels that share an axis its limits; logarithmic where much changes."""
+    values = [value for place in axes for line in place.get_lines() for value in line.get_ydata()]
+    axes[0].set_ylim(0.96 * min(values), 1.04 * max(values))
+    if max(values) > 2 * min(values):
+        axes[0].set_yscale("log")
+        axes[0].yaxis.set_major_locator(plt.FixedLocator(TICKS))
+        axes[0].yaxis.set_major_formatter(ScalarFormatter())
+        axes[0].yaxis.set_minor_locator(plt.NullLocator())
 
 
 def _draw_curve(place: Axes, row: KeptRow, curve: Mapping[str, Numbers]) -> None:

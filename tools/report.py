@@ -177,6 +177,7 @@ not, in seconds: {"; ".join(own)}).
 - Trainings: {usual.steps:,} decisions in {usual.processes} environments side by side, episodes of \
 {usual.seconds:,} s, images of {usual.height} x {usual.width} pixels unless a row says otherwise.
 - Reward: {reward}; what is bad counts as negative.
+- Learning rates fall from what is given here to 0 at the end.
 {algorithms}
 - Each row's folder holds all of its settings and the versions that it ran on, in `figures.json`, and in \
 `training.json` where it learned.
