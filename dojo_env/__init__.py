@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from dojo_env.config import EnvConfig, EpisodeConfig, SignalConfig, TrafficConfig
     from dojo_env.env import TrafficSignalEnv
     from dojo_env.errors import ConfigError, EpisodeOverError, SimulationError
-    from dojo_env.parallel_env import TrafficSignalsEnv, parallel_env
+    from dojo_env.parallel import TrafficSignalsEnv, parallel_env
     from dojo_env.recording import Recording
     from dojo_env.replaying import replay
     from dojo_env.scenario import Scenario
@@ -47,8 +47,8 @@ _HOMES = {
     "Snapshot": "snapshot",
     "TrafficConfig": "config",
     "TrafficSignalEnv": "env",
-    "TrafficSignalsEnv": "parallel_env",
-    "parallel_env": "parallel_env",
+    "TrafficSignalsEnv": "parallel",
+    "parallel_env": "parallel",
     "replay": "replaying",
 }
 

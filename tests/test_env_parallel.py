@@ -1,6 +1,7 @@
 """The PettingZoo environment."""
 
 import contextlib
+import types
 import warnings
 from typing import Any
 
@@ -72,3 +73,8 @@ def test_random_actions_break_no_rule_on_whole_networks(scenario: str) -> None:
         env.step({agent: int(draw.integers(env.action_space(agent).n)) for agent in env.agents})
     assert env.metrics()["violations"] == {}
     env.close()
+
+
+def test_no_import_hides_the_function() -> None:
+    assert dojo_env.TrafficSignalsEnv is not None  # Loads the module that defines both.
+    assert isinstance(dojo_env.parallel_env, types.FunctionType)

@@ -17,11 +17,11 @@ from typing import Any
 from dojo_env.errors import ConfigError
 from dojo_env.scenario import find_scenario, open_map
 from dojo_maps.errors import DojoError
-from learning.rows import CONTROLLERS, LEARNED, ROWS
+from learning.rows import GROUPS, ROWS
 from learning.run_row import describe, is_done, run_row
+from learning.scenarios import check_scenario
+from learning.settings import Training
 from result_table import write_tables
-
-GROUPS = {"all": ROWS, "controllers": tuple(CONTROLLERS), "learned": tuple(LEARNED)}
 
 
 def run_rows(tasks: list[dict[str, Any]], results: Path, jobs: int) -> None:
@@ -60,6 +60,9 @@ def main() -> int:
         tasks = [
             describe(row, name, options.seeds, options.seconds) for name in options.scenarios for row in rows
         ]
+        for task in tasks:
+            if "training" in task:
+                check_scenario(Training(**task["training"]))
         run_rows(
             [task for task in tasks if not is_done(task, options.results)], options.results, options.jobs
         )

@@ -11,6 +11,8 @@ from learning.run_row import FIGURES
 
 Figures = Mapping[str, Mapping[str, float]]
 """Mean and standard deviation of each figure."""
+_SERVING = 0.9
+"""Of the best throughput: below, travel time is of the few who got through, and no row is marked."""
 _HEADS = ("travel time (s)", "throughput (veh/h)", "delay", "acc. waiting (s)", "queue (veh)", "CO2 (g/s)")
 
 
@@ -59,7 +61,9 @@ def _section(
 
 
 def _rank(figure: str, kept: Mapping[str, Figures]) -> dict[str, int]:
-    best_first = sorted(kept, key=lambda name: kept[name][figure]["mean"], reverse=figure == "throughput")
+    most = max((row["throughput"]["mean"] for row in kept.values()), default=0)
+    serving = [name for name in kept if kept[name]["throughput"]["mean"] >= _SERVING * most]
+    best_first = sorted(serving, key=lambda name: kept[name][figure]["mean"], reverse=figure == "throughput")
     return {name: place for place, name in enumerate(best_first[:2])}
 
 

@@ -12,9 +12,9 @@ from typing import Any
 
 from dojo_env.errors import ConfigError
 from dojo_env.rewards import REWARDS
-from dojo_env.scenario import find_scenario, open_map
 from dojo_maps.errors import DojoError
-from learning.settings import ALGORITHMS, CONDITIONS, OBSERVATIONS, REWARD, Training
+from learning.scenarios import check_scenario
+from learning.settings import AGENTS, ALGORITHMS, CONDITIONS, OBSERVATIONS, REWARD, Training
 
 
 def read_size(text: str) -> tuple[int, int]:
@@ -53,6 +53,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--size", type=read_size, default=(84, 84), metavar="HEIGHTxWIDTH", help="of images")
     parser.add_argument("--shared-views", action="store_true", help="one set of weights for all views")
     parser.add_argument("--conditions", default="day", choices=list(CONDITIONS), help="light and weather")
+    parser.add_argument("--agents", default="single", choices=AGENTS, help="how several signals learn")
     parser.add_argument(
         "--set", nargs="+", default=[], metavar="NAME=VALUE", help="the algorithm's own settings"
     )
@@ -80,6 +81,7 @@ def read_arguments(options: argparse.Namespace) -> Training:
         "min_green",
         "shared_views",
         "conditions",
+        "agents",
     )
     return Training(
         **{name: getattr(options, name) for name in names},
@@ -100,7 +102,7 @@ def main() -> int:
     options = parser.parse_args()
     try:
         training = read_arguments(options)
-        open_map(find_scenario(training.scenario))
+        check_scenario(training)
         from learning.learner import train  # Bad settings are told before torch is loaded.
 
         train(

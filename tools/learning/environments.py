@@ -10,7 +10,9 @@ import gymnasium
 from stable_baselines3.common.vec_env import SubprocVecEnv, VecEnv
 
 from dojo_env.env import TrafficSignalEnv
+from dojo_env.parallel import TrafficSignalsEnv
 
+from .agents import AgentsVecEnv, JointEpisodes
 from .settings import Training
 
 FIRST_TRAINING_SEED = 1_000
@@ -47,16 +49,16 @@ def open_environments(training: Training, *, done: int = 0) -> VecEnv:
     """Open a run's environments as they are after so many steps."""
     start = FIRST_TRAINING_SEED + training.seed * _SEEDS_PER_RUN + done // training.decisions
     makers = [
-        partial(_make, training.environment, start + index, training.processes)
+        partial(_maker(training), training.environment, start + index, training.processes)
         for index in range(training.processes)
     ]
-    return _encode(_start(makers), training)
+    return _adapt(_start(makers), training)
 
 
 def open_evaluation(training: Training, seeds: Sequence[int], **changes: Any) -> VecEnv:
     """Open an environment per seed; every episode of each has the same seed."""
-    makers = [partial(_make, {**training.environment, **changes}, seed, 0) for seed in seeds]
-    return _encode(_start(makers), training)
+    makers = [partial(_maker(training), {**training.environment, **changes}, seed, 0) for seed in seeds]
+    return _adapt(_start(makers), training)
 
 
 def _start(makers: list[Any]) -> VecEnv:
@@ -65,7 +67,9 @@ def _start(makers: list[Any]) -> VecEnv:
     return SubprocVecEnv(makers, start_method="forkserver")
 
 
-def _encode(environments: VecEnv, training: Training) -> VecEnv:
+def _adapt(environments: VecEnv, training: Training) -> VecEnv:
+    if training.agents != "single":
+        environments = AgentsVecEnv(environments)
     if training.encoder == "none":
         return environments
     from dojo_env.encoders import load_encoder
@@ -74,6 +78,15 @@ def _encode(environments: VecEnv, training: Training) -> VecEnv:
     return EncodedVecEnv(environments, load_encoder(training.encoder))
 
 
+def _maker(training: Training) -> Any:
+    return _make if training.agents == "single" else _make_joint
+
+
 def _make(keywords: dict[str, Any], first: int, stride: int) -> SeededEpisodes:
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the learner, which closes us.
     return SeededEpisodes(TrafficSignalEnv(**keywords), first, stride)
+
+
+def _make_joint(keywords: dict[str, Any], first: int, stride: int) -> JointEpisodes:
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    return JointEpisodes(TrafficSignalsEnv(**keywords), first, stride)

@@ -29,7 +29,7 @@ def evaluate(model: BaseAlgorithm, environments: VecEnv) -> tuple[list[dict[str,
         seen, _, ended, infos = environments.step(actions)
         first.append(infos[0])
         if np.all(ended):
-            return [info["figures"] for info in infos], first
+            return [info["figures"] for info in infos if "figures" in info], first
 
 
 def run_policy(

@@ -66,15 +66,17 @@ def train(
     torch.set_num_threads(1)
     torch.use_deterministic_algorithms(True)
     known = read_checkpoint(folder / CHECKPOINT) if resume else None
-    done = known["counters"]["num_timesteps"] if known else 0
+    done = known["known"]["rows"][-1]["steps"] if known else 0
     with ExitStack() as stack:
         environments = stack.enter_context(closing(open_environments(training, done=done)))
         validation = stack.enter_context(closing(open_evaluation(training, VALIDATION_SEEDS)))
         model = build_model(training, environments)
         model.set_logger(Logger(str(folder), [TensorBoardOutputFormat(str(folder))] if tensorboard else []))
-        progress = Progress(training, folder, validation, every=every)
+        agents = environments.num_envs // training.processes if training.agents == "shared" else 1
+        progress = Progress(training, folder, validation, every=every, agents=agents)
         if known is not None:
             progress.resume(restore_checkpoint(model, known, folder / CHECKPOINT), done)
         model.learn(
-            training.whole_steps - done, progress, log_interval=None, reset_num_timesteps=known is None
-        )
+            (training.whole_steps - done) * agents, progress, log_interval=None,
+            reset_num_timesteps=known is None,
+        )  # fmt: skip

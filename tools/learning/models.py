@@ -16,6 +16,7 @@ from stable_baselines3.common.vec_env import VecEnv
 from dojo_env.errors import ConfigError
 from dojo_maps.whole_file import replaced
 
+from .independent import Independent
 from .networks import EncodedNet, ViewNet
 from .settings import Training
 
@@ -31,8 +32,10 @@ _COUNTERS = (
 _BUFFERED = ("observations", "next_observations", "actions", "rewards", "dones", "timeouts")
 
 
-def build_model(training: Training, environments: VecEnv) -> BaseAlgorithm:
-    """Build the algorithm with fresh weights."""
+def build_model(training: Training, environments: VecEnv) -> BaseAlgorithm | Independent:
+    """Build the algorithm with fresh weights; for independent signals, as many as there are."""
+    if training.agents == "independent":
+        return Independent(training, environments, build_model)
     space = environments.observation_space
     sees = isinstance(space, spaces.Dict) or is_image_space(space)
     policy: dict[str, Any] = {"net_arch": [128] if sees else [128, 128]}
@@ -57,12 +60,12 @@ def _fall(rate: float, left: float) -> float:
     return rate * left
 
 
-def save_policy(model: BaseAlgorithm, path: Path) -> None:
+def save_policy(model: BaseAlgorithm | Independent, path: Path) -> None:
     """Write the weights alone."""
     _save(model.policy.state_dict(), path)
 
 
-def load_policy(model: BaseAlgorithm, path: Path) -> None:
+def load_policy(model: BaseAlgorithm | Independent, path: Path) -> None:
     """Take weights from a file.
 
     Raises:
@@ -76,18 +79,21 @@ def load_policy(model: BaseAlgorithm, path: Path) -> None:
         ) from error
 
 
-def save_checkpoint(model: BaseAlgorithm, path: Path, known: dict[str, Any]) -> None:
+def save_checkpoint(model: BaseAlgorithm | Independent, path: Path, known: dict[str, Any]) -> None:
     """Write all that the next update depends on, between two episodes; and what the caller knows."""
-    state = {
+    first, *others = model.models if isinstance(model, Independent) else [model]
+    _save({**_read_state(first), "others": [_read_state(other) for other in others], "known": known}, path)
+
+
+def _read_state(model: BaseAlgorithm) -> dict[str, Any]:
+    return {
         "parameters": model.get_parameters(),
         "counters": {name: getattr(model, name) for name in _COUNTERS if hasattr(model, name)},
         "torch": torch.get_rng_state(),
         "numpy": _plain(np.random.get_state()),  # noqa: NPY002 - Stable-Baselines3 draws from it
         "actions": model.action_space.np_random.bit_generator.state,
         "buffer": _read_buffer(model),
-        "known": known,
     }
-    _save(state, path)
 
 
 def read_checkpoint(path: Path) -> dict[str, Any]:
@@ -102,25 +108,33 @@ def read_checkpoint(path: Path) -> dict[str, Any]:
     return state
 
 
-def restore_checkpoint(model: BaseAlgorithm, state: dict[str, Any], path: Path) -> dict[str, Any]:
+def restore_checkpoint(
+    model: BaseAlgorithm | Independent, state: dict[str, Any], path: Path
+) -> dict[str, Any]:
     """Put a model where it was; returns what the caller knew.
 
     Raises:
         ConfigError: the checkpoint is another run's.
     """
     try:
-        model.set_parameters(state["parameters"])
-        for name, value in state["counters"].items():
-            setattr(model, name, value)
-        torch.set_rng_state(state["torch"])
-        np.random.set_state(tuple(state["numpy"]))  # noqa: NPY002
-        model.action_space.np_random.bit_generator.state = state["actions"]
-        _fill_buffer(model, state["buffer"])
+        models = model.models if isinstance(model, Independent) else [model]
+        for each, own in zip(models, [state, *state.get("others", [])], strict=True):
+            _put_state(each, own)
     except (KeyError, TypeError, ValueError, RuntimeError) as error:
         raise ConfigError(
             f"{path}: another run's checkpoint ({error}); start anew in another folder"
         ) from error
     return state["known"]
+
+
+def _put_state(model: BaseAlgorithm, state: dict[str, Any]) -> None:
+    model.set_parameters(state["parameters"])
+    for name, value in state["counters"].items():
+        setattr(model, name, value)
+    torch.set_rng_state(state["torch"])
+    np.random.set_state(tuple(state["numpy"]))  # noqa: NPY002
+    model.action_space.np_random.bit_generator.state = state["actions"]
+    _fill_buffer(model, state["buffer"])
 
 
 def _read_buffer(model: BaseAlgorithm) -> dict[str, Any]:

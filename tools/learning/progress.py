@@ -26,13 +26,16 @@ COLUMNS = ("steps", "part", "reward", *SIX, CHOSEN_BY)
 class Progress(BaseCallback):
     """Evaluates and saves after every few rounds of episodes; a round is an episode in each environment."""
 
-    def __init__(self, training: Training, folder: Path, validation: VecEnv, *, every: int) -> None:
-        """Take where to write, what to evaluate on, and how many rounds apart."""
+    def __init__(
+        self, training: Training, folder: Path, validation: VecEnv, *, every: int, agents: int = 1
+    ) -> None:
+        """Take where to write, what to evaluate on, how many rounds apart, and how many agents share."""
         super().__init__()
         self._training, self._folder, self._validation, self._every = training, folder, validation, every
         self._round = training.round_steps
         self._rows: list[dict[str, Any]] = []
-        self._rewards = np.zeros(training.processes)
+        self._rewards = np.zeros(())
+        self._agents = agents
         self._best = np.inf
         self._done_at = -1
         self._pace: deque[tuple[float, int]] = deque(maxlen=5)
@@ -41,13 +44,17 @@ class Progress(BaseCallback):
         """Take what was known when so many steps were done."""
         self._rows, self._best, self._done_at = known["rows"], known["best"], done
 
+    @property
+    def _steps(self) -> int:
+        """Decisions of all environments; a model counts each agent's."""
+        return self.num_timesteps // self._agents
+
     def _on_step(self) -> bool:
-        self._rewards += self.locals["rewards"]
+        self._rewards = self._rewards + self.locals["rewards"]
         if np.all(self.locals["dones"]):
-            self._add(
-                "training", [info["figures"] for info in self.locals["infos"]], float(self._rewards.mean())
-            )
-            self._rewards[:] = 0
+            figures = [info["figures"] for info in self.locals["infos"] if "figures" in info]
+            self._add("training", figures, float(self._rewards.mean()))
+            self._rewards = np.zeros(())
         return True
 
     def _on_rollout_start(self) -> None:
@@ -57,7 +64,7 @@ class Progress(BaseCallback):
         self._between(last=True)
 
     def _between(self, *, last: bool = False) -> None:
-        steps = self.num_timesteps
+        steps = self._steps
         due = steps % (self._round * self._every) == 0 and steps > 0
         if steps == self._done_at or not (due or last):
             return
@@ -74,11 +81,11 @@ class Progress(BaseCallback):
 
     def _add(self, part: str, figures: list[dict[str, Any]], reward: float | None) -> dict[str, Any]:
         means = {name: float(np.mean([f[name] for f in figures])) for name in COLUMNS[3:]}
-        row = {"steps": self.num_timesteps, "part": part, "reward": reward, **means}
+        row = {"steps": self._steps, "part": part, "reward": reward, **means}
         self._rows.append(row)
         for name, value in means.items():
             self.logger.record(f"{part}/{name}", value)
-        self.logger.dump(self.num_timesteps)
+        self.logger.dump(self._steps)
         return row
 
     def _write(self) -> None:
@@ -91,7 +98,7 @@ class Progress(BaseCallback):
             )
 
     def _tell(self, row: dict[str, Any]) -> None:
-        steps, total = self.num_timesteps, self._training.whole_steps
+        steps, total = self._steps, self._training.whole_steps
         self._pace.append((time.monotonic(), steps))
         (begun, before), (now, after) = self._pace[0], self._pace[-1]
         pace = (after - before) / (now - begun) if now > begun else 0.0

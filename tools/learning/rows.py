@@ -35,9 +35,38 @@ LEARNED: dict[str, dict[str, Any]] = {
     for seen, settings in _SEEN.items()
 }
 """What sets each row that learns apart from `Training`'s defaults."""
-ROWS = (*CONTROLLERS, *LEARNED)
+SEVERAL: dict[str, dict[str, Any]] = {
+    f"PPO-{seen} {agents}": {**LEARNED[f"PPO-{seen}"], "agents": agents}
+    for seen in ("F", "BEV")
+    for agents in ("shared", "independent")
+}
+"""Rows for scenarios with several signals."""
+VARIED = {f"PPO-{seen} random": {**LEARNED[f"PPO-{seen}"], "conditions": "random"} for seen in ("BEV", "MV")}
+"""Rows that learn in light, weather and camera mounts drawn anew for each episode."""
+_ALL = {**LEARNED, **VARIED, **SEVERAL}
+ROWS = (*CONTROLLERS, *_ALL)
+GROUPS = {
+    "all": (*CONTROLLERS, *LEARNED),
+    "controllers": tuple(CONTROLLERS),
+    "learned": tuple(LEARNED),
+    "varied": tuple(VARIED),
+    "several": tuple(SEVERAL),
+}
+_ONE = (*CONTROLLERS, *LEARNED, *VARIED)
+SCENARIOS = {
+    "two-way": _ONE,
+    "cologne1": _ONE,
+    "cologne3": (*CONTROLLERS, *SEVERAL),
+    "grid4x4": (*CONTROLLERS, *SEVERAL),
+}
+"""The benchmark's scenarios and the rows that make sense on them."""
 
 
 def find_training(row: str, scenario: str) -> Training:
     """Tell how a row's policy is trained on a scenario."""
-    return Training(scenario=scenario, min_green=MIN_GREEN.get(scenario, 10), **LEARNED[row])
+    return Training(scenario=scenario, min_green=MIN_GREEN.get(scenario, 10), **_ALL[row])
+
+
+def learns(row: str) -> bool:
+    """Tell whether a row has a policy."""
+    return row in _ALL

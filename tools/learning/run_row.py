@@ -12,8 +12,8 @@ from dojo_env.metrics import SIX
 from dojo_env.runs import run_controller, summarize
 from dojo_maps.whole_file import replaced
 
-from .rows import CONTROLLERS, LEARNED, OWN_SETTINGS, find_training
-from .settings import list_versions
+from .rows import CONTROLLERS, OWN_SETTINGS, find_training, learns
+from .settings import Training, list_versions
 
 FIGURES, SERIES = "figures.json", "series.csv"
 KEPT = (*SIX, "mean_trip_duration", "mean_trip_duration_all", "arrived", "departed", "violations", "seed")
@@ -32,7 +32,7 @@ def find_folder(row: str, scenario: str, results: Path) -> Path:
 def describe(row: str, scenario: str, seeds: int, seconds: int) -> dict[str, Any]:
     """Tell everything that a row's figures depend on."""
     task: dict[str, Any] = {"row": row, "scenario": scenario, "seeds": seeds, "seconds": seconds}
-    if row in LEARNED:
+    if learns(row):
         return {**task, "training": asdict(find_training(row, scenario))}
     controller, settings = CONTROLLERS[row]
     return {
@@ -46,6 +46,8 @@ def is_done(task: Mapping[str, Any], results: Path) -> bool:
     """Tell whether a row's figures are there, made with the same settings."""
     path = find_folder(task["row"], task["scenario"], results) / FIGURES
     known = json.loads(path.read_text(encoding="utf-8")) if path.is_file() else {}
+    if "training" in known:  # A setting that came later had its default before.
+        known["training"] = asdict(Training(**known["training"]))
     return all(known.get(name) == value for name, value in task.items())
 
 
@@ -89,7 +91,6 @@ def _run_controller(task: Mapping[str, Any]) -> Outcome:
 def _run_policy(task: Mapping[str, Any], folder: Path) -> Outcome:
     from .evaluation import run_policy  # torch takes long to load
     from .learner import is_trained, train
-    from .settings import Training
 
     training = Training(**task["training"])
     if not is_trained(training, folder):

@@ -25,6 +25,7 @@ The learning rate is that of the beginning; it falls to 0 at the end, so that th
 """
 OBSERVATIONS = ("features", "bev", "multi_view", "detector")
 IMAGES = ("bev", "multi_view")
+AGENTS = ("single", "shared", "independent")
 PACKAGES = ("traffic-dojo", "libsumo", "numpy", "gymnasium", "torch", "stable-baselines3")
 CONDITIONS: dict[str, dict[str, tuple[float, float]]] = {
     "day": {},
@@ -32,8 +33,8 @@ CONDITIONS: dict[str, dict[str, tuple[float, float]]] = {
         "hour": (0, 24),
         "rain": (0, 1),
         "noise": (0, 6),
-        "pan_jitter": (-2, 2),
-        "tilt_jitter": (-2, 2),
+        "shake_m": (0, 0.5),
+        "shake_deg": (0, 2),
     },
 }
 """Ranges from which each training episode draws its light, weather and lenses."""
@@ -64,6 +65,8 @@ class Training:
         width: pixels.
         shared_views: one set of weights for all of `multi_view`'s images.
         conditions: `day`, or `random` light, weather and lenses per episode.
+        agents: `single` for one signal; with several, all may use one `shared` policy, or each learns an
+            `independent` one.
         hyperparameters: of the algorithm, where they differ from `ALGORITHMS`.
     """
 
@@ -81,11 +84,17 @@ class Training:
     width: int = 84
     shared_views: bool = False
     conditions: str = "day"
+    agents: str = "single"
     hyperparameters: Mapping[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         """Refuse what cannot be."""
-        known = {"algorithm": tuple(ALGORITHMS), "observation": OBSERVATIONS, "conditions": tuple(CONDITIONS)}
+        known = {
+            "algorithm": tuple(ALGORITHMS),
+            "observation": OBSERVATIONS,
+            "conditions": tuple(CONDITIONS),
+            "agents": AGENTS,
+        }
         for name, values in known.items():
             if getattr(self, name) not in values:
                 raise ConfigError(f"{name}={getattr(self, name)!r}: expected one of {', '.join(values)}")
@@ -94,6 +103,8 @@ class Training:
                 raise ConfigError(f"{name}={getattr(self, name)}: expected at least 1")
         if self.encoder != "none" and self.observation not in IMAGES:
             raise ConfigError(f"encoder={self.encoder!r} needs images; observe {' or '.join(IMAGES)}")
+        if self.agents != "single" and self.observation == "multi_view":
+            raise ConfigError("several signals have different numbers of views; observe features or bev")
         unknown = set(self.hyperparameters) - set(ALGORITHMS[self.algorithm])
         if unknown:
             raise ConfigError(

@@ -1,0 +1,85 @@
+"""Pictures and the report: everything that was run is shown, what was not says so, and twice is the same."""
+
+import json
+import re
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from commands import make_row, run_tool
+
+from dojo_env.metrics import SIX
+
+pytest.importorskip("stable_baselines3")
+kept = pytest.importorskip("learning.kept")
+plot = pytest.importorskip("plot")
+
+ROWS = ("MaxPressure", "Cycle")
+KINDS = ("hour", "training", "figures")
+
+
+@pytest.fixture(scope="module")
+def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("kept") / "results"
+    done = run_tool("benchmark", "--rows", *ROWS, "--scenarios", "two-way", "--seeds", 2, "--seconds", 300,
+                    "--results", folder)  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    make_row(folder, "PPO-F")
+    published = {"MaxPressure": {name: {"mean": 10.0, "std": 1.0} for name in SIX}}
+    (folder / "paper.json").write_text(json.dumps({"scenarios": {"two-way": published}}))
+    return folder
+
+
+def test_pictures_have_the_same_bytes_each_time(results: Path) -> None:
+    drawn = []
+    for _ in range(2):
+        done = run_tool("plot", "--results", results, "--paper", results / "paper.json")
+        assert done.returncode == 0, done.stderr
+        paths = sorted((results / "pictures").iterdir())
+        assert [path.name for path in paths] == sorted(f"two-way-{kind}.png" for kind in KINDS)
+        drawn.append([path.read_bytes() for path in paths])
+    assert drawn[0] == drawn[1]
+    for picture in drawn[0]:
+        assert picture.startswith(b"\x89PNG")
+        assert 5_000 < len(picture) < 400_000
+        assert not re.search(rb"tEXt|tIME", picture)
+
+
+def test_curves_are_the_mean_of_the_last_decisions() -> None:
+    values = np.random.default_rng(0).random(200)
+    window, smoothed = plot.WINDOW, plot.smooth(values)
+    assert np.allclose(smoothed[window - 1 :], np.convolve(values, np.ones(window) / window, "valid"))
+    assert np.allclose(smoothed[:3], [values[0], values[:2].mean(), values[:3].mean()])
+
+
+def test_rows_that_jam_are_not_chosen(results: Path) -> None:
+    def row(name: str, travel: float, trips: float) -> Any:
+        figures = {"travel_time": {"mean": travel}, "mean_trip_duration_all": {"mean": trips}}
+        return kept.KeptRow(results, {"row": name, "training": {}, "figures": figures})
+
+    rows = {f"PPO-{k}": row(f"PPO-{k}", 40 + k, 50 + k) for k in range(4)} | {"jam": row("jam", 20, 900)}
+    assert plot.choose_rows(rows) == [f"PPO-{k}" for k in range(4)]
+
+
+def test_report_is_made_whole_from_the_rows(results: Path) -> None:
+    done = run_tool("report", "--results", results, "--paper", results / "paper.json")
+    assert done.returncode == 0, done.stderr
+    text = (results / "README.md").read_text()
+    mean = json.loads((results / "two-way/MaxPressure/figures.json").read_text())["figures"]["queue"]["mean"]
+    assert f"{mean:.2f} ±" in text
+    assert f"{mean / 10 - 1:+.1%}" in text
+    for name in re.findall(r"\]\((pictures/[^)]+)\)", text):
+        assert (results / name).is_file()
+    assert text.count("](pictures/") == len(KINDS)
+    assert "| two-way | PPO-BEV* | not run: `python tools/benchmark.py --rows 'PPO-BEV*'" in text
+    assert "| two-way | Cycle | `python tools/benchmark.py --rows Cycle --scenarios two-way --seeds 2" in text
+    assert run_tool("report", "--results", results, "--paper", results / "paper.json").returncode == 0
+    assert (results / "README.md").read_text() == text
+
+
+@pytest.mark.parametrize("tool", ["plot", "report"])
+def test_bad_file_of_published_figures_is_one_line(tool: str, results: Path) -> None:
+    done = run_tool(tool, "--results", results, "--paper", results / "nowhere.json")
+    assert done.returncode == 3
+    assert len(done.stderr.strip().splitlines()) == 1, done.stderr

@@ -1,0 +1,57 @@
+"""Policies under other conditions: as trained they give their own figures again, and twice is once."""
+
+import csv
+import json
+from pathlib import Path
+
+import pytest
+from commands import make_row, run_tool
+
+pytest.importorskip("stable_baselines3")
+
+
+def read_under(results: Path, row: str) -> dict[str, dict[str, dict[str, dict[str, float]]]]:
+    kept = json.loads((results / "two-way" / row / "robustness.json").read_text())
+    assert "tools/robustness.py" in kept["command"]
+    return kept["under"]
+
+
+def evaluate(results: Path, row: str, *under: str) -> str:
+    done = run_tool("robustness", "--results", results, "--scenarios", "two-way", "--rows", row,
+                    "--under", *under, "--seeds", 2, "--seconds", 300)  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    return done.stderr
+
+
+@pytest.mark.parametrize(
+    ("row", "settings", "own", "other"),
+    [
+        ("PPO-F", {}, "features", "noisy-detector"),
+        ("PPO-BEV", {"observation": "bev", "height": 36, "width": 48}, "day", "night"),
+    ],
+)
+def test_policy_gives_its_own_figures_again_and_others_beside(
+    row: str, settings: dict[str, object], own: str, other: str, tmp_path: Path
+) -> None:
+    results = tmp_path / "results"
+    make_row(results, row, **settings)
+    first = evaluate(results, row, own)
+    assert first.count(f"{row} under") == 1
+    again = evaluate(results, row, own, other)
+    assert again.count(f"{row} under") == 1
+    under = read_under(results, row)
+    figures = json.loads((results / "two-way" / row / "figures.json").read_text())["figures"]
+    assert set(under) == {own, other}
+    assert all(figures[name] == cell for name, cell in under[own]["figures"].items())
+    table = (results / "matrix.md").read_text()
+    assert f"| two-way | {own} | {other} |" in table
+    with (results / "matrix.csv").open() as file:
+        means = {(line["under"], line["figure"]): float(line["mean"]) for line in csv.DictReader(file)}
+    assert means[other, "queue"] == under[other]["figures"]["queue"]["mean"]
+
+
+def test_row_without_a_policy_is_one_line(tmp_path: Path) -> None:
+    done = run_tool("robustness", "--results", tmp_path, "--scenarios", "two-way", "--rows", "PPO-F")
+    assert done.returncode == 3
+    assert "no policy of PPO-F" in done.stderr
+    assert len(done.stderr.strip().splitlines()) == 1, done.stderr

@@ -1,0 +1,69 @@
+"""Several signals learning together: one size for all, the same result after an interruption."""
+
+import contextlib
+from pathlib import Path
+
+import commands  # noqa: F401 - it finds the tools' modules
+import numpy as np
+import pytest
+from test_train import interrupt, train
+
+import dojo_env
+
+torch = pytest.importorskip("torch")
+pytest.importorskip("stable_baselines3")
+agents = pytest.importorskip("learning.agents")
+
+SIZE = ["--scenario", "cologne3", "--processes", "1", "--seconds", "300", "--steps", "180", "--every", "1"]
+KINDS = {
+    "shared": ["--set", "n_steps=60", "batch_size=60"],
+    "independent": ["--set", "n_steps=60", "batch_size=60"],
+    "independent-dqn": ["--algorithm", "dqn", "--set", "learning_starts=60", "gradient_steps=1"],
+}
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_interrupted_run_goes_on_to_the_same_result(kind: str, tmp_path: Path) -> None:
+    whole, cut = tmp_path / "whole", tmp_path / "cut"
+    arguments = [*SIZE, "--agents", kind.removesuffix("-dqn"), *KINDS[kind]]
+    done = train(*arguments, "--out", whole)
+    assert done.returncode == 0, done.stderr
+    interrupt(cut, *arguments)
+    done = train(*arguments, "--out", cut, "--resume")
+    assert done.returncode == 0, done.stderr
+    assert (cut / "curve.csv").read_bytes() == (whole / "curve.csv").read_bytes()
+    a, b = (torch.load(folder / "policy.pt", weights_only=True) for folder in (whole, cut))
+    assert all(torch.equal(a[name], b[name]) for name in a)
+
+
+def test_features_of_unequal_signals_have_their_places() -> None:
+    small, large = agents.place_features([3, 4], [3 + 1 + 2 * 5, 4 + 1 + 2 * 8])
+    assert large.tolist() == list(range(4 + 1 + 2 * 8))
+    assert small.tolist() == [0, 1, 2, 4, *range(5, 10), *range(13, 18)]
+
+
+def test_every_action_is_one_of_a_signals_phases() -> None:
+    seen = []
+    for surplus in (False, True):
+        env = agents.JointEpisodes(dojo_env.parallel_env(scenario="cologne3", num_seconds=100), 7, 1)
+        with contextlib.closing(env):
+            phases = env.action_space.nvec
+            env.reset()
+            own = np.arange(20)[:, None] // 3 % phases
+            steps = [env.step(action + surplus * phases) for action in own]
+            seen.append(np.stack([step[0] for step in steps]))
+            assert steps[-1][4]["figures"]["violations"] == {}
+            assert steps[0][1].shape == phases.shape
+    assert np.array_equal(*seen)
+    who = seen[0][:, :, -len(phases) :]
+    assert np.array_equal(who, np.broadcast_to(np.eye(len(phases)), who.shape))
+
+
+def test_one_agent_for_several_signals_is_refused_before_any_work(tmp_path: Path) -> None:
+    for words, arguments in (("has 3 signals", []), ("numbers of views", ["--observation", "multi_view"])):
+        learners = ["--agents", "shared"] if arguments else []
+        done = train("--scenario", "cologne3", *arguments, *learners, "--out", tmp_path / "a")
+        assert done.returncode == 3
+        assert words in done.stderr
+        assert len(done.stderr.strip().splitlines()) == 1, done.stderr
+    assert not (tmp_path / "a").exists()

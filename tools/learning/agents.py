@@ -1,0 +1,119 @@
+"""Several signals of one world as that many environments, which is all that Stable-Baselines3 needs.
+
+Signals differ in numbers of phases and lanes, so what they see and do is brought to one size. Features are
+padded with zeros block by block, so that a place always means the same, and say at their end whose they are
+(parameter sharing with agent indication; Terry et al., arXiv:2005.13625). An action beyond a signal's last
+phase counts on from its first: so every action is one of its phases, always the same, and none needs a mask.
+"""
+
+from typing import Any
+
+import gymnasium
+import numpy as np
+from gymnasium import spaces
+from numpy.typing import NDArray
+from stable_baselines3.common.vec_env import VecEnv, VecEnvWrapper
+
+from dojo_env.parallel import TrafficSignalsEnv
+
+
+class JointEpisodes(gymnasium.Env[Any, Any]):
+    """All signals act at once: observations and rewards are stacked, an action is one number each.
+
+    Each episode begins with the seed that follows, and its figures come with its last step.
+    """
+
+    def __init__(self, env: TrafficSignalsEnv, first: int, stride: int) -> None:
+        """Count seeds from the first in strides."""
+        self._env, self._next, self._stride = env, first, stride
+        self._agents = env.possible_agents
+        phases = [int(env.action_space(agent).n) for agent in self._agents]
+        self.action_space = spaces.MultiDiscrete(phases)
+        shapes = [env.observation_space(agent).shape or () for agent in self._agents]
+        self._places = [] if len(shapes[0]) == 3 else place_features(phases, [size for (size,) in shapes])
+        if self._places:
+            width = 1 + max(int(places[-1]) for places in self._places) + len(self._agents)
+            self.observation_space = spaces.Box(0.0, 1.0, (len(phases), width), np.float32)
+        else:
+            self.observation_space = spaces.Box(0, 255, (len(phases), *shapes[0]), np.uint8)
+
+    def reset(self, **_keywords: Any) -> tuple[NDArray[Any], dict[str, Any]]:
+        """Begin the next episode."""
+        seed, self._next = self._next, self._next + self._stride
+        seen, infos = self._env.reset(seed=seed)
+        return self._stack(seen), infos[self._agents[0]]
+
+    def step(self, action: NDArray[Any]) -> tuple[NDArray[Any], Any, bool, bool, dict[str, Any]]:
+        """Act; at the end of an episode, its figures come with it."""
+        phases = action % self.action_space.nvec
+        asked = {agent: int(phase) for agent, phase in zip(self._agents, phases, strict=True)}
+        seen, rewards, _, ended, infos = self._env.step(asked)
+        info, over = infos[self._agents[0]], ended[self._agents[0]]
+        if over:
+            info["figures"] = self._env.metrics()
+        paid = np.array([rewards[agent] for agent in self._agents], np.float32)
+        return self._stack(seen), paid, False, over, info
+
+    def close(self) -> None:
+        """End the simulation."""
+        self._env.close()
+
+    def _stack(self, seen: dict[str, Any]) -> NDArray[Any]:
+        if not self._places:
+            return np.stack([seen[agent] for agent in self._agents])
+        stacked = np.zeros(self.observation_space.shape or (), np.float32)
+        for row, (agent, places) in enumerate(zip(self._agents, self._places, strict=True)):
+            stacked[row, places] = seen[agent]
+            stacked[row, row - len(self._agents)] = 1
+        return stacked
+
+
+def place_features(phases: list[int], sizes: list[int]) -> list[NDArray[np.int64]]:
+    """Tell where each signal's phases, flag, densities and queues go; blocks are as wide as the widest."""
+    lanes = [(size - 1 - count) // 2 for count, size in zip(phases, sizes, strict=True)]
+    flag, most = max(phases), max(lanes)
+    return [
+        np.concatenate([np.arange(count), [flag], *(flag + 1 + at + np.arange(each) for at in (0, most))])
+        for count, each in zip(phases, lanes, strict=True)
+    ]
+
+
+class AgentsVecEnv(VecEnvWrapper):
+    """The signals of joint environments side by side: all of the first one, then all of the second."""
+
+    def __init__(self, joint: VecEnv) -> None:
+        """Take environments of `JointEpisodes`."""
+        shape, many = joint.observation_space.shape, joint.observation_space.dtype == np.uint8
+        self.phases = tuple(int(count) for count in joint.action_space.nvec)
+        self.agents = len(self.phases)
+        super().__init__(
+            joint,
+            spaces.Box(0, 255 if many else 1, shape[1:], joint.observation_space.dtype),
+            spaces.Discrete(max(self.phases)),
+        )
+        self.num_envs = joint.num_envs * self.agents
+
+    def reset(self) -> Any:
+        """Begin an episode everywhere."""
+        return self._flat(self.venv.reset())
+
+    def step_async(self, actions: NDArray[Any]) -> None:
+        """Hand each joint environment its signals' actions."""
+        self.venv.step_async(np.reshape(actions, (-1, self.agents)))
+
+    def step_wait(self) -> Any:
+        """Give every signal its own; the figures of an episode come with its first signal."""
+        seen, rewards, ended, infos = self.venv.step_wait()
+        return self._flat(seen), rewards.ravel(), np.repeat(ended, self.agents), self._share(infos)
+
+    def _flat(self, seen: NDArray[Any]) -> NDArray[Any]:
+        return seen.reshape(-1, *seen.shape[2:])
+
+    def _share(self, infos: list[dict[str, Any]]) -> list[dict[str, Any]]:
+        shared = []
+        for info in infos:
+            last = info.pop("terminal_observation", None)
+            for agent in range(self.agents):
+                own = {"TimeLimit.truncated": info["TimeLimit.truncated"], **(info if agent == 0 else {})}
+                shared.append(own if last is None else {**own, "terminal_observation": last[agent]})
+        return shared

@@ -1,0 +1,291 @@
+"""Draw a results folder: the hour's curves, the trainings, and the six figures beside published ones.
+
+The same files give the same bytes: pictures carry no date and no version.
+"""
+
+import argparse
+import json
+import sys
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import matplotlib as mpl
+import numpy as np
+
+mpl.use("Agg")
+from matplotlib import pyplot as plt
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import ScalarFormatter
+
+from dojo_env.metrics import SIX
+from dojo_maps.errors import DojoError
+from learning.kept import KeptRow, Numbers, read_kept
+
+Published = Mapping[str, Mapping[str, Mapping[str, float]]]
+"""Mean and standard deviation by row and figure."""
+REFERENCE = "MaxPressure"
+ALL_TRIPS = "mean_trip_duration_all"
+"""What tells good policies: unlike travel time it counts vehicles that have not arrived."""
+WINDOW = 50
+"""Decisions that a curve is averaged over, as in the paper's figures 4 and 5."""
+CUT = 2.5
+"""Axes end at so many times what is usual, lest a row that jams hide what sets the others apart."""
+PAPER_CHOICES = {
+    "two-way": ("DQN-BEV*", "PPO-BEV*", "A2C-BEV*"),
+    "cologne1": ("DQN-F", "DQN-MV", "DQN-BEV", "DQN-BEV*"),
+}
+"""The rows that these figures show."""
+TITLES = {
+    "travel_time": "travel time (s)",
+    "throughput": "throughput (vehicles/h)",
+    "delay": "delay, summed over lanes",
+    "accumulated_waiting": "accumulated waiting (s)",
+    "queue": "queue (vehicles)",
+    "co2": "CO₂ (g/s)",
+}
+TICKS = (30, 40, 50, 60, 80, 100, 150, 200, 300, 500, 1000, 2000)
+COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
+"""Okabe and Ito's, which people who see few colours tell apart."""
+_STYLE: dict[str, Any] = {
+    "font.size": 9, "axes.titlesize": 10, "axes.spines.top": False, "axes.spines.right": False,
+    "axes.grid": True, "grid.color": "#e6e6e6", "axes.axisbelow": True, "lines.linewidth": 1.5,
+    "legend.frameon": False, "figure.dpi": 110, "savefig.facecolor": "white",
+}  # fmt: skip
+
+
+def draw_all(results: Path, published: Mapping[str, Published], rows: Sequence[str] = ()) -> list[Path]:
+    """Draw every picture of every scenario that has rows, under `pictures`; returns their paths.
+
+    Args:
+        results: holds a folder per scenario, and in it one per row.
+        published: figures by scenario, to show beside ours.
+        rows: whose hours are drawn; without any, the best and those that the paper shows.
+    """
+    folder, drawn = results / "pictures", []
+    folder.mkdir(exist_ok=True)
+    with plt.rc_context(_STYLE):
+        for scenario, kept in read_kept(results).items():
+            figures = {
+                "hour": draw_hour(scenario, [kept[n] for n in rows or choose_rows(kept) if n in kept]),
+                "paper": draw_hour(scenario, _paper_choice(scenario, kept)),
+                "training": draw_training(scenario, kept),
+                "figures": draw_bars(scenario, kept, published.get(scenario, {})),
+            }
+            for kind, figure in figures.items():
+                path = folder / f"{scenario}-{kind}.png"
+                path.unlink(missing_ok=True)
+                if figure is not None:
+                    figure.savefig(path, metadata={"Software": None})
+                    plt.close(figure)
+                    drawn.append(path)
+    return drawn
+
+
+def choose_rows(kept: Mapping[str, KeptRow]) -> list[str]:
+    """Choose MaxPressure, the best controller beside it, and the four best rows that learned."""
+    best = sorted(kept, key=lambda name: kept[name].figures[ALL_TRIPS]["mean"])
+    others = [name for name in best if not kept[name].learned and name != REFERENCE][:1]
+    return [name for name in (REFERENCE, *others) if name in kept] + [n for n in best if kept[n].learned][:4]
+
+
+def _paper_choice(scenario: str, kept: Mapping[str, KeptRow]) -> list[KeptRow]:
+    named = [kept[name] for name in PAPER_CHOICES.get(scenario, ()) if name in kept]
+    return [*([kept[REFERENCE]] if REFERENCE in kept else []), *named] if named else []
+
+
+def smooth(values: Numbers) -> Numbers:
+    """Average each value with the ones before it, as many as there are up to the window."""
+    sums = np.concatenate([[0.0], np.cumsum(values)])
+    ends = np.arange(1, len(values) + 1)
+    begins = np.maximum(ends - WINDOW, 0)
+    return (sums[ends] - sums[begins]) / (ends - begins)
+
+
+def draw_hour(scenario: str, rows: Sequence[KeptRow]) -> Figure | None:
+    """Draw what was measured over the first seed's hour."""
+    if not rows:
+        return None
+    figure, axes = plt.subplots(2, 2, figsize=(9.5, 6.2), sharex=True, layout="constrained")
+    looks = _looks(rows)
+    for place, name in zip(axes.flat, ("co2", "delay", "accumulated_waiting", "queue"), strict=True):
+        for row in rows:
+            minutes, series = row.read_series()
+            place.plot(minutes, smooth(series[name]), label=row.name, **looks[row.name])
+        place.set_title(TITLES[name], loc="left")
+        highest = [line.get_ydata().max() for line in place.get_lines()]
+        place.set_ylim(0, 1.05 * min(max(highest), CUT * min(highest)) or None)
+        place.set_xlim(0, minutes[-1])
+        place.xaxis.set_major_locator(plt.MultipleLocator(minutes[-1] / 4))
+    for place in axes[1]:
+        place.set_xlabel("minutes since the episode's begin")
+    figure.suptitle(f"{scenario}: one episode, each curve the mean of the last {WINDOW} decisions")
+    _legend(figure, axes.flat[0])
+    return figure
+
+
+def draw_training(scenario: str, kept: Mapping[str, KeptRow]) -> Figure | None:
+    """Draw the mean trip on validation seeds over the steps, a panel for each kind of sight.
+
+    All trips count, those too that have not ended: travel time alone praises who jams the junction.
+    """
+    panels: dict[str, list[tuple[KeptRow, dict[str, Numbers]]]] = {}
+    for row in kept.values():
+        if row.learned and (curve := row.read_curve()):
+            panels.setdefault(row.name.partition("-")[2], []).append((row, curve))
+    if not panels:
+        return None
+    columns = min(len(panels), 4)
+    lines = -(-len(panels) // columns)
+    figure, axes = plt.subplots(
+        lines, columns, figsize=(max(2.9 * columns, 5.5), 2.6 * lines + 0.9),
+        sharey=True, squeeze=False, layout="constrained",
+    )  # fmt: skip
+    reference = kept[REFERENCE].figures[ALL_TRIPS]["mean"] if REFERENCE in kept else None
+    for place, (seen, curves) in zip(axes.flat, panels.items(), strict=False):
+        for row, curve in curves:
+            _draw_curve(place, row, curve)
+        if reference is not None:
+            place.axhline(reference, color="#333333", linestyle="--", linewidth=1.2, label=REFERENCE)
+        place.set_title(f"observes {seen}", loc="left")
+        place.set_xlabel("thousand steps")
+        place.set_xlim(left=0)
+    for place in list(axes.flat)[len(panels) :]:
+        place.set_axis_off()
+    for place in axes[:, 0]:
+        place.set_ylabel("mean trip, of all vehicles (s)")
+    _scale(list(axes.flat))
+    figure.suptitle(f"{scenario}: training; the dot is the policy that was kept")
+    _legend(figure, *axes.flat)
+    return figure
+
+
+def _scale(axes: Sequence[Axes]) -> None:
+    """Give panels that share an axis its limits; logarithmic where much changes."""
+    values = [value for place in axes for line in place.get_lines() for value in line.get_ydata()]
+    axes[0].set_ylim(0.96 * min(values), 1.04 * max(values))
+    if max(values) > 2 * min(values):
+        axes[0].set_yscale("log")
+        axes[0].yaxis.set_major_locator(plt.FixedLocator(TICKS))
+        axes[0].yaxis.set_major_formatter(ScalarFormatter())
+        axes[0].yaxis.set_minor_locator(plt.NullLocator())
+
+
+def _draw_curve(place: Axes, row: KeptRow, curve: Mapping[str, Numbers]) -> None:
+    algorithms = ("DQN", "PPO", "A2C")
+    algorithm = row.name.partition("-")[0]
+    colour = COLOURS[algorithms.index(algorithm)] if algorithm in algorithms else COLOURS[-1]
+    steps, times = curve["steps"] / 1000, curve[ALL_TRIPS]
+    place.plot(steps, times, color=colour, label=algorithm)
+    best = int(np.argmin(times))
+    place.plot(steps[best], times[best], "o", color=colour, markersize=5)
+
+
+def draw_bars(scenario: str, kept: Mapping[str, KeptRow], published: Published) -> Figure | None:
+    """Draw the six figures of every row, published ones below where there are any."""
+    names = list(kept)
+    size = 0.26 * len(names) + 0.9
+    figure, axes = plt.subplots(2, 3, figsize=(11, 2 * size), sharey=True, layout="constrained")
+    spots = np.arange(len(names))[::-1]
+    for place, figure_name in zip(axes.flat, SIX, strict=True):
+        ours = [kept[name].figures[figure_name] for name in names]
+        theirs = [(s, published[n][figure_name]) for s, n in zip(spots, names, strict=True) if n in published]
+        colours = [COLOURS[0] if kept[name].learned else COLOURS[5] for name in names]
+        _draw_bars(place, spots + (0.2 if theirs else 0), ours, colours)
+        _draw_bars(place, [spot - 0.2 for spot, _ in theirs], [cell for _, cell in theirs], "#bdbdbd")
+        _cut(
+            place,
+            [*zip(spots + (0.2 if theirs else 0), ours, strict=True), *((s - 0.2, c) for s, c in theirs)],
+        )
+        place.set_title(TITLES[figure_name], loc="left")
+        place.grid(visible=False, axis="y")
+    axes[0, 0].set_yticks(spots, names)
+    axes[0, 0].set_ylim(-0.6, len(names) - 0.4)
+    figure.suptitle(f"{scenario}: means of {kept[names[0]].result['seeds']} episodes, bars with their spread")
+    handles = [
+        (COLOURS[5], "ours, not learned"),
+        *([(COLOURS[0], "ours, learned")] if any(row.learned for row in kept.values()) else []),
+        *([("#bdbdbd", "published")] if published else []),
+    ]
+    figure.legend(
+        handles=[plt.Rectangle((0, 0), 1, 1, color=c, label=t) for c, t in handles],
+        loc="outside lower center", ncols=3,
+    )  # fmt: skip
+    return figure
+
+
+def _draw_bars(place: Axes, at: Any, cells: Sequence[Mapping[str, float]], colours: Any) -> None:
+    if cells:
+        means, spreads = ([cell[part] for cell in cells] for part in ("mean", "std"))
+        place.barh(
+            at,
+            means,
+            height=0.38,
+            color=colours,
+            xerr=spreads,
+            error_kw={"elinewidth": 0.9, "ecolor": "#444444"},
+        )
+
+
+def _cut(place: Axes, bars: Sequence[tuple[float, Mapping[str, float]]]) -> None:
+    """End the axis before rows that fail would hide what sets the others apart, and write their values."""
+    limit = CUT * float(np.median([cell["mean"] for _, cell in bars]))
+    largest = max(cell["mean"] + cell["std"] for _, cell in bars)
+    place.set_xlim(0, min(limit, 1.05 * largest))
+    for at, cell in bars:
+        if cell["mean"] > limit:
+            place.text(
+                limit, at, f"{cell['mean']:,.0f} \u2192", ha="right", va="center", fontsize=7,
+                bbox={"facecolor": "white", "edgecolor": "none", "pad": 0.6},
+            )  # fmt: skip
+
+
+def _looks(rows: Iterable[KeptRow]) -> dict[str, dict[str, Any]]:
+    """Give each row its line: what learned in colour, what it is measured against in grey."""
+    colours, greys = iter(COLOURS), iter((("#777777", ":"), ("#777777", "-."), ("#aaaaaa", "-")))
+    looks = {}
+    for row in rows:
+        if row.name == REFERENCE:
+            colour, line = "#222222", "--"
+        else:
+            colour, line = (next(colours), "-") if row.learned else next(greys, ("#aaaaaa", "-"))
+        looks[row.name] = {"color": colour, "linestyle": line}
+    return looks
+
+
+def _legend(figure: Figure, *axes: Axes) -> None:
+    found = {
+        text: handle
+        for place in axes
+        for handle, text in zip(*place.get_legend_handles_labels(), strict=True)
+    }
+    figure.legend(found.values(), found.keys(), loc="outside lower center", ncols=6)
+
+
+def read_published(path: Path | None) -> Mapping[str, Published]:
+    """Read a file of published figures; nothing without one."""
+    return json.loads(path.read_text(encoding="utf-8"))["scenarios"] if path else {}
+
+
+def main() -> int:
+    """Draw."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--results", type=Path, default=Path(__file__).parent / "results", metavar="FOLDER")
+    parser.add_argument("--rows", nargs="+", default=[], metavar="ROW", help="whose hours are drawn")
+    parser.add_argument("--paper", type=Path, metavar="FILE", help="JSON of published figures")
+    options = parser.parse_args()
+    try:
+        published = (
+            json.loads(options.paper.read_text(encoding="utf-8"))["scenarios"] if options.paper else {}
+        )
+        for path in draw_all(options.results, published, options.rows):
+            print(path)
+    except (DojoError, OSError, ValueError, KeyError) as error:
+        print(f"plot: {error}", file=sys.stderr)
+        return 3
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,225 @@
+"""Write the report of a results folder, whole: tables, pictures, and `README.md` that explains them.
+
+All numbers come from the rows' files, from the settings in the code, and from the file of published figures
+where one is given; a row that was not run says so.
+"""
+
+import argparse
+import shlex
+import sys
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from statistics import median
+
+from dojo_env.config import SignalConfig
+from dojo_env.metrics import SIX
+from dojo_maps.errors import DojoError
+from learning.kept import KeptRow, read_kept
+from learning.rows import MIN_GREEN, OWN_SETTINGS, ROWS, SCENARIOS
+from learning.settings import ALGORITHMS, INTERVAL, REWARD, Training
+from plot import TITLES, WINDOW, Published, draw_all, read_published
+from result_table import write_tables
+
+MATRIX = "matrix.md"
+"""What `robustness.py` writes."""
+MEANINGS = {
+    "travel_time": "mean duration of the trips that have ended, averaged over all decisions of the episode; "
+    "what a vehicle waits before it may enter the map does not count",
+    "throughput": "vehicles that have reached the end of their trip",
+    "delay": "for each lane that leads to a signal: 1 minus mean speed over speed limit, 0 if empty; "
+    "summed over lanes, averaged over decisions",
+    "accumulated_waiting": "the seconds that each vehicle on these lanes has stood so far, summed over "
+    "vehicles, averaged over decisions; it grows with the square of a wait, so it shows who is forgotten",
+    "queue": "vehicles that stand on these lanes, averaged over decisions",
+    "co2": "what the vehicles on these lanes emit, averaged over decisions",
+}
+WORDS = {
+    "hour": f"The hour of the first seed. Each curve is the mean of the last {WINDOW} decisions. What leaves "
+    "the picture jams.",
+    "paper": "The same for the rows that the paper draws.",
+    "training": "Mean trip on validation seeds during training, with those that have not ended: travel time "
+    "alone would praise who jams the junction.",
+    "figures": "All rows. Where a bar ends in a number, the axis was cut for the others' sake.",
+}
+_OPENING = """# Results
+
+A traffic signal is controlled by an agent: every {interval} s it names the green phase that shall be shown. \
+A change passes through {yellow:g} s of yellow, and a green lasts at least {least:g} s, so requests before \
+that are held. SUMO simulates the traffic; no controller may do what another may not.
+
+Some rows follow a rule, as *MaxPressure*, which serves the links with the longest queues before and the \
+shortest behind them. The others learn it from a reward: by DQN, PPO or A2C, from what their name says:
+
+| name | the policy sees |
+|---|---|
+| F | features: the phase, whether it may change, and how full and how congested each lane is |
+| MV | one camera image per approach, taken at the junction |
+| BEV | one image from straight above the junction |
+| BEV* | the same through a frozen, pretrained encoder of images |
+| shared, independent | several signals: all use one policy, or each learns its own |
+| random | trained in light, weather and camera mounts drawn anew each episode |
+
+Each figure is a mean over episodes of one hour with seeds that no training has seen, ± its standard \
+deviation. The best policy of a training is chosen on yet other seeds.
+
+| figure | what it is |
+|---|---|
+{meanings}
+
+More is better for throughput, less for all others.
+"""
+_WHY = """Why figures differ from the published ones:
+
+- The plans of *FixedTime* and the thresholds of *SOTL* are not published for all scenarios. Here stand the \
+networks' own programs, and thresholds that reproduce the first scenario; no plan was tuned to a cell.
+- What counts as minimum green is not published either: of green alone, or of all time since the last \
+change. A scenario's setting is the one with which MaxPressure comes out as published; policies get the same.
+- The published policies learn from the difference of waiting alone. Ours have the queue in their reward, \
+too, so that trips are short and nobody is forgotten; and the algorithms' settings are our own.
+- Images are drawn by another renderer and are smaller, so that a laptop can train in hours; the frozen \
+encoder is a small one that runs on a plain CPU.
+- Policies are evaluated without exploration.
+- SUMO itself lets cologne1 vary by a few percent from machine to machine.
+"""
+_AGAIN = """`python tools/report.py` writes this page, its tables and pictures anew from the rows' files. \
+The commands below make the rows; one that is there with the same settings is not run again, so delete its \
+folder first. `tools/robustness.py` makes the matrix."""
+
+
+def write_report(results: Path, paper: Path | None) -> Path:
+    """Write tables, pictures and the report; returns the report's path."""
+    published = read_published(paper)
+    table = write_tables(results, ROWS, published)
+    pictures = draw_all(results, published)
+    kept = read_kept(results)
+    matrix = results / MATRIX
+    parts = [
+        _opening(),
+        "## The table\n\nThe best figure of ours is bold, the second best underlined; *published* is the "
+        "TrafficDojo paper's.\n",
+        table.replace("\n### ", "\n\n### "),
+        *([_differences(kept, published)] if published else []),
+        _show(results, pictures),
+        *([matrix.read_text(encoding="utf-8")] if matrix.is_file() else []),
+        _settings(),
+        _commands(kept),
+    ]
+    path = results / "README.md"
+    path.write_text("\n".join(parts), encoding="utf-8")
+    return path
+
+
+def _opening() -> str:
+    rules = SignalConfig()
+    return _OPENING.format(
+        interval=INTERVAL,
+        yellow=rules.yellow_time,
+        least=rules.min_green,
+        meanings="\n".join(f"| {TITLES[name]} | {MEANINGS[name]} |" for name in SIX),
+    )
+
+
+def _differences(kept: Mapping[str, Mapping[str, KeptRow]], published: Mapping[str, Published]) -> str:
+    """Tell how far ours are from the published figures, row by row, and why that may be."""
+    lines = ["## Beside the published figures", ""]
+    for scenario, theirs in published.items():
+        both = [row for name, row in kept.get(scenario, {}).items() if name in theirs]
+        if not both:
+            continue
+        lines += [f"**{scenario}**, ours relative to the published ones:", "", _head("row", TITLES.values())]
+        lines += [_line(row.name, (f"{_ratio(row, theirs, f):+.1%}" for f in SIX)) for row in both]
+        if learned := [row for row in both if row.learned]:
+            better = sum(all(_is_better(row, theirs, figure) for figure in SIX) for row in learned)
+            middle = median(_ratio(row, theirs, "travel_time") for row in learned)
+            lines += ["", f"Of {len(learned)} learned rows, {better} are better than published in all six "
+                      f"figures; travel time differs by {middle:+.1%} in the median."]  # fmt: skip
+        lines.append("")
+    return "\n".join([*lines, _WHY])
+
+
+def _ratio(row: KeptRow, theirs: Published, figure: str) -> float:
+    return row.figures[figure]["mean"] / theirs[row.name][figure]["mean"] - 1
+
+
+def _is_better(row: KeptRow, theirs: Published, figure: str) -> bool:
+    ratio = _ratio(row, theirs, figure)
+    return ratio > 0 if figure == "throughput" else ratio < 0
+
+
+def _show(results: Path, pictures: Iterable[Path]) -> str:
+    """Show every picture with a sentence."""
+    lines = ["## Pictures", ""]
+    for path in pictures:
+        scenario, _, kind = path.stem.rpartition("-")
+        place = path.relative_to(results).as_posix()
+        lines += [f"**{scenario}.** {WORDS[kind]}", "", f"![{scenario}: {kind}]({place})", ""]
+    return "\n".join(lines)
+
+
+def _settings() -> str:
+    """Tell what all trainings have in common, and the algorithms' own settings."""
+    usual, rules = Training(), SignalConfig()
+    own = [f"{scenario}: all learned rows {least}" for scenario, least in MIN_GREEN.items()]
+    own += [
+        f"{scenario}: {row} {settings['min_green']}"
+        for (scenario, row), settings in OWN_SETTINGS.items()
+        if "min_green" in settings
+    ]
+    algorithms = "\n".join(
+        f"- {name.upper()}: {', '.join(f'{key} {value:g}' for key, value in settings.items())}."
+        for name, settings in ALGORITHMS.items()
+    )
+    reward = " + ".join(f"{weight:g} x {name}" for name, weight in REWARD.items())
+    return f"""## Settings
+
+- A decision every {INTERVAL} s, {rules.yellow_time:g} s yellow, {rules.min_green:g} s minimum green (where \
+not, in seconds: {"; ".join(own)}).
+- Trainings: {usual.steps:,} decisions in {usual.processes} environments side by side, episodes of \
+{usual.seconds:,} s, images of {usual.height} x {usual.width} pixels unless a row says otherwise.
+- Reward: {reward}; what is bad counts as negative.
+- Learning rates fall from what is given here to 0 at the end.
+{algorithms}
+- Each row's folder holds all of its settings and the versions that it ran on, in `figures.json`, and in \
+`training.json` where it learned.
+"""
+
+
+def _commands(kept: Mapping[str, Mapping[str, KeptRow]]) -> str:
+    """Give the command of each row, and say which rows were not run."""
+    lines = ["## Make it again", "", _AGAIN, "", _head("scenario", ("row", "command"))]
+    missing = []
+    for scenario in [*SCENARIOS, *sorted(set(kept) - set(SCENARIOS))]:
+        there = kept.get(scenario, {})
+        for name, row in there.items():
+            lines.append(_line(scenario, (name, f"`{row.result['command']}`")))
+        for name in (name for name in SCENARIOS.get(scenario, ()) if name not in there):
+            words = ["python", "tools/benchmark.py", "--rows", name, "--scenarios", scenario]
+            missing.append(_line(scenario, (name, f"not run: `{shlex.join(words)}`")))
+    return "\n".join([*lines, *missing, ""])
+
+
+def _head(first: str, others: Iterable[str]) -> str:
+    names = [first, *others]
+    return _line(names[0], names[1:]) + "\n" + "|---" * len(names) + "|"
+
+
+def _line(first: str, cells: Iterable[str]) -> str:
+    return f"| {first} | {' | '.join(cells)} |"
+
+
+def main() -> int:
+    """Write it."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--results", type=Path, default=Path(__file__).parent / "results", metavar="FOLDER")
+    parser.add_argument("--paper", type=Path, metavar="FILE", help="JSON of published figures")
+    options = parser.parse_args()
+    try:
+        print(write_report(options.results, options.paper))
+    except (DojoError, OSError, ValueError, KeyError) as error:
+        print(f"report: {error}", file=sys.stderr)
+        return 3
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,190 @@
+"""Evaluate trained policies under what they were not trained for, and write the matrix of results.
+
+Who sees images gets other light, weather and cameras; who sees features gets them from a detector that looks
+through the approaches' cameras, from a perfect one to a noisy one. Each row's results go to its folder; what
+is there already for the same policy is not run again.
+"""
+
+import argparse
+import csv
+import hashlib
+import json
+import shlex
+import sys
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import asdict, fields, is_dataclass
+from pathlib import Path
+from typing import Any
+
+from dojo_env.conditions import PRESETS, Conditions
+from dojo_env.errors import ConfigError
+from dojo_env.metrics import SIX
+from dojo_env.runs import summarize
+from dojo_env.sensor_observations import Detector
+from dojo_maps.errors import DojoError
+from dojo_maps.whole_file import replaced
+from learning.kept import KeptRow, read_kept
+from learning.settings import CONDITIONS, IMAGES, POLICY, SETTINGS, list_versions, read_training
+
+FILE = "robustness.json"
+CAMERAS: dict[str, dict[str, Any]] = {
+    **{name: {"conditions": PRESETS[name]} for name in ("day", "dusk", "night", "rain", "fog")},
+    "moved-camera": {"conditions": Conditions(shake_m=0.3, shake_deg=2.0)},
+    "noise": {"conditions": Conditions(noise=12.0)},
+    "dirty-lens": {"conditions": Conditions(dirt=0.6)},
+    "random": {"conditions": CONDITIONS["random"]},
+}
+"""What a policy that sees images may meet; `random` draws as `--conditions random` does in training."""
+DETECTORS: dict[str, dict[str, Any]] = {
+    "features": {"observation": "features"},
+    "perfect-detector": {"observation": Detector(least_pixels=1, least_visible=0.0)},
+    "detector": {"observation": Detector()},
+    "noisy-detector": {"observation": Detector(missed=0.1, false_alarms=0.1)},
+    "noisier-detector": {"observation": Detector(missed=0.3, false_alarms=0.3)},
+    "late-detector": {"observation": Detector(missed=0.1, false_alarms=0.1, latency=2)},
+}
+"""What a policy that sees features may be fed with."""
+_TEXT = """## Under other conditions
+
+Policies as they were trained, evaluated under conditions that most of them never met: travel time / \
+accumulated waiting, in seconds. Rows named *random* learned in conditions drawn anew for each episode.
+"""
+
+
+def run_under(row: KeptRow, names: Sequence[str], seeds: int, seconds: int) -> None:
+    """Evaluate a row's policy under those of the named conditions that it can meet; all without names."""
+    training = read_training(row.folder / SETTINGS)
+    known = CAMERAS if training.observation in IMAGES else DETECTORS
+    words = ["python", "tools/robustness.py", "--scenarios", training.scenario, "--rows", row.name,
+             "--seeds", str(seeds), "--seconds", str(seconds)]  # fmt: skip
+    basis = {
+        "row": row.name,
+        "policy": hashlib.sha256((row.folder / POLICY).read_bytes()).hexdigest(),
+        "seeds": seeds,
+        "seconds": seconds,
+    }
+    path = row.folder / FILE
+    kept = json.loads(path.read_text(encoding="utf-8")) if path.is_file() else {}
+    done = kept["under"] if basis.items() <= kept.items() else {}
+    for name in (name for name in known if name in (names or known)):
+        told = {setting: _plain(value) for setting, value in known[name].items()}
+        if done.get(name, {}).get("changes") == told:
+            continue
+        from learning.evaluation import run_policy  # torch takes long to load
+
+        episodes, _ = run_policy(training, row.folder, range(seeds), num_seconds=seconds, **known[name])
+        figures = {key: value for key, value in summarize(episodes).items() if key in SIX}
+        done = {**done, name: {"changes": told, "figures": figures}}
+        result = {**basis, "command": shlex.join(words), "versions": list_versions(), "under": done}
+        with replaced(path) as fresh:
+            fresh.write_text(json.dumps(result, indent=1) + "\n", encoding="utf-8")
+        print(f"{training.scenario}: {row.name} under {name}", file=sys.stderr, flush=True)
+
+
+def _plain(value: Any) -> Any:
+    """Tell a setting as JSON: of a dataclass, what differs from its defaults."""
+    if is_dataclass(value) and not isinstance(value, type):
+        usual = {field.name: field.default for field in fields(value)}
+        return {key: each for key, each in asdict(value).items() if each != usual[key]}
+    return {key: list(each) for key, each in value.items()} if isinstance(value, Mapping) else value
+
+
+def find_rows(results: Path, scenarios: Sequence[str], names: Sequence[str] | None) -> list[KeptRow]:
+    """Find the rows that have a policy: the named ones, or all.
+
+    Raises:
+        ConfigError: a named one has none.
+    """
+    kept = read_kept(results)
+    found = []
+    for scenario in scenarios:
+        rows = kept.get(scenario, {})
+        ready = {name: row for name, row in rows.items() if (row.folder / POLICY).is_file()}
+        if missing := set(names or ()) - set(ready):
+            raise ConfigError(
+                f"{scenario}: no policy of {', '.join(sorted(missing))}; run benchmark.py first"
+            )
+        found += [row for name, row in ready.items() if names is None or name in names]
+    return found
+
+
+def write_matrix(results: Path) -> str:
+    """Write `matrix.md` and `matrix.csv` of all rows that were evaluated so; returns the first."""
+    parts, lines = [_TEXT], []
+    for scenario, rows in read_kept(results).items():
+        found = {name: json.loads((row.folder / FILE).read_text(encoding="utf-8"))["under"]
+                 for name, row in rows.items() if (row.folder / FILE).is_file()}  # fmt: skip
+        for known in (CAMERAS, DETECTORS):
+            shown = {name: under for name, under in found.items() if under.keys() & known}
+            parts += [_table(scenario, shown, known, rows.get("MaxPressure"))] if shown else []
+        lines += [
+            [scenario, name, under, figure, cell["figures"][figure]["mean"], cell["figures"][figure]["std"]]
+            for name, cells in found.items()
+            for under, cell in cells.items()
+            for figure in SIX
+        ]
+    parts.append(_explain({under for _, _, under, *_ in lines}))
+    text = "\n".join(parts)
+    (results / "matrix.md").write_text(text, encoding="utf-8")
+    with (results / "matrix.csv").open("w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file)
+        writer.writerow(["scenario", "row", "under", "figure", "mean", "std"])
+        writer.writerows(lines)
+    return text
+
+
+def _table(
+    scenario: str, shown: Mapping[str, Any], known: Mapping[str, Any], reference: KeptRow | None
+) -> str:
+    """Write a table of those that see alike."""
+    columns = [name for name in known if any(name in under for under in shown.values())]
+    lines = [f"| {scenario} | {' | '.join(columns)} |", "|---" * (len(columns) + 1) + "|"]
+    for row, under in shown.items():
+        cells = [_cell(under[name]["figures"]) if name in under else "not run" for name in columns]
+        lines.append(f"| {row} | {' | '.join(cells)} |")
+    if reference is not None:
+        lines += ["", f"MaxPressure, which knows all vehicles: {_cell(reference.figures)}."]
+    return "\n".join([*lines, ""])
+
+
+def _cell(figures: Mapping[str, Mapping[str, float]]) -> str:
+    return f"{figures['travel_time']['mean']:.1f} / {figures['accumulated_waiting']['mean']:.0f}"
+
+
+def _explain(columns: Collection[str]) -> str:
+    """Tell what each column changes."""
+    lines = ["| column | what is changed |", "|---|---|"]
+    for name in (name for name in {**CAMERAS, **DETECTORS} if name in columns):
+        ((setting, value),) = {**CAMERAS, **DETECTORS}[name].items()
+        told = _plain(value)
+        if isinstance(told, dict):
+            told = ", ".join(f"{key} {each}" for key, each in told.items()) or "as by default"
+        lines.append(f"| {name} | {setting}: {type(value).__name__ if is_dataclass(value) else ''} {told} |")
+    return "\n".join([*lines, ""])
+
+
+def main() -> int:
+    """Evaluate what is asked for and write the matrix."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--rows", nargs="*", metavar="ROW", help="all with a policy, unless named")
+    parser.add_argument("--scenarios", nargs="+", default=["two-way", "cologne1"], metavar="NAME")
+    parser.add_argument("--under", nargs="+", default=[], choices=(*CAMERAS, *DETECTORS), metavar="NAME",
+                        help=f"of {', '.join((*CAMERAS, *DETECTORS))}; all, unless named")  # fmt: skip
+    parser.add_argument("--seeds", type=int, default=2, help="episodes each, seeds 0 to N-1")
+    parser.add_argument("--seconds", type=int, default=3600, help="simulated seconds an episode")
+    parser.add_argument("--results", type=Path, default=Path(__file__).parent / "results", metavar="FOLDER")
+    options = parser.parse_args()
+    try:
+        if options.seeds < 1:
+            raise ConfigError(f"--seeds {options.seeds}: expected a number above 0")
+        for row in find_rows(options.results, options.scenarios, options.rows):
+            run_under(row, options.under, options.seeds, options.seconds)
+        print(write_matrix(options.results))
+    except (DojoError, OSError, ValueError, KeyError) as error:
+        print(f"robustness: {error}", file=sys.stderr)
+        return 3
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
