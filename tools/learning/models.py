@@ -10,6 +10,7 @@ from gymnasium import spaces
 from stable_baselines3 import A2C, DQN, PPO
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.buffers import ReplayBuffer
+from stable_baselines3.common.policies import BasePolicy
 from stable_baselines3.common.vec_env import VecEnv
 
 from dojo_env.errors import ConfigError
@@ -32,21 +33,13 @@ _BUFFERED = ("observations", "next_observations", "actions", "rewards", "dones",
 
 def build_model(training: Training, environments: VecEnv) -> BaseAlgorithm:
     """Build the algorithm with fresh weights."""
-    space = environments.observation_space
-    sees = training.encoder == "none" and training.observation in ("bev", "multi_view")
-    policy: dict[str, Any] = {"net_arch": [128] if sees else [128, 128]}
-    if sees:
-        policy |= {
-            "features_extractor_class": ViewNet,
-            "features_extractor_kwargs": {"shared": training.shared_views},
-        }
-    name = "MultiInputPolicy" if isinstance(space, spaces.Dict) else "CnnPolicy" if sees else "MlpPolicy"
+    name, settings = describe_policy(training, environments.observation_space)
     return CLASSES[training.algorithm](
         name,
         environments,
         seed=training.seed,
-        device="auto" if sees else "cpu",
-        policy_kwargs=policy,
+        device="auto" if training.sees else "cpu",
+        policy_kwargs=settings,
         **{**training.settings, "learning_rate": partial(_fall, training.settings["learning_rate"])},
     )
 
@@ -56,9 +49,25 @@ def _fall(rate: float, left: float) -> float:
     return rate * left
 
 
-def save_policy(model: BaseAlgorithm, path: Path) -> None:
+def build_policy(training: Training, observed: spaces.Space[Any], actions: spaces.Space[Any]) -> BasePolicy:
+    """Build the same policy without its algorithm, for another learner; images are (3, h, w) here."""
+    name, settings = describe_policy(training, observed)
+    return CLASSES[training.algorithm].policy_aliases[name](observed, actions, lambda _: 0.0, **settings)
+
+
+def describe_policy(training: Training, observed: spaces.Space[Any]) -> tuple[str, dict[str, Any]]:
+    """Tell the policy's name in Stable-Baselines3, and its settings."""
+    settings: dict[str, Any] = {"net_arch": [128] if training.sees else [128, 128]}
+    if training.sees:
+        settings["features_extractor_class"] = ViewNet
+        settings["features_extractor_kwargs"] = {"shared": training.shared_views}
+    several = isinstance(observed, spaces.Dict)
+    return "MultiInputPolicy" if several else "CnnPolicy" if training.sees else "MlpPolicy", settings
+
+
+def save_policy(policy: BasePolicy, path: Path) -> None:
     """Write the weights alone."""
-    _save(model.policy.state_dict(), path)
+    save(policy.state_dict(), path)
 
 
 def load_policy(model: BaseAlgorithm, path: Path) -> None:
@@ -68,7 +77,7 @@ def load_policy(model: BaseAlgorithm, path: Path) -> None:
         ConfigError: they are no weights, or those of another policy.
     """
     try:
-        model.policy.load_state_dict(_load(path))
+        model.policy.load_state_dict(load(path))
     except RuntimeError as error:
         raise ConfigError(
             f"{path}: weights of another policy; give the folder they were trained in ({error})"
@@ -86,7 +95,7 @@ def save_checkpoint(model: BaseAlgorithm, path: Path, known: dict[str, Any]) -> 
         "buffer": _read_buffer(model),
         "known": known,
     }
-    _save(state, path)
+    save(state, path)
 
 
 def read_checkpoint(path: Path) -> dict[str, Any]:
@@ -95,7 +104,7 @@ def read_checkpoint(path: Path) -> dict[str, Any]:
     Raises:
         ConfigError: it is none.
     """
-    state = _load(path)
+    state = load(path)
     if not isinstance(state, dict) or "counters" not in state:
         raise ConfigError(f"{path}: not a checkpoint; start anew in another folder")
     return state
@@ -154,12 +163,18 @@ def _plain(state: tuple[Any, ...]) -> list[Any]:
     return [part.tolist() if isinstance(part, np.ndarray) else part for part in state]
 
 
-def _save(state: Any, path: Path) -> None:
+def save(state: Any, path: Path) -> None:
+    """Write tensors and plain values, whole or not at all."""
     with replaced(path) as fresh:
         torch.save(state, fresh)
 
 
-def _load(path: Path) -> Any:
+def load(path: Path) -> Any:
+    """Read tensors and plain values, and no code.
+
+    Raises:
+        ConfigError: there is no such file, or it holds something else.
+    """
     try:
         return torch.load(path, map_location="cpu", weights_only=True)
     except FileNotFoundError as error:
