@@ -1,0 +1,68 @@
+"""A Ray cluster to work on: one that runs already, or one of this machine for as long as it is needed."""
+
+import logging
+import os
+import socket
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from dojo_env.errors import ConfigError
+
+LOCAL = "local"
+_PATIENCE = 5.0
+"""Seconds in which a cluster must answer."""
+
+
+@contextmanager
+def open_cluster(address: str, slots: int) -> Iterator[None]:
+    """Connect to a cluster for as long as the context lasts.
+
+    Args:
+        address: HOST:PORT of a cluster's head, with a node of it on this machine; or `local`, which starts
+            one that only this machine reaches, and ends it afterwards.
+        slots: how much such a local one runs at once.
+
+    Raises:
+        ConfigError: Ray is not installed, or no cluster answers.
+    """
+    # Read when Ray is imported: nobody is told of our runs, and no worker is started before it is needed.
+    os.environ |= {
+        "RAY_USAGE_STATS_ENABLED": "0",
+        "RAY_prestart_worker_first_driver": "0",
+        "RAY_ACCEL_ENV_VAR_OVERRIDE_ON_ZERO": "0",
+    }
+    try:
+        import ray
+    except ImportError as error:
+        raise ConfigError('Ray is not installed; pip install "traffic-dojo[distributed]"') from error
+    settings: dict[str, object] = {}
+    if address == LOCAL:
+        settings = {"num_cpus": slots, "include_dashboard": False, "_node_ip_address": "127.0.0.1"}
+    else:
+        _check_answers(address)
+    try:
+        ray.init(
+            address,
+            # Nodes have the packages installed; the scripts' own modules come from here.
+            runtime_env={"py_modules": [str(Path(__file__).parent)]},
+            log_to_driver=False,
+            logging_level=logging.ERROR,
+            **settings,
+        )
+        yield
+    except ConnectionError as error:
+        raise ConfigError(f"{address}: no Ray cluster to work on ({error})") from error
+    finally:
+        ray.shutdown()
+
+
+def _check_answers(address: str) -> None:
+    """See that somebody listens, which Ray itself finds out only after a minute."""
+    host, _, port = address.rpartition(":")
+    try:
+        socket.create_connection((host, int(port)), timeout=_PATIENCE).close()
+    except (OSError, ValueError) as error:
+        raise ConfigError(
+            f"{address}: no Ray cluster answers ({error}); expected HOST:PORT of one, or {LOCAL}"
+        ) from error
