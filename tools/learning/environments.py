@@ -29,18 +29,19 @@ class SeededEpisodes(gymnasium.Wrapper[Any, Any, Any, Any]):
     def __init__(self, env: TrafficSignalEnv, first: int, stride: int) -> None:
         """Count from the first seed in strides."""
         super().__init__(env)
-        self._next, self._stride = first, stride
+        self._next, self._stride, self._earned = first, stride, 0.0
 
     def reset(self, **_keywords: Any) -> tuple[Any, dict[str, Any]]:
         """Begin the next episode."""
-        seed, self._next = self._next, self._next + self._stride
+        seed, self._next, self._earned = self._next, self._next + self._stride, 0.0
         return self.env.reset(seed=seed)
 
     def step(self, action: Any) -> tuple[Any, Any, bool, bool, dict[str, Any]]:
         """Act; at the end of an episode, its figures come with it."""
         seen, reward, terminated, truncated, info = self.env.step(action)
+        self._earned += reward
         if truncated:
-            info["figures"] = self.env.unwrapped.metrics()
+            info["figures"] = {**self.env.unwrapped.metrics(), "reward": self._earned}
         return seen, reward, terminated, truncated, info
 
 

@@ -43,12 +43,10 @@ class Curve:
         """What a checkpoint must know."""
         return {"rows": self.rows, "best": self.best}
 
-    def add(
-        self, steps: int, part: str, figures: list[dict[str, Any]], reward: float | None = None
-    ) -> dict[str, Any]:
+    def add(self, steps: int, part: str, figures: list[dict[str, Any]]) -> dict[str, Any]:
         """Add the means of some episodes' figures."""
-        means = {name: float(np.mean([f[name] for f in figures])) for name in COLUMNS[3:]}
-        self.rows.append({"steps": steps, "part": part, "reward": reward, **means})
+        means = {name: float(np.mean([f[name] for f in figures])) for name in COLUMNS[2:]}
+        self.rows.append({"steps": steps, "part": part, **means})
         return self.rows[-1]
 
     def validate(self, steps: int, policy: BasePolicy, environments: VecEnv) -> None:
@@ -93,7 +91,6 @@ class Progress(BaseCallback):
         self._folder, self._validation, self._every = folder, validation, every
         self._curve = Curve(training, folder)
         self._round = training.round_steps
-        self._rewards = np.zeros(training.processes)
         self._done_at = -1
 
     def resume(self, known: dict[str, Any], done: int) -> None:
@@ -102,13 +99,9 @@ class Progress(BaseCallback):
         self._done_at = done
 
     def _on_step(self) -> bool:
-        self._rewards += self.locals["rewards"]
         if np.all(self.locals["dones"]):
             figures = [info["figures"] for info in self.locals["infos"]]
-            self._record(
-                self._curve.add(self.num_timesteps, "training", figures, float(self._rewards.mean()))
-            )
-            self._rewards[:] = 0
+            self._record(self._curve.add(self.num_timesteps, "training", figures))
         return True
 
     def _on_rollout_start(self) -> None:
@@ -128,6 +121,6 @@ class Progress(BaseCallback):
         save_checkpoint(self.model, self._folder / CHECKPOINT, self._curve.known)
 
     def _record(self, row: dict[str, Any]) -> None:
-        for name in COLUMNS[3:]:
+        for name in COLUMNS[2:]:
             self.logger.record(f"{row['part']}/{name}", row[name])
         self.logger.dump(self.num_timesteps)

@@ -48,8 +48,7 @@ def train(training: Training, folder: Path, *, resume: bool = False, every: int 
             found = algorithm.train().get(ENV_RUNNER_RESULTS, {})
             steps = begun + int(found.get(NUM_ENV_STEPS_SAMPLED_LIFETIME, steps - begun))
             if figures := found.get(FIGURES):
-                reward = sum(each["reward"] for each in figures) / len(figures)
-                curve.add(steps, "training", figures, reward)
+                curve.add(steps, "training", figures)
             if steps >= min(due, training.whole_steps):
                 due += every * training.round_steps
                 curve.validate(steps, learner.module[DEFAULT_MODULE_ID].policy, validation)

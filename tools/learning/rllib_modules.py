@@ -1,4 +1,4 @@
-"""Stable-Baselines3's policies as RLlib's modules, so that both learners train and write the same networks."""
+"""Stable-Baselines3's policies as RLlib's modules: both learners train and write the same networks."""
 
 from typing import Any
 
@@ -53,6 +53,10 @@ class DQNModule(DefaultDQNTorchRLModule):
         object.__setattr__(self, "policy", policy)  # Its own target is no parameter to optimise.
         self.uses_double_q, self.uses_dueling, self.num_atoms = False, False, 1
         self.epsilon_schedule = Scheduler(self.model_config["epsilon"], framework=self.framework)
+
+    def get_initial_state(self) -> dict[str, Any]:
+        """Tell that nothing is remembered from decision to decision."""
+        return {}
 
     def make_target_networks(self) -> None:
         """Copy the network, once the optimizer has its parameters."""

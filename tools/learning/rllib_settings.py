@@ -28,7 +28,7 @@ def build_config(training: Training, *, done: int) -> AlgorithmConfig:
         .learners(num_learners=0)
         # A lost runner is started again wherever there is room; until then the others go on.
         .fault_tolerance(restart_failed_env_runners=True, max_num_env_runner_restarts=1_000_000,
-                         delay_between_env_runner_restarts_s=0, env_runner_health_probe_timeout_s=5)
+                         delay_between_env_runner_restarts_s=0, env_runner_health_probe_timeout_s=1)
         .rl_module(rl_module_spec=RLModuleSpec(
             MODULES[training.algorithm],
             model_config={"training": dataclasses.asdict(training), **exploration},
@@ -42,7 +42,7 @@ def build_config(training: Training, *, done: int) -> AlgorithmConfig:
 def _describe_ppo(training: Training, done: int) -> tuple[AlgorithmConfig, dict[str, Any]]:  # noqa: ARG001
     known = training.settings
     config = PPOConfig().training(
-        lr=known["learning_rate"],
+        lr=_fall(known["learning_rate"], 0, training.whole_steps, done),
         gamma=known["gamma"],
         lambda_=known["gae_lambda"],
         train_batch_size=known["n_steps"] * training.processes,
@@ -59,14 +59,13 @@ def _describe_ppo(training: Training, done: int) -> tuple[AlgorithmConfig, dict[
 
 def _describe_dqn(training: Training, done: int) -> tuple[AlgorithmConfig, dict[str, Any]]:
     known = training.settings
-    last = known["exploration_final_eps"]
-    falling = training.whole_steps * known["exploration_fraction"]
-    now = max(last, 1 - (1 - last) * done / falling)
-    epsilon = [[0, now], [max(int(falling) - done, 1), last]]
+    epsilon = _fall(
+        1, known["exploration_final_eps"], training.whole_steps * known["exploration_fraction"], done
+    )
     # RLlib's intensity counts a runner that does not exist.
     intensity = known["gradient_steps"] * known["batch_size"] / known["train_freq"] / (training.processes + 1)
     config = DQNConfig().training(
-        lr=known["learning_rate"],
+        lr=_fall(known["learning_rate"], 0, training.whole_steps, done),
         gamma=known["gamma"],
         train_batch_size=known["batch_size"],
         replay_buffer_config={"type": "EpisodeReplayBuffer", "capacity": known["buffer_size"]},
@@ -82,7 +81,19 @@ def _describe_dqn(training: Training, done: int) -> tuple[AlgorithmConfig, dict[
     return config, {"epsilon": epsilon}
 
 
+def _fall(first: float, last: float, until: float, done: int) -> list[list[float]]:
+    """Give RLlib's schedule of a value that falls, as a run sees it that goes on after some steps.
+
+    Args:
+        first: the value at the run's beginning.
+        last: the value from `until` on.
+        until: steps.
+        done: steps, too.
+    """
+    now = last + (first - last) * max(1 - done / until, 0.0)
+    return [[0, now], [max(round(until) - done, 1), last]]
+
+
 def _keep_figures(*, episode: Any, metrics_logger: Any, **_keywords: Any) -> None:
-    """Send an episode's figures, and what it earned, to the driver."""
-    figures = {**episode.get_infos(-1)[FIGURES], "reward": episode.get_return()}
-    metrics_logger.log_value(FIGURES, figures, reduce="item_series")
+    """Send an episode's figures to the driver."""
+    metrics_logger.log_value(FIGURES, episode.get_infos(-1)[FIGURES], reduce="item_series")
