@@ -1,8 +1,11 @@
 """One training run on a Ray cluster: runners on its nodes simulate, this process learns."""
 
+import logging
+import sys
 from collections.abc import Iterator
 from contextlib import closing, contextmanager
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import torch
@@ -11,6 +14,7 @@ from ray.rllib.core import DEFAULT_MODULE_ID
 from ray.rllib.core.learner.learner import Learner
 from ray.rllib.utils.metrics import ENV_RUNNER_RESULTS, NUM_ENV_STEPS_SAMPLED_LIFETIME
 from ray.tune.registry import register_env
+from ray.tune.trainable import trainable
 
 from dojo_env.errors import ConfigError
 
@@ -43,9 +47,10 @@ def train(training: Training, folder: Path, *, resume: bool = False, every: int 
         if resume:
             curve.resume(known["known"])
             restore(algorithm, known, folder / CHECKPOINT)
-        steps, due = begun, begun + every * training.round_steps
+        steps, due, runners = begun, begun + every * training.round_steps, training.processes
         while steps < training.whole_steps:
             found = algorithm.train().get(ENV_RUNNER_RESULTS, {})
+            runners = _tell_runners(algorithm, runners)
             steps = begun + int(found.get(NUM_ENV_STEPS_SAMPLED_LIFETIME, steps - begun))
             if figures := found.get(FIGURES):
                 curve.add(steps, "training", figures)
@@ -57,12 +62,22 @@ def train(training: Training, folder: Path, *, resume: bool = False, every: int 
 
 @contextmanager
 def _open_algorithm(training: Training, done: int) -> Iterator[Algorithm]:
+    logging.getLogger("ray.rllib").setLevel(logging.CRITICAL)  # We tell ourselves when runners are lost.
     register_env(ENVIRONMENT, open_environment)
-    algorithm = build_config(training, done=done).build_algo()
-    try:
-        yield algorithm
-    finally:
-        algorithm.stop()
+    with TemporaryDirectory() as folder:
+        trainable.DEFAULT_STORAGE_PATH = folder  # Else each run leaves a folder in the user's home.
+        algorithm = build_config(training, done=done).build_algo()
+        try:
+            yield algorithm
+        finally:
+            algorithm.stop()
+
+
+def _tell_runners(algorithm: Algorithm, before: int) -> int:
+    now = algorithm.env_runner_group.num_healthy_remote_workers()
+    if now != before:
+        print(f"{now} of {algorithm.config.num_env_runners} runners are there", file=sys.stderr, flush=True)
+    return now
 
 
 def save_checkpoint(learner: Learner, path: Path, known: dict[str, Any]) -> None:

@@ -39,7 +39,7 @@ def build_config(training: Training, *, done: int) -> AlgorithmConfig:
     )  # fmt: skip
 
 
-def _describe_ppo(training: Training, done: int) -> tuple[AlgorithmConfig, dict[str, Any]]:  # noqa: ARG001
+def _describe_ppo(training: Training, done: int) -> tuple[AlgorithmConfig, dict[str, Any]]:
     known = training.settings
     config = PPOConfig().training(
         lr=_fall(known["learning_rate"], 0, training.whole_steps, done),
