@@ -2,6 +2,8 @@
 
 import csv
 import json
+import os
+import signal
 import subprocess
 import sys
 import time
@@ -13,7 +15,7 @@ import pytest
 from conftest import REPOSITORY, command_environment
 
 pytest.importorskip("stable_baselines3")
-pytest.importorskip("ray.rllib")
+cluster_utils = pytest.importorskip("ray.cluster_utils")
 torch = pytest.importorskip("torch")
 
 TOOLS = REPOSITORY / "tools"
@@ -34,7 +36,16 @@ def start(script: str, *arguments: object) -> subprocess.Popen[str]:
 
 def run(script: str, *arguments: object) -> tuple[int, str]:
     running = start(script, *arguments)
-    _, errors = running.communicate(timeout=300)
+    return wait(running)
+
+
+def wait(running: subprocess.Popen[str], seconds: float = 300) -> tuple[int, str]:
+    """Wait for a command's end; tells its status and what it wrote of errors."""
+    try:
+        _, errors = running.communicate(timeout=seconds)
+    finally:
+        if running.poll() is None:
+            os.killpg(running.pid, signal.SIGKILL)
     return running.returncode, errors
 
 
@@ -49,10 +60,10 @@ def cluster() -> Iterator[Any]:
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("RAY_USAGE_STATS_ENABLED", "0")
         patch.setenv("RAY_enable_worker_prestart", "0")
-        from ray.cluster_utils import Cluster
-
         node = {"num_cpus": 1, "object_store_memory": 80_000_000, "node_ip_address": "127.0.0.1"}
-        started = Cluster(initialize_head=True, head_node_args={**node, "include_dashboard": False})
+        started = cluster_utils.Cluster(
+            initialize_head=True, head_node_args={**node, "include_dashboard": False}
+        )
         try:
             started.add_node(**node)
             yield started
@@ -87,8 +98,8 @@ def test_training_goes_on_when_it_is_interrupted_and_when_a_node_is_lost(
     running = start(*command)
     written = wait_for_checkpoint(folder, running)
     os.killpg(running.pid, signal.SIGINT)
-    _, errors = running.communicate(timeout=60)
-    assert running.returncode == 130, errors
+    status, errors = wait(running, 60)
+    assert status == 130, errors
     assert "--resume goes on" in errors.splitlines()[-1]
     assert "Traceback" not in errors
     before = read_curve(folder)
@@ -96,8 +107,8 @@ def test_training_goes_on_when_it_is_interrupted_and_when_a_node_is_lost(
     running = start(*command, "--resume")
     wait_for_checkpoint(folder, running, written)
     cluster.remove_node(next(iter(cluster.worker_nodes)), allow_graceful=False)
-    _, errors = running.communicate(timeout=300)
-    assert running.returncode == 0, errors
+    status, errors = wait(running)
+    assert status == 0, errors
     assert "1 of 2 runners" in errors
     rows = read_curve(folder)
     assert rows[: len(before)] == before

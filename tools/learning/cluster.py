@@ -13,6 +13,15 @@ LOCAL = "local"
 _PATIENCE = 5.0
 """Seconds in which a cluster must answer."""
 
+_SETTINGS = {
+    "RAY_USAGE_STATS_ENABLED": "0",  # Nobody is told of our runs.
+    "RAY_enable_worker_prestart": "0",  # No worker waits before it is needed.
+    "RAY_prestart_worker_first_driver": "0",
+    "RAY_ACCEL_ENV_VAR_OVERRIDE_ON_ZERO": "0",  # What Ray will do by default; else it warns.
+    "RAY_BACKEND_LOG_LEVEL": "fatal",  # Errors come as exceptions.
+}
+"""Ray reads them when it is imported."""
+
 
 @contextmanager
 def open_cluster(address: str, slots: int) -> Iterator[None]:
@@ -26,13 +35,11 @@ def open_cluster(address: str, slots: int) -> Iterator[None]:
     Raises:
         ConfigError: Ray is not installed, or no cluster answers.
     """
-    # Read when Ray is imported: nobody is told of our runs, and no worker is started before it is needed.
-    os.environ |= {
-        "RAY_USAGE_STATS_ENABLED": "0",
-        "RAY_prestart_worker_first_driver": "0",
-        "RAY_ACCEL_ENV_VAR_OVERRIDE_ON_ZERO": "0",
-        "RAY_BACKEND_LOG_LEVEL": "fatal",
-    }
+    os.environ |= _SETTINGS
+    if address.startswith(("127.", "localhost")):
+        os.environ["RAY_ENABLE_WINDOWS_OR_OSX_CLUSTER"] = (
+            "0"  # Else Ray looks at this machine's other address.
+        )
     try:
         import ray
     except ImportError as error:
