@@ -4,10 +4,12 @@ import csv
 import json
 import os
 import signal
+import socket
 import subprocess
 import sys
 import time
 from collections.abc import Iterator
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +23,12 @@ torch = pytest.importorskip("torch")
 TOOLS = REPOSITORY / "tools"
 TRAIN = ("train_rllib.py", "--scenario", "two-way", "--seconds", 300, "--set", "n_steps=30", "batch_size=60",
          "--runners", 2, "--every", 1)  # fmt: skip
+NODE = {
+    "RAY_USAGE_STATS_ENABLED": "0",
+    "RAY_enable_worker_prestart": "0",
+    "RAY_raylet_start_wait_time_s": "120",
+    "RAY_agent_register_timeout_ms": "120000",
+}
 ROUND = 120
 """Steps of an episode in each of two environments."""
 BENCHMARK = ("benchmark.py", "--rows", "MaxPressure", "Cycle", "--scenarios", "two-way", "--seeds", 1,
@@ -54,18 +62,30 @@ def read_curve(folder: Path) -> list[dict[str, str]]:
         return list(csv.DictReader(file))
 
 
+def describe_node() -> dict[str, Any]:
+    """A node with room for one runner; with ports given, it does not give up when its agents start slowly."""
+    names = (
+        "metrics_agent_port",
+        "metrics_export_port",
+        "dashboard_agent_listen_port",
+        "runtime_env_agent_port",
+    )
+    with ExitStack() as stack:
+        sockets = [stack.enter_context(socket.create_server(("127.0.0.1", 0))) for _ in names]
+        ports = {name: each.getsockname()[1] for name, each in zip(names, sockets, strict=True)}
+    return {"num_cpus": 1, "object_store_memory": 80_000_000, "node_ip_address": "127.0.0.1", **ports}
+
+
 @pytest.fixture(scope="module")
 def cluster() -> Iterator[Any]:
-    """Two nodes, each of them real processes with room for one runner."""
+    """Two nodes of real processes."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("RAY_USAGE_STATS_ENABLED", "0")
-        patch.setenv("RAY_enable_worker_prestart", "0")
-        node = {"num_cpus": 1, "object_store_memory": 80_000_000, "node_ip_address": "127.0.0.1"}
-        started = cluster_utils.Cluster(
-            initialize_head=True, head_node_args={**node, "include_dashboard": False}
-        )
+        for name, value in NODE.items():
+            patch.setenv(name, value)
+        head = {**describe_node(), "include_dashboard": False}
+        started = cluster_utils.Cluster(initialize_head=True, head_node_args=head)
         try:
-            started.add_node(**node)
+            started.add_node(**describe_node())
             yield started
         finally:
             started.shutdown()
@@ -110,8 +130,29 @@ def test_training_goes_on_when_it_is_interrupted_and_when_a_node_is_lost(
     status, errors = wait(running)
     assert status == 0, errors
     assert "1 of 2 runners" in errors
+    assert "Traceback" not in errors
     rows = read_curve(folder)
     assert rows[: len(before)] == before
     assert (rows[0]["part"], rows[-1]["part"]) == ("training", "validation")
     assert int(rows[-1]["steps"]) >= steps
     assert torch.load(folder / "policy.pt", weights_only=True)
+
+
+def test_bad_arguments_are_one_line_before_any_work(tmp_path: Path) -> None:
+    wrong: list[tuple[str, str, tuple[object, ...]]] = [
+        ("RLlib has no a2c", "train_rllib.py", ("--algorithm", "a2c", "--out", tmp_path / "a")),
+        ("nowhere", "train_rllib.py", ("--scenario", "nowhere", "--out", tmp_path / "a")),
+        ("not the settings", "train_rllib.py", ("--resume", "--out", tmp_path / "a")),
+        ("no Ray cluster answers", "train_rllib.py", ("--address", "127.0.0.1:1", "--out", tmp_path / "a")),
+        (
+            "no Ray cluster answers",
+            "benchmark.py",
+            (*BENCHMARK[1:], "--ray", "127.0.0.1:1", "--results", tmp_path),
+        ),
+    ]
+    for words, script, arguments in wrong:
+        status, errors = run(script, *arguments)
+        assert status == 3, arguments
+        assert words in errors
+        assert len(errors.strip().splitlines()) == 1, errors
+    assert not (tmp_path / "a").exists()

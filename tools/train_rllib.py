@@ -50,8 +50,11 @@ def main() -> int:
     options = parser.parse_args()
     try:
         training = read_training(options)
+        from learning.learner import check_folder  # Bad settings are told before torch is loaded.
+
+        check_folder(training, options.out, resume=options.resume)
         with open_cluster(options.address, training.processes):
-            from learning.rllib_learner import train  # Bad settings are told before torch is loaded.
+            from learning.rllib_learner import train
 
             train(training, options.out, resume=options.resume, every=options.every)
     except (DojoError, OSError) as error:

@@ -18,6 +18,8 @@ _SETTINGS = {
     "RAY_enable_worker_prestart": "0",  # No worker waits before it is needed.
     "RAY_prestart_worker_first_driver": "0",
     "RAY_ACCEL_ENV_VAR_OVERRIDE_ON_ZERO": "0",  # What Ray will do by default; else it warns.
+    "RAY_raylet_start_wait_time_s": "120",  # Of a local cluster on a busy machine.
+    "RAY_agent_register_timeout_ms": "120000",
     "RAY_BACKEND_LOG_LEVEL": "fatal",  # Errors come as exceptions.
 }
 """Ray reads them when it is imported."""
@@ -58,9 +60,11 @@ def open_cluster(address: str, slots: int) -> Iterator[None]:
             logging_level=logging.ERROR,
             **settings,
         )
+    except Exception as error:  # Ray raises plain ones, too
+        reason = str(error).strip().splitlines()[0]
+        raise ConfigError(f"{address}: no Ray cluster to work on ({reason})") from error
+    try:
         yield
-    except ConnectionError as error:
-        raise ConfigError(f"{address}: no Ray cluster to work on ({error})") from error
     finally:
         ray.shutdown()
 

@@ -40,8 +40,8 @@ def train(training: Training, folder: Path, *, resume: bool = False, every: int 
     torch.set_num_threads(1)
     curve, begun = Curve(training, folder), known["steps"]
     with (
-        _open_algorithm(training, begun) as algorithm,
         closing(open_evaluation(training, VALIDATION_SEEDS)) as validation,
+        _open_algorithm(training, begun) as algorithm,
     ):
         learner = algorithm.learner_group._learner
         if resume:
@@ -53,7 +53,8 @@ def train(training: Training, folder: Path, *, resume: bool = False, every: int 
             runners = _tell_runners(algorithm, runners)
             steps = begun + int(found.get(NUM_ENV_STEPS_SAMPLED_LIFETIME, steps - begun))
             if figures := found.get(FIGURES):
-                curve.add(steps, "training", figures)
+                # RLlib hands over a series of one without its list.
+                curve.add(steps, "training", figures if isinstance(figures, list) else [figures])
             if steps >= min(due, training.whole_steps):
                 due += every * training.round_steps
                 curve.validate(steps, learner.module[DEFAULT_MODULE_ID].policy, validation)

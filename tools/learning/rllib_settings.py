@@ -35,7 +35,7 @@ def build_config(training: Training, *, done: int) -> AlgorithmConfig:
         ))
         .callbacks(on_episode_end=_keep_figures)
         .reporting(min_time_s_per_iteration=0)
-        .debugging(seed=training.seed, log_level="ERROR")
+        .debugging(seed=training.seed, log_level="CRITICAL")
     )  # fmt: skip
 
 
