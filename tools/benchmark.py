@@ -17,6 +17,7 @@ from typing import Any
 from dojo_env.errors import ConfigError
 from dojo_env.scenario import find_scenario, open_map
 from dojo_maps.errors import DojoError
+from learning import cluster_rows
 from learning.rows import GROUPS, ROWS
 from learning.run_row import describe, is_done, run_row
 from learning.scenarios import check_scenario
@@ -45,6 +46,8 @@ def main() -> int:
     parser.add_argument("--seeds", type=int, default=5, help="episodes a row, seeds 0 to N-1")
     parser.add_argument("--seconds", type=int, default=3600, help="simulated seconds an episode")
     parser.add_argument("--jobs", type=int, default=2, help="rows at once")
+    parser.add_argument("--ray", metavar="ADDRESS", help="run rows on a Ray cluster: HOST:PORT of its "
+                        "head, or `local` for one of this machine")  # fmt: skip
     parser.add_argument("--results", type=Path, default=Path(__file__).parent / "results", metavar="FOLDER")
     parser.add_argument("--paper", type=Path, metavar="FILE", help="JSON of published figures")
     options = parser.parse_args()
@@ -60,12 +63,14 @@ def main() -> int:
         tasks = [
             describe(row, name, options.seeds, options.seconds) for name in options.scenarios for row in rows
         ]
-        for task in tasks:
+        left = [task for task in tasks if not is_done(task, options.results)]
+        for task in left:
             if "training" in task:
                 check_scenario(Training(**task["training"]))
-        run_rows(
-            [task for task in tasks if not is_done(task, options.results)], options.results, options.jobs
-        )
+        if left and options.ray:
+            cluster_rows.run_rows(left, options.results, options.ray, options.jobs)
+        else:
+            run_rows(left, options.results, options.jobs)
         print(write_tables(options.results, ROWS, published))
     except (DojoError, OSError, ValueError, KeyError) as error:
         print(f"benchmark: {error}", file=sys.stderr)

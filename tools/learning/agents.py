@@ -26,6 +26,7 @@ class JointEpisodes(gymnasium.Env[Any, Any]):
     def __init__(self, env: TrafficSignalsEnv, first: int, stride: int) -> None:
         """Count seeds from the first in strides."""
         self._env, self._next, self._stride = env, first, stride
+        self._earned = 0.0
         self._agents = env.possible_agents
         phases = [int(env.action_space(agent).n) for agent in self._agents]
         self.action_space = spaces.MultiDiscrete(phases)
@@ -41,6 +42,7 @@ class JointEpisodes(gymnasium.Env[Any, Any]):
         """Begin the next episode."""
         seed, self._next = self._next, self._next + self._stride
         seen, infos = self._env.reset(seed=seed)
+        self._earned = 0.0
         return self._stack(seen), infos[self._agents[0]]
 
     def step(self, action: NDArray[Any]) -> tuple[NDArray[Any], Any, bool, bool, dict[str, Any]]:
@@ -49,9 +51,10 @@ class JointEpisodes(gymnasium.Env[Any, Any]):
         asked = {agent: int(phase) for agent, phase in zip(self._agents, phases, strict=True)}
         seen, rewards, _, ended, infos = self._env.step(asked)
         info, over = infos[self._agents[0]], ended[self._agents[0]]
-        if over:
-            info["figures"] = self._env.metrics()
         paid = np.array([rewards[agent] for agent in self._agents], np.float32)
+        self._earned += float(paid.mean())
+        if over:
+            info["figures"] = {**self._env.metrics(), "reward": self._earned}
         return self._stack(seen), paid, False, over, info
 
     def close(self) -> None:

@@ -2,12 +2,13 @@
 
 import multiprocessing
 import signal
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import partial
 from typing import Any
 
 import gymnasium
-from stable_baselines3.common.vec_env import SubprocVecEnv, VecEnv
+from gymnasium import spaces
+from stable_baselines3.common.vec_env import SubprocVecEnv, VecEnv, VecTransposeImage
 
 from dojo_env.env import TrafficSignalEnv
 from dojo_env.parallel import TrafficSignalsEnv
@@ -30,24 +31,25 @@ class SeededEpisodes(gymnasium.Wrapper[Any, Any, Any, Any]):
     def __init__(self, env: TrafficSignalEnv, first: int, stride: int) -> None:
         """Count from the first seed in strides."""
         super().__init__(env)
-        self._next, self._stride = first, stride
+        self._next, self._stride, self._earned = first, stride, 0.0
 
     def reset(self, **_keywords: Any) -> tuple[Any, dict[str, Any]]:
         """Begin the next episode."""
-        seed, self._next = self._next, self._next + self._stride
+        seed, self._next, self._earned = self._next, self._next + self._stride, 0.0
         return self.env.reset(seed=seed)
 
     def step(self, action: Any) -> tuple[Any, Any, bool, bool, dict[str, Any]]:
         """Act; at the end of an episode, its figures come with it."""
         seen, reward, terminated, truncated, info = self.env.step(action)
+        self._earned += reward
         if truncated:
-            info["figures"] = self.env.unwrapped.metrics()
+            info["figures"] = {**self.env.unwrapped.metrics(), "reward": self._earned}
         return seen, reward, terminated, truncated, info
 
 
 def open_environments(training: Training, *, done: int = 0) -> VecEnv:
     """Open a run's environments as they are after so many steps."""
-    start = FIRST_TRAINING_SEED + training.seed * _SEEDS_PER_RUN + done // training.decisions
+    start = _first_seed(training, done)
     makers = [
         partial(_maker(training), training.environment, start + index, training.processes)
         for index in range(training.processes)
@@ -59,6 +61,49 @@ def open_evaluation(training: Training, seeds: Sequence[int], **changes: Any) ->
     """Open an environment per seed; every episode of each has the same seed."""
     makers = [partial(_maker(training), {**training.environment, **changes}, seed, 0) for seed in seeds]
     return _adapt(_start(makers), training)
+
+
+def open_environment(settings: Mapping[str, Any]) -> gymnasium.Env[Any, Any]:
+    """Open one environment of a run in a process of RLlib's, which asks for images as (3, h, w).
+
+    Args:
+        settings: `training`; `done`, the run's steps so far; and RLlib's `worker_index`, from 1.
+    """
+    training: Training = settings["training"]
+    start = _first_seed(training, settings["done"])
+    env: gymnasium.Env[Any, Any] = _make(
+        training.environment, start + settings.worker_index - 1, training.processes
+    )
+    if training.encoder != "none":
+        from dojo_env.encoders import load_encoder
+        from dojo_env.encoders.wrapper import EncodedObservation
+
+        return EncodedObservation(env, load_encoder(training.encoder))
+    return ChannelsFirst(env) if training.sees else env
+
+
+class ChannelsFirst(gymnasium.ObservationWrapper[Any, Any, Any]):
+    """Shows images as torch wants them: (h, w, 3) becomes (3, h, w)."""
+
+    def __init__(self, env: gymnasium.Env[Any, Any]) -> None:
+        """Describe the images."""
+        super().__init__(env)
+        space = env.observation_space
+        if isinstance(space, spaces.Dict):
+            turned = {name: VecTransposeImage.transpose_space(each) for name, each in space.spaces.items()}
+            self.observation_space = spaces.Dict(turned)
+        else:
+            self.observation_space = VecTransposeImage.transpose_space(space)
+
+    def observation(self, observation: Any) -> Any:
+        """Turn an image, or each of several."""
+        if isinstance(observation, Mapping):
+            return {name: image.transpose(2, 0, 1) for name, image in observation.items()}
+        return observation.transpose(2, 0, 1)
+
+
+def _first_seed(training: Training, done: int) -> int:
+    return FIRST_TRAINING_SEED + training.seed * _SEEDS_PER_RUN + done // training.decisions
 
 
 def _start(makers: list[Any]) -> VecEnv:

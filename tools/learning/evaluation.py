@@ -7,15 +7,18 @@ from typing import Any
 
 import numpy as np
 import torch
-from stable_baselines3.common.base_class import BaseAlgorithm
+from stable_baselines3.common.policies import BasePolicy
 from stable_baselines3.common.vec_env import VecEnv
 
 from .environments import open_evaluation
+from .independent import Policies
 from .models import build_model, load_policy
 from .settings import POLICY, Training
 
 
-def evaluate(model: BaseAlgorithm, environments: VecEnv) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
+def evaluate(
+    policy: BasePolicy | Policies, environments: VecEnv
+) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
     """Run one episode in each environment, side by side.
 
     Episodes have one length, so they end together.
@@ -25,7 +28,7 @@ def evaluate(model: BaseAlgorithm, environments: VecEnv) -> tuple[list[dict[str,
     """
     seen, first = environments.reset(), []
     while True:
-        actions, _ = model.predict(seen, deterministic=True)
+        actions, _ = policy.predict(seen, deterministic=True)
         seen, _, ended, infos = environments.step(actions)
         first.append(infos[0])
         if np.all(ended):
@@ -44,4 +47,4 @@ def run_policy(
     with closing(open_evaluation(training, seeds, **changes)) as environments:
         model = build_model(training, environments)
         load_policy(model, folder / POLICY)
-        return evaluate(model, environments)
+        return evaluate(model.policy, environments)

@@ -115,6 +115,19 @@ class _Meeting(BaseCallback):
         self._table.yield_turn(self._who)
 
 
+class Policies(torch.nn.ModuleList):
+    """A policy per signal, each of which acts for its own."""
+
+    def predict(self, seen: NDArray[Any], *, deterministic: bool) -> tuple[NDArray[Any], None]:
+        """Act for every signal: all of the first environment, then all of the second."""
+        parts = [seen[who :: len(self)] for who in range(len(self))]
+        acted = [
+            policy.predict(part, deterministic=deterministic)[0]
+            for policy, part in zip(self, parts, strict=True)
+        ]
+        return np.stack(acted, axis=1).ravel(), None
+
+
 class Independent:
     """A model per signal, with as much of a single model's interface as training and evaluation use."""
 
@@ -138,18 +151,9 @@ class Independent:
             )
             for who in range(agents)
         ]
-        self.policy = torch.nn.ModuleList([model.policy for model in self.models])
+        self.policy = Policies(model.policy for model in self.models)
         self._turns = Turns(agents)
         self._callback: BaseCallback | None = None
-
-    def predict(self, seen: NDArray[Any], *, deterministic: bool) -> tuple[NDArray[Any], None]:
-        """Let each model act for its signal."""
-        agents = len(self.models)
-        acted = [
-            model.predict(seen[who::agents], deterministic=deterministic)[0]
-            for who, model in enumerate(self.models)
-        ]
-        return np.stack(acted, axis=1).ravel(), None
 
     def set_logger(self, logger: Logger) -> None:
         """Log the figures of all there; the models' own losses nowhere."""

@@ -15,8 +15,8 @@ from .progress import Progress
 from .settings import CHECKPOINT, CURVE, POLICY, SETTINGS, Training, read_training, write_training
 
 
-def prepare_folder(training: Training, folder: Path, *, resume: bool) -> None:
-    """Make the folder of a run, or see that it is this run's.
+def check_folder(training: Training, folder: Path, *, resume: bool) -> None:
+    """See that a folder is free for a run, or this run's.
 
     Raises:
         ConfigError: it holds a run already, or none, or another one's.
@@ -29,9 +29,18 @@ def prepare_folder(training: Training, folder: Path, *, resume: bool) -> None:
             raise ConfigError(f"{folder}: no checkpoint yet; start again without --resume in another folder")
     elif path.exists():
         raise ConfigError(f"{folder} holds a run already; --resume goes on with it, or name another --out")
-    else:
+
+
+def prepare_folder(training: Training, folder: Path, *, resume: bool) -> None:
+    """Make the folder of a run, or see that it is this run's.
+
+    Raises:
+        ConfigError: it holds a run already, or none, or another one's.
+    """
+    check_folder(training, folder, resume=resume)
+    if not resume:
         folder.mkdir(parents=True, exist_ok=True)
-        write_training(training, path)
+        write_training(training, folder / SETTINGS)
 
 
 def is_trained(training: Training, folder: Path) -> bool:

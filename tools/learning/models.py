@@ -10,13 +10,13 @@ from gymnasium import spaces
 from stable_baselines3 import A2C, DQN, PPO
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.buffers import ReplayBuffer
-from stable_baselines3.common.preprocessing import is_image_space
+from stable_baselines3.common.policies import BasePolicy
 from stable_baselines3.common.vec_env import VecEnv
 
 from dojo_env.errors import ConfigError
 from dojo_maps.whole_file import replaced
 
-from .independent import Independent
+from .independent import Independent, Policies
 from .networks import EncodedNet, ViewNet
 from .settings import Training
 
@@ -36,21 +36,13 @@ def build_model(training: Training, environments: VecEnv) -> BaseAlgorithm | Ind
     """Build the algorithm with fresh weights; for independent signals, as many as there are."""
     if training.agents == "independent":
         return Independent(training, environments, build_model)
-    space = environments.observation_space
-    sees = isinstance(space, spaces.Dict) or is_image_space(space)
-    policy: dict[str, Any] = {"net_arch": [128] if sees else [128, 128]}
-    if sees:
-        policy["features_extractor_class"] = ViewNet
-        policy["features_extractor_kwargs"] = {"shared": training.shared_views}
-    elif training.encoder != "none":
-        policy["features_extractor_class"] = EncodedNet
-    name = "MultiInputPolicy" if isinstance(space, spaces.Dict) else "CnnPolicy" if sees else "MlpPolicy"
+    name, settings = describe_policy(training, environments.observation_space)
     return CLASSES[training.algorithm](
         name,
         environments,
         seed=training.seed,
-        device="auto" if sees else "cpu",
-        policy_kwargs=policy,
+        device="auto" if training.sees else "cpu",
+        policy_kwargs=settings,
         **{**training.settings, "learning_rate": partial(_fall, training.settings["learning_rate"])},
     )
 
@@ -60,9 +52,27 @@ def _fall(rate: float, left: float) -> float:
     return rate * left
 
 
-def save_policy(model: BaseAlgorithm | Independent, path: Path) -> None:
+def build_policy(training: Training, observed: spaces.Space[Any], actions: spaces.Space[Any]) -> BasePolicy:
+    """Build the same policy without its algorithm, for another learner; images are (3, h, w) here."""
+    name, settings = describe_policy(training, observed)
+    return CLASSES[training.algorithm].policy_aliases[name](observed, actions, lambda _: 0.0, **settings)
+
+
+def describe_policy(training: Training, observed: spaces.Space[Any]) -> tuple[str, dict[str, Any]]:
+    """Tell the policy's name in Stable-Baselines3, and its settings."""
+    settings: dict[str, Any] = {"net_arch": [128] if training.sees else [128, 128]}
+    if training.sees:
+        settings["features_extractor_class"] = ViewNet
+        settings["features_extractor_kwargs"] = {"shared": training.shared_views}
+    elif training.encoder != "none":
+        settings["features_extractor_class"] = EncodedNet
+    several = isinstance(observed, spaces.Dict)
+    return "MultiInputPolicy" if several else "CnnPolicy" if training.sees else "MlpPolicy", settings
+
+
+def save_policy(policy: BasePolicy | Policies, path: Path) -> None:
     """Write the weights alone."""
-    _save(model.policy.state_dict(), path)
+    save(policy.state_dict(), path)
 
 
 def load_policy(model: BaseAlgorithm | Independent, path: Path) -> None:
@@ -72,7 +82,7 @@ def load_policy(model: BaseAlgorithm | Independent, path: Path) -> None:
         ConfigError: they are no weights, or those of another policy.
     """
     try:
-        model.policy.load_state_dict(_load(path))
+        model.policy.load_state_dict(load(path))
     except RuntimeError as error:
         raise ConfigError(
             f"{path}: weights of another policy; give the folder they were trained in ({error})"
@@ -82,7 +92,7 @@ def load_policy(model: BaseAlgorithm | Independent, path: Path) -> None:
 def save_checkpoint(model: BaseAlgorithm | Independent, path: Path, known: dict[str, Any]) -> None:
     """Write all that the next update depends on, between two episodes; and what the caller knows."""
     first, *others = model.models if isinstance(model, Independent) else [model]
-    _save({**_read_state(first), "others": [_read_state(other) for other in others], "known": known}, path)
+    save({**_read_state(first), "others": [_read_state(other) for other in others], "known": known}, path)
 
 
 def _read_state(model: BaseAlgorithm) -> dict[str, Any]:
@@ -102,7 +112,7 @@ def read_checkpoint(path: Path) -> dict[str, Any]:
     Raises:
         ConfigError: it is none.
     """
-    state = _load(path)
+    state = load(path)
     if not isinstance(state, dict) or "counters" not in state:
         raise ConfigError(f"{path}: not a checkpoint; start anew in another folder")
     return state
@@ -169,12 +179,18 @@ def _plain(state: tuple[Any, ...]) -> list[Any]:
     return [part.tolist() if isinstance(part, np.ndarray) else part for part in state]
 
 
-def _save(state: Any, path: Path) -> None:
+def save(state: Any, path: Path) -> None:
+    """Write tensors and plain values, whole or not at all."""
     with replaced(path) as fresh:
         torch.save(state, fresh)
 
 
-def _load(path: Path) -> Any:
+def load(path: Path) -> Any:
+    """Read tensors and plain values, and no code.
+
+    Raises:
+        ConfigError: there is no such file, or it holds something else.
+    """
     try:
         return torch.load(path, map_location="cpu", weights_only=True)
     except FileNotFoundError as error:

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 from stable_baselines3.common.callbacks import BaseCallback
+from stable_baselines3.common.policies import BasePolicy
 from stable_baselines3.common.vec_env import VecEnv
 
 from dojo_env.metrics import SIX
@@ -23,6 +24,64 @@ CHOSEN_BY = "mean_trip_duration_all"
 COLUMNS = ("steps", "part", "reward", *SIX, CHOSEN_BY)
 
 
+class Curve:
+    """A run's figures so far: each round of episodes, each validation, and the best of them."""
+
+    def __init__(self, training: Training, folder: Path) -> None:
+        """Take whose figures they are, and where to write them."""
+        self._training, self._folder = training, folder
+        self.rows: list[dict[str, Any]] = []
+        self.best = float(np.inf)
+        self._pace: deque[tuple[float, int]] = deque(maxlen=5)
+
+    def resume(self, known: dict[str, Any]) -> None:
+        """Take what a checkpoint knew."""
+        self.rows, self.best = known["rows"], known["best"]
+
+    @property
+    def known(self) -> dict[str, Any]:
+        """What a checkpoint must know."""
+        return {"rows": self.rows, "best": self.best}
+
+    def add(self, steps: int, part: str, figures: list[dict[str, Any]]) -> dict[str, Any]:
+        """Add the means of some episodes' figures."""
+        means = {name: float(np.mean([f[name] for f in figures])) for name in COLUMNS[2:]}
+        self.rows.append({"steps": steps, "part": part, **means})
+        return self.rows[-1]
+
+    def validate(self, steps: int, policy: BasePolicy, environments: VecEnv) -> None:
+        """Measure a policy, keep it if it is the best so far, and write the curve."""
+        row = self.add(steps, "validation", evaluate(policy, environments)[0])
+        if row[CHOSEN_BY] < self.best:
+            self.best = row[CHOSEN_BY]
+            save_policy(policy, self._folder / POLICY)
+        self._write()
+        self._tell(row)
+
+    def _write(self) -> None:
+        path = self._folder / CURVE
+        with replaced(path) as fresh, fresh.open("w", newline="", encoding="utf-8") as file:
+            writer = csv.DictWriter(file, COLUMNS)
+            writer.writeheader()
+            writer.writerows(
+                {n: round(v, 4) if isinstance(v, float) else v for n, v in r.items()} for r in self.rows
+            )
+
+    def _tell(self, row: dict[str, Any]) -> None:
+        steps, total = row["steps"], self._training.whole_steps
+        self._pace.append((time.monotonic(), steps))
+        (begun, before), (now, after) = self._pace[0], self._pace[-1]
+        pace = (after - before) / (now - begun) if now > begun else 0.0
+        left = f", {pace:.0f} steps/s, {max(total - steps, 0) / pace / 60:.0f} min left" if pace else ""
+        print(
+            f"{steps:>8,} of {total:,}: travel time {row['travel_time']:.2f} s, "
+            f"waiting {row['accumulated_waiting']:.0f} s, "
+            f"all trips {row[CHOSEN_BY]:.2f} s (best {self.best:.2f}){left}",
+            file=sys.stderr,
+            flush=True,
+        )
+
+
 class Progress(BaseCallback):
     """Evaluates and saves after every few rounds of episodes; a round is an episode in each environment."""
 
@@ -31,18 +90,16 @@ class Progress(BaseCallback):
     ) -> None:
         """Take where to write, what to evaluate on, how many rounds apart, and how many agents share."""
         super().__init__()
-        self._training, self._folder, self._validation, self._every = training, folder, validation, every
+        self._folder, self._validation, self._every = folder, validation, every
+        self._curve = Curve(training, folder)
         self._round = training.round_steps
-        self._rows: list[dict[str, Any]] = []
-        self._rewards = np.zeros(())
         self._agents = agents
-        self._best = np.inf
         self._done_at = -1
-        self._pace: deque[tuple[float, int]] = deque(maxlen=5)
 
     def resume(self, known: dict[str, Any], done: int) -> None:
         """Take what was known when so many steps were done."""
-        self._rows, self._best, self._done_at = known["rows"], known["best"], done
+        self._curve.resume(known)
+        self._done_at = done
 
     @property
     def _steps(self) -> int:
@@ -50,11 +107,9 @@ class Progress(BaseCallback):
         return self.num_timesteps // self._agents
 
     def _on_step(self) -> bool:
-        self._rewards = self._rewards + self.locals["rewards"]
         if np.all(self.locals["dones"]):
             figures = [info["figures"] for info in self.locals["infos"] if "figures" in info]
-            self._add("training", figures, float(self._rewards.mean()))
-            self._rewards = np.zeros(())
+            self._record(self._curve.add(self._steps, "training", figures))
         return True
 
     def _on_rollout_start(self) -> None:
@@ -69,44 +124,11 @@ class Progress(BaseCallback):
         if steps == self._done_at or not (due or last):
             return
         self._done_at = steps
-        row = self._add("validation", evaluate(self.model, self._validation)[0], None)
-        if row[CHOSEN_BY] < self._best:
-            self._best = row[CHOSEN_BY]
-            save_policy(self.model, self._folder / POLICY)
-        self._write()
-        save_checkpoint(
-            self.model, self._folder / CHECKPOINT, {"rows": self._rows, "best": float(self._best)}
-        )
-        self._tell(row)
+        self._curve.validate(steps, self.model.policy, self._validation)
+        self._record(self._curve.rows[-1])
+        save_checkpoint(self.model, self._folder / CHECKPOINT, self._curve.known)
 
-    def _add(self, part: str, figures: list[dict[str, Any]], reward: float | None) -> dict[str, Any]:
-        means = {name: float(np.mean([f[name] for f in figures])) for name in COLUMNS[3:]}
-        row = {"steps": self._steps, "part": part, "reward": reward, **means}
-        self._rows.append(row)
-        for name, value in means.items():
-            self.logger.record(f"{part}/{name}", value)
-        self.logger.dump(self._steps)
-        return row
-
-    def _write(self) -> None:
-        path = self._folder / CURVE
-        with replaced(path) as fresh, fresh.open("w", newline="", encoding="utf-8") as file:
-            writer = csv.DictWriter(file, COLUMNS)
-            writer.writeheader()
-            writer.writerows(
-                {n: round(v, 4) if isinstance(v, float) else v for n, v in r.items()} for r in self._rows
-            )
-
-    def _tell(self, row: dict[str, Any]) -> None:
-        steps, total = self._steps, self._training.whole_steps
-        self._pace.append((time.monotonic(), steps))
-        (begun, before), (now, after) = self._pace[0], self._pace[-1]
-        pace = (after - before) / (now - begun) if now > begun else 0.0
-        left = f", {pace:.0f} steps/s, {(total - steps) / pace / 60:.0f} min left" if pace else ""
-        print(
-            f"{steps:>8,} of {total:,}: travel time {row['travel_time']:.2f} s, "
-            f"waiting {row['accumulated_waiting']:.0f} s, "
-            f"all trips {row[CHOSEN_BY]:.2f} s (best {self._best:.2f}){left}",
-            file=sys.stderr,
-            flush=True,
-        )
+    def _record(self, row: dict[str, Any]) -> None:
+        for name in COLUMNS[2:]:
+            self.logger.record(f"{row['part']}/{name}", row[name])
+        self.logger.dump(row["steps"])

@@ -134,6 +134,11 @@ class Training:
         return -(-self.steps // self.round_steps) * self.round_steps
 
     @property
+    def sees(self) -> bool:
+        """Whether the policy learns from images, not from features or an encoder's."""
+        return self.encoder == "none" and self.observation in IMAGES
+
+    @property
     def settings(self) -> dict[str, Any]:
         """The algorithm's settings, all of them."""
         return {**ALGORITHMS[self.algorithm], **self.hyperparameters}

@@ -1,0 +1,78 @@
+"""The benchmark's rows on a Ray cluster, whose nodes need share no disk."""
+
+import sys
+from collections.abc import Mapping
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+from dojo_env.errors import SimulationError
+from dojo_maps.whole_file import replaced
+
+from .cluster import open_cluster
+from .run_row import FIGURES, find_folder, run_row
+
+_RETRIES = 5
+"""How many lost nodes a row survives."""
+
+
+def run_rows(tasks: list[dict[str, Any]], results: Path, address: str, jobs: int) -> None:
+    """Run rows on a cluster's nodes; a row whose node is lost is run again on another.
+
+    Args:
+        tasks: what `describe` tells of each row.
+        results: where this process writes what the nodes send.
+        address: see `open_cluster`.
+        jobs: rows at once, where the address is `local`.
+
+    Raises:
+        SimulationError: a row has lost too many nodes.
+    """
+    with open_cluster(address, jobs):
+        import ray
+
+        # A fresh process for each row, spread over the nodes.
+        remote = ray.remote(max_calls=1, max_retries=_RETRIES, scheduling_strategy="SPREAD")(_run_row)
+        largest = max(node["Resources"].get("CPU", 0) for node in ray.nodes() if node["Alive"])
+        running = {
+            remote.options(num_cpus=min(_count_processes(task), largest)).remote(
+                task, _read_files(find_folder(task["row"], task["scenario"], results))
+            ): task
+            for task in tasks
+        }
+        while running:
+            (done, *_), _ = ray.wait(list(running))
+            task = running.pop(done)
+            try:
+                files = ray.get(done)
+            except ray.exceptions.RayTaskError as error:
+                raise error.cause from None
+            except ray.exceptions.RayError as error:
+                raise SimulationError(f"{task['scenario']}: {task['row']}: {type(error).__name__}") from error
+            _write_files(files, find_folder(task["row"], task["scenario"], results))
+            print(f"{task['scenario']}: {task['row']}", file=sys.stderr)
+
+
+def _count_processes(task: Mapping[str, Any]) -> int:
+    return task["training"]["processes"] if "training" in task else 1
+
+
+def _run_row(task: Mapping[str, Any], known: dict[str, bytes]) -> dict[str, bytes]:
+    """Run a row on a node, from the files that are known of it to those that are there afterwards."""
+    with TemporaryDirectory() as results:
+        folder = find_folder(task["row"], task["scenario"], Path(results))
+        _write_files(known, folder)
+        run_row(task, Path(results))
+        return _read_files(folder)
+
+
+def _read_files(folder: Path) -> dict[str, bytes]:
+    return {path.name: path.read_bytes() for path in folder.glob("*") if path.is_file()}
+
+
+def _write_files(files: Mapping[str, bytes], folder: Path) -> None:
+    """Write files, the figures last: they tell that a row is done."""
+    folder.mkdir(parents=True, exist_ok=True)
+    for name in sorted(files, key=lambda name: name == FIGURES):
+        with replaced(folder / name) as fresh:
+            fresh.write_bytes(files[name])

@@ -1,0 +1,73 @@
+"""Train a policy on many machines with Ray RLlib: train.py's settings in, the same files out.
+
+Environment runners simulate on the nodes of a cluster, one environment and process each; this process learns.
+A runner whose node is lost is started again where there is room, and the others go on meanwhile.
+"""
+
+import argparse
+import sys
+from pathlib import Path
+
+from dojo_env.errors import ConfigError
+from dojo_env.scenario import find_scenario, open_map
+from dojo_maps.errors import DojoError
+from learning.cluster import LOCAL, open_cluster
+from learning.settings import Training
+from train import add_arguments, read_arguments
+
+ALGORITHMS = ("ppo", "dqn")
+
+
+def read_training(options: argparse.Namespace) -> Training:
+    """Turn arguments into settings.
+
+    Raises:
+        ConfigError: a value cannot work, or RLlib has no such algorithm.
+    """
+    training = read_arguments(options)
+    if training.algorithm not in ALGORITHMS:
+        raise ConfigError(
+            f"RLlib has no {training.algorithm}; expected {' or '.join(ALGORITHMS)}, or use tools/train.py"
+        )
+    open_map(find_scenario(training.scenario))
+    return training
+
+
+def main() -> int:
+    """Train."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    add_arguments(parser)
+    parser.add_argument(
+        "--runners", dest="processes", type=int, default=argparse.SUPPRESS, help="the same as --processes"
+    )
+    parser.add_argument("--address", default=LOCAL, metavar="HOST:PORT",
+                        help="of a cluster's head; without it, this machine alone")  # fmt: skip
+    parser.add_argument("--out", type=Path, required=True, metavar="FOLDER")
+    parser.add_argument("--resume", action="store_true", help="go on from the folder's checkpoint")
+    parser.add_argument("--every", type=int, default=5, help="rounds of episodes between evaluations")
+    options = parser.parse_args()
+    try:
+        training = read_training(options)
+        from learning.learner import check_folder  # Bad settings are told before torch is loaded.
+
+        check_folder(training, options.out, resume=options.resume)
+        with open_cluster(options.address, training.processes):
+            from learning.rllib_learner import train
+
+            train(training, options.out, resume=options.resume, every=options.every)
+    except (DojoError, OSError) as error:
+        print(f"train_rllib: {error}", file=sys.stderr)
+        return 3
+    except KeyboardInterrupt:
+        print(
+            f"train_rllib: interrupted; --resume goes on from the last checkpoint in {options.out}",
+            file=sys.stderr,
+        )
+        return 130
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
