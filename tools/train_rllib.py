@@ -9,9 +9,9 @@ import sys
 from pathlib import Path
 
 from dojo_env.errors import ConfigError
-from dojo_env.scenario import find_scenario, open_map
 from dojo_maps.errors import DojoError
 from learning.cluster import LOCAL, open_cluster
+from learning.scenarios import check_scenario
 from learning.settings import Training
 from train import add_arguments, read_arguments
 
@@ -29,7 +29,9 @@ def read_training(options: argparse.Namespace) -> Training:
         raise ConfigError(
             f"RLlib has no {training.algorithm}; expected {' or '.join(ALGORITHMS)}, or use tools/train.py"
         )
-    open_map(find_scenario(training.scenario))
+    if training.agents != "single":
+        raise ConfigError(f"agents={training.agents!r}: RLlib trains one signal here; use tools/train.py")
+    check_scenario(training)
     return training
 
 
