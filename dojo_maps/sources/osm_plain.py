@@ -182,8 +182,8 @@ def _divider(layout: Layout, section: Section, heights: dict[int, float]) -> Flo
 def _trim(line: Floats, start: float, end: float) -> Floats:
     lengths = along(line)
     total = float(lengths[-1])
-    if start + end > total - 1.0:
-        share = max(total - 1.0, 0.0) / (start + end)
+    if start + end > max(total - 1.0, 0.0):
+        share = max(total - 1.0, 0.0) / max(start + end, 1e-9)
         start, end = start * share, end * share
     inner = (lengths > start + 0.3) & (lengths < total - end - 0.3)
     wanted = np.concatenate([[start], lengths[inner], [total - end]])
