@@ -40,6 +40,7 @@ class Layout:
         cuts: metres by which a section's end is drawn back from its vertex.
         hosted: the crossing at each arm.
         lost: crossings with no place, and why.
+        asides: metres by which a section is moved to its left, because another lies too near.
     """
 
     graph: RoadGraph
@@ -49,6 +50,12 @@ class Layout:
     cuts: dict[Arm, float] = field(default_factory=dict)
     hosted: dict[Arm, MappedCrossing] = field(default_factory=dict)
     lost: list[tuple[MappedCrossing, str]] = field(default_factory=list)
+    asides: dict[str, float] = field(default_factory=dict)
+
+    def trimmed(self, name: str) -> Floats:
+        """Give a section's line, drawn back at its ends."""
+        cuts = [self.cuts.get((name, at_end), 0.0) for at_end in (False, True)]
+        return trim(self.graph.line(self.graph.sections[name]), *cuts)
 
     def junction(self, arm: Arm) -> int:
         """Name the junction that an arm ends at."""
@@ -261,7 +268,7 @@ def _align_carriageways(layout: Layout) -> None:
     """Draw both carriageways of an arm back to one line; netconvert would pull the one to the other."""
     graph = layout.graph
     for arms in layout.arms().values():
-        rays = {arm: _ray(graph, arm) for arm in arms}
+        rays = {arm: ray(graph, arm) for arm in arms}
         for arm, other in itertools.permutations(arms, 2):
             (place, way), (twin, back) = rays[arm], rays[other]
             apart = twin - place
@@ -276,7 +283,19 @@ def _align_carriageways(layout: Layout) -> None:
                 layout.cuts[other] = wanted
 
 
-def _ray(graph: RoadGraph, arm: Arm) -> tuple[Floats, Floats]:
+def trim(line: Floats, start: float, end: float) -> Floats:
+    """Draw a line back at its ends, as far as a metre of it is left."""
+    lengths = along(line)
+    total = float(lengths[-1])
+    if start + end > max(total - 1.0, 0.0):
+        share = max(total - 1.0, 0.0) / max(start + end, 1e-9)
+        start, end = start * share, end * share
+    inner = (lengths > start + 0.3) & (lengths < total - end - 0.3)
+    wanted = np.concatenate([[start], lengths[inner], [total - end]])
+    return np.column_stack([np.interp(wanted, lengths, values) for values in line.T])
+
+
+def ray(graph: RoadGraph, arm: Arm) -> tuple[Floats, Floats]:
     """Give an arm's vertex and the unit vector away from it, along its first 20 m."""
     line = graph.line(graph.sections[arm[0]])
     line = line[::-1] if arm[1] else line
@@ -309,4 +328,4 @@ def _reach_of(graph: RoadGraph, arm: Arm, crossing: MappedCrossing) -> tuple[flo
 
 def _faces_back(graph: RoadGraph, first: Arm, arm: Arm) -> bool:
     """Tell whether an arm leads to the other side than the first, so that crossings line up on one side."""
-    return float(_ray(graph, first)[1] @ _ray(graph, arm)[1]) < 0
+    return float(ray(graph, first)[1] @ ray(graph, arm)[1]) < 0

@@ -8,13 +8,13 @@ from xml.sax.saxutils import quoteattr
 
 import numpy as np
 
-from dojo_maps.geometry.polylines import Floats, along
+from dojo_maps.geometry.polylines import Floats
 from dojo_maps.sources.osm import OsmData
 from dojo_maps.sources.osm_crossings import MappedCrossing
 from dojo_maps.sources.osm_graph import Section
 from dojo_maps.sources.osm_heights import compute_heights
 from dojo_maps.sources.osm_lanes import connect_lanes
-from dojo_maps.sources.osm_layout import CROSSING_WIDTH, Arm, Layout
+from dojo_maps.sources.osm_layout import CROSSING_WIDTH, Arm, Layout, trim
 from dojo_maps.sources.osm_movements import Movement, Movements, Restriction, directed, leads_through
 from dojo_maps.sources.osm_sidewalks import ISLAND_WIDTH, SIDEWALK_WIDTH, Sidewalks
 from dojo_maps.sources.osm_ways import KINDS, LaneTags
@@ -173,21 +173,11 @@ def _divider(layout: Layout, section: Section, heights: dict[int, float]) -> Flo
     """
     line = np.column_stack([layout.graph.line(section), [heights.get(node, 0.0) for node in section.nodes]])
     cuts = [layout.cuts.get((section.id, at_end), 0.0) for at_end in (False, True)]
-    line = _trim(line, *cuts)
+    line = trim(line, *cuts)
     road = section.road
     aside = road.width * (len(road.forward) - len(road.backward)) / 2
-    return _shift(line, -aside if layout.graph.left_hand else aside)
-
-
-def _trim(line: Floats, start: float, end: float) -> Floats:
-    lengths = along(line)
-    total = float(lengths[-1])
-    if start + end > max(total - 1.0, 0.0):
-        share = max(total - 1.0, 0.0) / max(start + end, 1e-9)
-        start, end = start * share, end * share
-    inner = (lengths > start + 0.3) & (lengths < total - end - 0.3)
-    wanted = np.concatenate([[start], lengths[inner], [total - end]])
-    return np.column_stack([np.interp(wanted, lengths, values) for values in line.T])
+    aside = -aside if layout.graph.left_hand else aside
+    return _shift(line, aside + layout.asides.get(section.id, 0.0))
 
 
 def _shift(line: Floats, distance: float) -> Floats:
