@@ -17,6 +17,7 @@ from dojo_maps.sources.osm_lanes import connect_lanes
 from dojo_maps.sources.osm_layout import CROSSING_WIDTH, Arm, Layout, trim
 from dojo_maps.sources.osm_movements import Movement, Movements, Restriction, directed, leads_through
 from dojo_maps.sources.osm_sidewalks import ISLAND_WIDTH, SIDEWALK_WIDTH, Sidewalks
+from dojo_maps.sources.osm_spacing import side_by_side
 from dojo_maps.sources.osm_ways import KINDS, LaneTags
 
 NODES, EDGES, CONNECTIONS = "input.nod.xml", "input.edg.xml", "input.con.xml"
@@ -256,17 +257,14 @@ def _has_walk(layout: Layout, plain: Plain, edge: str) -> bool:
 
 def _crossings(layout: Layout, junction: int, arms: list[Arm], plain: Plain) -> list[str]:
     lines = []
-    done: set[frozenset[str]] = set()
-    for arm in arms:
-        crossing = layout.hosted.get(arm)
-        if crossing is None:
+    for group in side_by_side(layout, arms):
+        found = [layout.hosted[arm] for arm in group if arm in layout.hosted]
+        edges = (name for arm in group for name in (incoming_name(arm), outgoing_name(arm)))
+        names = frozenset(name for name in edges if _drives(plain, name))
+        if not found:
             continue
-        names = frozenset(name for name in (incoming_name(arm), outgoing_name(arm)) if _drives(plain, name))
-        if names in done:
-            continue
-        done.add(names)
-        plain.crossings.append((str(junction), names, crossing))
-        priority = "true" if crossing.marked else "false"
+        plain.crossings += [(str(junction), names, crossing) for crossing in found]
+        priority = str(any(crossing.marked for crossing in found)).lower()
         lines.append(
             f'<crossing node="{junction}" edges="{" ".join(sorted(names))}" '
             f'width="{CROSSING_WIDTH:.2f}" priority="{priority}"/>'

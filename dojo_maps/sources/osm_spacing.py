@@ -5,6 +5,7 @@ the middle of the road they leave. Lanes as wide as they are would lie on each o
 """
 
 import itertools
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -26,6 +27,9 @@ _PAST_CROSSING = 2.0
 _LEFT = 14.0
 """Metres of a road that a fork leaves."""
 _STEP = 2.0
+_PARALLEL = 0.94
+_LEVEL, _ISLAND = 8.0, 1.5
+"""Metres between the ends of two arms on one line, and between their borders where people may wait."""
 _LEAST_OVERLAP = 4.0
 """Square metres."""
 
@@ -58,6 +62,32 @@ def space_carriageways(layout: Layout) -> None:
             for name, sign in ((one, -side[0]), (other, -side[1])):
                 moved = layout.asides.get(name, 0.0) + sign * wanted
                 layout.asides[name] = max(-_FARTHEST, min(_FARTHEST, moved))
+
+
+def side_by_side(layout: Layout, arms: Sequence[Arm]) -> list[list[Arm]]:
+    """Group a junction's arms: those with no room for an island between them are crossed as one."""
+    groups = [[arm] for arm in arms]
+    for arm, other in itertools.combinations(arms, 2):
+        if not _touch(layout, arm, other):
+            continue
+        one, two = (next(group for group in groups if a in group) for a in (arm, other))
+        if one is not two:
+            one += two
+            groups.remove(two)
+    return groups
+
+
+def _touch(layout: Layout, arm: Arm, other: Arm) -> bool:
+    if arm[0] == other[0]:
+        return False
+    rays = [ray(layout.graph, a) for a in (arm, other)]
+    if float(rays[0][1] @ rays[1][1]) < _PARALLEL:
+        return False
+    lines = [layout.trimmed(name) for name, _ in (arm, other)]
+    ends = [line[-1] if at_end else line[0] for line, (_, at_end) in zip(lines, (arm, other), strict=True)]
+    room = shapely.distance(shapely.Point(ends[0]), shapely.LineString(lines[1]))
+    ahead = abs(float((ends[1] - ends[0]) @ rays[0][1]))
+    return ahead < _LEVEL and room - _half(layout, arm[0]) - _half(layout, other[0]) < _ISLAND
 
 
 def _half(layout: Layout, name: str) -> float:
