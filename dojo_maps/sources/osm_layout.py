@@ -103,9 +103,9 @@ def lay_out(
             layout.inner.add(name)
     for node, (towards, metres) in moved.items():
         _move(graph, node, towards, metres)
-    _signal_between(layout)
     _host(layout)
     _align_carriageways(layout)
+    _signal_between(layout)
     return layout
 
 
@@ -226,10 +226,9 @@ def _signal_between(layout: Layout) -> None:
     degree = {vertex: len(at) for vertex, at in graph.ends().items()}
     members = junctions.members()
     stray = [graph.places[node] for node in junctions.stray]
-    for crossing in layout.crossings:
-        junction = junctions.of.get(crossing.node)
-        alone = junction is not None and all(degree[vertex] == 2 for vertex in members[junction])
-        if not alone or junction is None or junction in junctions.signals:
+    for arm, crossing in layout.hosted.items():
+        junction = layout.junction(arm)
+        if junction in junctions.signals or any(degree[vertex] != 2 for vertex in members[junction]):
             continue
         near = any(math.dist(place, crossing.place) < _SIGNAL_NEAR for place in stray)
         if crossing.signalised or near:
