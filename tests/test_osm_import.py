@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from osm_drawings import DRAWINGS, SYDNEY, cross
+from osm_drawings import DRAWINGS, SIGNAL, SYDNEY, Drawing, cross
 from test_sources_osm import helsinki
 
 from dojo_maps.bundle import Bundle, read_bundle
@@ -26,7 +26,7 @@ from dojo_maps.sources.osm_country import drives_left
 CONTROLLERS = {
     "cross": 1, "dual_carriageways": 1, "dog_leg": 1, "slip_lane": 1, "triangle": 0, "roundabout": 0,
     "left_hand": 1, "approach_signals": 1, "island_crossing": 1, "tram": 1, "sausage": 0, "parallel_ways": 1,
-    "bridge": 0,
+    "bridge": 0, "fork": 0, "tight_carriageways": 1, "wide_median": 1, "crossing_at_lane_change": 1,
 }  # fmt: skip
 
 
@@ -148,9 +148,7 @@ def test_city_runs_in_sumo_without_a_word(city: tuple[Bundle, dict[str, Any], fl
 def test_drawn_junction_is_whole(drawn: tuple[str, Bundle, dict[str, Any]]) -> None:
     name, bundle, report = drawn
     quality = report["osm"]
-    # Where a sausage link parts at an acute angle, netconvert draws an outline that crosses itself.
-    known = {"geometry.junction_invalid"} if name == "sausage" else set()
-    assert {issue["check"] for issue in report["issues"] if issue["severity"] == "error"} == known
+    assert not {issue["check"] for issue in report["issues"] if issue["severity"] == "error"}
     assert len(bundle.road_map.signals) == CONTROLLERS[name]
     assert quality["signalised_junctions"]["kept"] == quality["signalised_junctions"]["of"]
     assert quality["turn_lanes"]["kept"] == quality["turn_lanes"]["of"]
@@ -196,6 +194,62 @@ def test_import_gives_a_junction_one_controller_however_its_signals_are_mapped(t
         bundle, _ = convert(str(path), tmp_path / f"{name}.dojo")
         (signal,) = bundle.road_map.signals
         assert len(signal.junctions) == 1
+
+
+def test_import_gives_a_dog_leg_one_controller(tmp_path: Path) -> None:
+    drawing = Drawing()
+    drawing.way((-150, 0), (-22, 0), (22, 0), (150, 0), highway="secondary", lanes="2")
+    for x, y in ((-22, 150), (22, -150)):
+        drawing.way((x, 0), (x, y), highway="residential")
+        drawing.node(x, 0, **SIGNAL)
+    bundle, _ = convert(str(drawing.write(tmp_path / "a.osm")), tmp_path / "a.dojo")
+    assert [len(signal.junctions) for signal in bundle.road_map.signals] == [2]
+
+
+def test_import_lets_traffic_over_a_median_out_of_it(tmp_path: Path) -> None:
+    """Where traffic may go into the median, it may go on across the other carriageway."""
+    path = DRAWINGS["wide_median"]().write(tmp_path / "a.osm")
+    bundle, _ = convert(str(path), tmp_path / "a.dojo")
+    (signal,) = bundle.road_map.signals
+    index = {
+        tuple(lane.rsplit("_", 1)[0] for lane in (c.from_lane, c.to_lane)): c.link_index
+        for c in bundle.road_map.connections
+    }
+    pairs = [
+        (index["1003#0", "1003#1"], index["1003#1", "1003#2"]),
+        (index["-1003#2", "-1003#1"], index["-1003#1", "-1003#0"]),
+    ]
+    for into, out in pairs:
+        greens = [phase.state for phase in signal.programs[0].phases if phase.state[into or 0] in "gG"]
+        assert greens
+        assert all(state[out or 0] in "gG" for state in greens)
+
+
+def test_import_leaves_other_turns_to_the_road_beside_a_turn_lane(tmp_path: Path) -> None:
+    drawing = Drawing()
+    drawing.way((-150, 0), (0, 0), (150, 0), highway="primary", oneway="yes", lanes="2")
+    lane = drawing.way(
+        (-90, 0), (-70, 6), (-8, 6), (0, 10), highway="primary_link", oneway="yes", turn__lanes="left"
+    )
+    drawing.ways[0][0].insert(1, drawing.node(-90, 0))
+    drawing.way((0, -100), (0, 0), (0, 10), (0, 100), highway="tertiary", lanes="2")
+    bundle, report = convert(str(drawing.write(tmp_path / "a.osm")), tmp_path / "a.dojo")
+    taken = {c.direction for c in bundle.road_map.connections if c.from_lane.startswith(f"{lane}#")}
+    assert taken == {"l"}
+    assert report["osm"]["turn_lanes"]["kept"] == report["osm"]["turn_lanes"]["of"]
+
+
+def test_import_builds_no_sidewalk_where_the_next_road_begins(tmp_path: Path) -> None:
+    drawing = Drawing()
+    for y in (0, 5):
+        drawing.way((-150, y), (150, y), highway="residential", oneway="yes")
+    drawing.way((-150, 0), (-160, 2), (-150, 5), highway="residential")
+    bundle, _ = convert(str(drawing.write(tmp_path / "a.osm")), tmp_path / "a.dojo")
+    middles = [lane.shape[:, 1].mean() for lane in bundle.road_map.lanes if lane.kind == "sidewalk"]
+    driven = [lane.shape[:, 1].mean() for lane in bundle.road_map.lanes if lane.kind == "driving"]
+    long = [y for y in middles if min(driven) < y < max(driven)]
+    assert middles
+    assert not long
 
 
 def test_import_leads_turn_lanes_where_they_point(tmp_path: Path) -> None:
