@@ -273,6 +273,17 @@ def test_import_keeps_turn_restrictions(tmp_path: Path) -> None:
     assert report["osm"]["restrictions"] == {"kept": 1, "of": 1, "share": 1.0}
 
 
+def test_import_tells_of_turns_that_are_forbidden_at_times(tmp_path: Path) -> None:
+    drawing = cross()
+    drawing.restriction("no_left_turn", 1001, drawing.node(0, 0), 1002)
+    _, tags = drawing.relations[0]
+    tags["restriction:conditional"] = tags.pop("restriction") + " @ (Mo-Fr 07:00-09:00)"
+    bundle, report = convert(str(drawing.write(tmp_path / "a.osm")), tmp_path / "a.dojo")
+    assert any(c.direction == "l" for c in bundle.road_map.connections if c.from_lane.startswith("1001#0"))
+    (issue,) = [i for i in report["issues"] if i["check"] == "osm.restriction_conditional"]
+    assert "https://www.openstreetmap.org/relation/1" in issue["message"]
+
+
 def test_import_drives_on_the_side_of_the_country(tmp_path: Path) -> None:
     assert drives_left(read_osm(cross(SYDNEY).write(tmp_path / "a.osm")))
     assert not drives_left(read_osm(cross().write(tmp_path / "b.osm")))

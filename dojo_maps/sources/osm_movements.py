@@ -53,7 +53,7 @@ def read_restrictions(data: OsmData) -> tuple[list[Restriction], list[int]]:
         kind = tags.get("restriction", tags.get("restriction:motorcar", ""))
         if tags.get("type") != "restriction" or _EXEMPT & set(tags.get("except", "").split(";")):
             continue
-        if not kind.startswith(("no_", "only_")) or "conditional" in kind:
+        if not kind.startswith(("no_", "only_")) or "@" in kind:
             continue
         roles: dict[str, list[tuple[str, int]]] = {"from": [], "via": [], "to": []}
         for member in record.members:
@@ -75,6 +75,18 @@ def read_restrictions(data: OsmData) -> tuple[list[Restriction], list[int]]:
             for _, target in roles["to"]
         ]
     return found, broken
+
+
+def find_conditional(data: OsmData) -> dict[int, int]:
+    """Find the turn restrictions that hold at some times only, with the node that they are at."""
+    found = {}
+    for relation, record in data.relations.items():
+        said = {key: value for key, value in record.tags.items() if key.startswith("restriction")}
+        timed = any(":conditional" in key or "@" in value for key, value in said.items())
+        places = [member.ref for member in record.members if (member.kind, member.role) == ("node", "via")]
+        if timed and places:
+            found[relation] = places[0]
+    return found
 
 
 def directed(section: Section, *, into_end: bool) -> tuple[LaneTags, ...]:
