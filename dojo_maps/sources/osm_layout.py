@@ -40,6 +40,7 @@ class Layout:
         cuts: metres by which a section's end is drawn back from its vertex.
         hosted: the crossing at each arm.
         lost: crossings with no place, and why.
+        asides: metres by which a section is moved to its left, because another lies too near.
     """
 
     graph: RoadGraph
@@ -49,6 +50,12 @@ class Layout:
     cuts: dict[Arm, float] = field(default_factory=dict)
     hosted: dict[Arm, MappedCrossing] = field(default_factory=dict)
     lost: list[tuple[MappedCrossing, str]] = field(default_factory=list)
+    asides: dict[str, float] = field(default_factory=dict)
+
+    def trimmed(self, name: str) -> Floats:
+        """Give a section's line, drawn back at its ends."""
+        cuts = [self.cuts.get((name, at_end), 0.0) for at_end in (False, True)]
+        return trim(self.graph.line(self.graph.sections[name]), *cuts)
 
     def junction(self, arm: Arm) -> int:
         """Name the junction that an arm ends at."""
@@ -97,10 +104,10 @@ def lay_out(
             layout.inner.add(name)
     for node, (towards, metres) in moved.items():
         _move(graph, node, towards, metres)
-    _signal_between(layout)
     _host(layout)
     _draw_back(layout)
     _align_carriageways(layout)
+    _signal_between(layout)
     return layout
 
 
@@ -199,10 +206,9 @@ def _signal_between(layout: Layout) -> None:
     degree = {vertex: len(at) for vertex, at in graph.ends().items()}
     members = junctions.members()
     stray = [graph.places[node] for node in junctions.stray]
-    for crossing in layout.crossings:
-        junction = junctions.of.get(crossing.node)
-        alone = junction is not None and all(degree[vertex] == 2 for vertex in members[junction])
-        if not alone or junction is None or junction in junctions.signals:
+    for arm, crossing in layout.hosted.items():
+        junction = layout.junction(arm)
+        if junction in junctions.signals or any(degree[vertex] != 2 for vertex in members[junction]):
             continue
         near = any(math.dist(place, crossing.place) < _SIGNAL_NEAR for place in stray)
         if crossing.signalised or near:
@@ -255,7 +261,7 @@ def _align_carriageways(layout: Layout) -> None:
     """Draw both carriageways of an arm back to one line; netconvert would pull the one to the other."""
     graph = layout.graph
     for arms in layout.arms().values():
-        rays = {arm: _ray(graph, arm) for arm in arms}
+        rays = {arm: ray(graph, arm) for arm in arms}
         for arm, other in itertools.permutations(arms, 2):
             (place, way), (twin, back) = rays[arm], rays[other]
             apart = twin - place
@@ -270,7 +276,19 @@ def _align_carriageways(layout: Layout) -> None:
                 layout.cuts[other] = wanted
 
 
-def _ray(graph: RoadGraph, arm: Arm) -> tuple[Floats, Floats]:
+def trim(line: Floats, start: float, end: float) -> Floats:
+    """Draw a line back at its ends, as far as a metre of it is left."""
+    lengths = along(line)
+    total = float(lengths[-1])
+    if start + end > max(total - 1.0, 0.0):
+        share = max(total - 1.0, 0.0) / max(start + end, 1e-9)
+        start, end = start * share, end * share
+    inner = (lengths > start + 0.3) & (lengths < total - end - 0.3)
+    wanted = np.concatenate([[start], lengths[inner], [total - end]])
+    return np.column_stack([np.interp(wanted, lengths, values) for values in line.T])
+
+
+def ray(graph: RoadGraph, arm: Arm) -> tuple[Floats, Floats]:
     """Give an arm's vertex and the unit vector away from it, along its first 20 m."""
     line = graph.line(graph.sections[arm[0]])
     line = line[::-1] if arm[1] else line
@@ -303,4 +321,4 @@ def _reach_of(graph: RoadGraph, arm: Arm, crossing: MappedCrossing) -> tuple[flo
 
 def _faces_back(graph: RoadGraph, first: Arm, arm: Arm) -> bool:
     """Tell whether an arm leads to the other side than the first, so that crossings line up on one side."""
-    return float(_ray(graph, first)[1] @ _ray(graph, arm)[1]) < 0
+    return float(ray(graph, first)[1] @ ray(graph, arm)[1]) < 0

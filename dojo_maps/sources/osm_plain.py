@@ -8,16 +8,17 @@ from xml.sax.saxutils import quoteattr
 
 import numpy as np
 
-from dojo_maps.geometry.polylines import Floats, along
+from dojo_maps.geometry.polylines import Floats
 from dojo_maps.sources.osm import OsmData
 from dojo_maps.sources.osm_corners import Arm
 from dojo_maps.sources.osm_crossings import MappedCrossing
 from dojo_maps.sources.osm_graph import Section
 from dojo_maps.sources.osm_heights import compute_heights
 from dojo_maps.sources.osm_lanes import connect_lanes
-from dojo_maps.sources.osm_layout import CROSSING_WIDTH, Layout
+from dojo_maps.sources.osm_layout import CROSSING_WIDTH, Layout, trim
 from dojo_maps.sources.osm_movements import Movement, Movements, Restriction, directed, leads_through
 from dojo_maps.sources.osm_sidewalks import ISLAND_WIDTH, SIDEWALK_WIDTH, Sidewalks
+from dojo_maps.sources.osm_spacing import side_by_side
 from dojo_maps.sources.osm_ways import KINDS, LaneTags
 
 NODES, EDGES, CONNECTIONS = "input.nod.xml", "input.edg.xml", "input.con.xml"
@@ -178,21 +179,11 @@ def _divider(layout: Layout, section: Section, heights: dict[int, float]) -> Flo
     """
     line = np.column_stack([layout.graph.line(section), [heights.get(node, 0.0) for node in section.nodes]])
     cuts = [layout.cuts.get((section.id, at_end), 0.0) for at_end in (False, True)]
-    line = _trim(line, *cuts)
+    line = trim(line, *cuts)
     road = section.road
     aside = road.width * (len(road.forward) - len(road.backward)) / 2
-    return _shift(line, -aside if layout.graph.left_hand else aside)
-
-
-def _trim(line: Floats, start: float, end: float) -> Floats:
-    lengths = along(line)
-    total = float(lengths[-1])
-    if 0 < start + end > total - 1.0:
-        share = max(total - 1.0, 0.0) / (start + end)
-        start, end = start * share, end * share
-    inner = (lengths > start + 0.3) & (lengths < total - end - 0.3)
-    wanted = np.concatenate([[start], lengths[inner], [total - end]])
-    return np.column_stack([np.interp(wanted, lengths, values) for values in line.T])
+    aside = -aside if layout.graph.left_hand else aside
+    return _shift(line, aside + layout.asides.get(section.id, 0.0))
 
 
 def _shift(line: Floats, distance: float) -> Floats:
@@ -271,17 +262,14 @@ def _has_walk(layout: Layout, plain: Plain, edge: str) -> bool:
 
 def _crossings(layout: Layout, junction: int, arms: list[Arm], plain: Plain) -> list[str]:
     lines = []
-    done: set[frozenset[str]] = set()
-    for arm in arms:
-        crossing = layout.hosted.get(arm)
-        if crossing is None:
+    for group in side_by_side(layout, arms):
+        found = [layout.hosted[arm] for arm in group if arm in layout.hosted]
+        edges = (name for arm in group for name in (incoming_name(arm), outgoing_name(arm)))
+        names = frozenset(name for name in edges if _drives(plain, name))
+        if not found:
             continue
-        names = frozenset(name for name in (incoming_name(arm), outgoing_name(arm)) if _drives(plain, name))
-        if names in done:
-            continue
-        done.add(names)
-        plain.crossings.append((str(junction), names, crossing))
-        priority = "true" if crossing.marked else "false"
+        plain.crossings += [(str(junction), names, crossing) for crossing in found]
+        priority = str(any(crossing.marked for crossing in found)).lower()
         lines.append(
             f'<crossing node="{junction}" edges="{" ".join(sorted(names))}" '
             f'width="{CROSSING_WIDTH:.2f}" priority="{priority}"/>'
