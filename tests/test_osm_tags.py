@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
+from dojo_maps.sources.osm_arms import trim
 from dojo_maps.sources.osm_country import read_speed
 from dojo_maps.sources.osm_lanes import connect_lanes
-from dojo_maps.sources.osm_layout import trim
 from dojo_maps.sources.osm_ways import LaneTags, RoadTags, read_road
 from dojo_maps.sources.signal_programs import yellow_time
 

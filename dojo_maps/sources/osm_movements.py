@@ -9,10 +9,9 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 from dojo_maps.sources.osm import OsmData
-from dojo_maps.sources.osm_corners import Arm
+from dojo_maps.sources.osm_arms import Arm, Layout
 from dojo_maps.sources.osm_graph import Section
 from dojo_maps.sources.osm_lanes import arrow_targets
-from dojo_maps.sources.osm_layout import Layout
 from dojo_maps.sources.osm_ways import LaneTags
 
 _LONGEST_PATH = 14

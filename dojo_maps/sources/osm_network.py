@@ -14,12 +14,12 @@ from dojo_maps.errors import SourceError
 from dojo_maps.issue import Element, Issue, Severity
 from dojo_maps.sources.netconvert import NetconvertError, run_netconvert
 from dojo_maps.sources.osm import OsmData
+from dojo_maps.sources.osm_arms import Layout
 from dojo_maps.sources.osm_graph import build_graph
-from dojo_maps.sources.osm_layout import Layout, lay_out
+from dojo_maps.sources.osm_layout import lay_out
 from dojo_maps.sources.osm_movements import Restriction, read_restrictions
 from dojo_maps.sources.osm_outlines import mend_outlines
 from dojo_maps.sources.osm_plain import CONNECTIONS, EDGES, NODES, Plain, write_plain
-from dojo_maps.sources.osm_spacing import part_forks, space_carriageways
 from dojo_maps.sources.signal_programs import program_signals
 from dojo_maps.sources.sumo_net import read_network
 
@@ -80,8 +80,6 @@ def build_network(data: OsmData, *, path: Path, name: str, sha256: str) -> OsmNe
     paved: set[str] = set()
     for _ in range(_ROUNDS):
         layout = lay_out(data, build_graph(data, path), joined, moved)
-        part_forks(layout)
-        space_carriageways(layout)
         with tempfile.TemporaryDirectory(prefix="dojo-maps-") as folder:
             plain = write_plain(data, layout, restrictions, Path(folder), paved)
             built, warnings, dropped = _convert(Path(folder), path, left_hand=layout.graph.left_hand)

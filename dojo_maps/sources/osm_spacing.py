@@ -11,37 +11,19 @@ from dataclasses import replace
 import numpy as np
 import shapely
 
-from dojo_maps.geometry.polylines import Floats, along
-from dojo_maps.sources.osm_corners import Arm
-from dojo_maps.sources.osm_layout import Layout, ray
+from dojo_maps.geometry.polylines import Floats
+from dojo_maps.sources.osm_arms import Arm, Layout, ray
 
-_FORK = 45.0
-"""Metres from a vertex within which the roads of a fork must have parted."""
-_PARTING = 1.5
-"""Metres that a fork's roads must draw apart over that way; carriageways do not."""
 _GAP = 0.3
 _NARROWEST = 2.75
 _FARTHEST = 2.5
 """Metres that a carriageway may be moved to its side."""
-_PAST_CROSSING = 2.0
-"""Metres that the arms of a fork may be drawn back past a crossing of one of them."""
-_LEFT = 14.0
-"""Metres of a road that a fork leaves."""
 _STEP = 2.0
 _PARALLEL = 0.94
 _LEVEL, _ISLAND = 8.0, 1.5
 """Metres between the ends of two arms on one line, and between their borders where people may wait."""
 _LEAST_OVERLAP = 4.0
 """Square metres."""
-
-
-def part_forks(layout: Layout) -> None:
-    """Draw the arms of each junction back to where they lie beside each other."""
-    for arms in layout.arms().values():
-        lines = {arm: _outward(layout, arm) for arm in arms}
-        for arm, other in itertools.permutations(arms, 2):
-            if arm[0] != other[0]:
-                _draw_back(layout, lines, arm, other)
 
 
 def space_carriageways(layout: Layout) -> None:
@@ -93,40 +75,6 @@ def _touch(layout: Layout, arm: Arm, other: Arm) -> bool:
 
 def _half(layout: Layout, name: str) -> float:
     return layout.graph.sections[name].road.drives / 2
-
-
-def _outward(layout: Layout, arm: Arm) -> Floats:
-    line = layout.graph.line(layout.graph.sections[arm[0]])
-    return line[::-1] if arm[1] else line
-
-
-def _parted_after(layout: Layout, lines: dict[Arm, Floats], arm: Arm, other: Arm) -> float:
-    """Measure along an arm to where it has left another's ground; 0 where they only run side by side."""
-    line = lines[arm]
-    length = float(along(line)[-1])
-    at = np.arange(0.0, min(_FORK, length) + 0.5, 1.0)
-    lengths = along(line)
-    places = np.column_stack([np.interp(at, lengths, values) for values in line.T])
-    distances = shapely.distance(shapely.points(places), shapely.LineString(lines[other]))
-    needed = _half(layout, arm[0]) + _half(layout, other[0]) + _GAP
-    free = np.flatnonzero(distances >= needed)
-    reached = int(free[0]) if len(free) else len(at) - 1
-    if distances[reached] < distances[0] + _PARTING:
-        return 0.0
-    return float(at[reached])
-
-
-def _draw_back(layout: Layout, lines: dict[Arm, Floats], arm: Arm, other: Arm) -> None:
-    wanted = _parted_after(layout, lines, arm, other)
-    used = layout.cuts.get((arm[0], not arm[1]), 6.0)
-    wanted = min(wanted, layout.graph.length(layout.graph.sections[arm[0]]) - used - _LEFT)
-    place, way = ray(layout.graph, arm)
-    for crossed in (arm, other):
-        if crossed in layout.hosted:
-            ahead = float((lines[crossed][0] - place) @ way)
-            wanted = min(wanted, layout.cuts[crossed] + ahead + _PAST_CROSSING)
-    if layout.cuts.get(arm, 0.0) < wanted:
-        layout.cuts[arm] = wanted
 
 
 def _near_places(
