@@ -1,4 +1,4 @@
-"""What is to be built, seen from the arms of its junctions: roads, how far they are drawn back, crossings there."""
+"""What is to be built, seen from the arms of its junctions: how far they are drawn back, crossings there."""
 
 from collections import defaultdict
 from dataclasses import dataclass, field

@@ -1,4 +1,4 @@
-"""Lay out what is to be built: junctions grouped, crossings placed, roads kept off each other, in this order."""
+"""Lay out what is to be built: group junctions, place crossings, keep roads off each other, in this order."""
 
 import math
 from collections.abc import Iterable, Mapping
