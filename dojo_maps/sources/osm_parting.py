@@ -6,81 +6,68 @@ OpenStreetMap lets ramps start in the middle of the road they leave: lanes as wi
 each other there.
 """
 
-import itertools
-import math
 from collections.abc import Sequence
 
 import numpy as np
 import shapely
 
-from dojo_maps.geometry.polylines import along
-from dojo_maps.sources.osm_arms import Arm, Layout, outward, ray, trim
+from dojo_maps.geometry.polylines import Floats, along
+from dojo_maps.sources.osm_arms import Arm, Layout, outward, ray
 
-_SHARP = math.cos(math.radians(65.0))
-_FARTHEST = 100.0
+_FARTHEST = 45.0
 """Metres from a junction within which roads that begin there must have parted."""
 _GAP = 0.3
-_MEETS_AGAIN = 10.0
-"""Metres after roads have parted beyond which it is another place where they lie on each other."""
+_PARTING = 1.5
+"""Metres that a fork's roads must draw apart over that way; carriageways do not."""
 _FLOOR = 3.0
 """Metres that the other roads are drawn back there, so that the junction has ground of its own."""
-_LEAST = 1.0
-"""Square metres of shared ground, and metres from a road's end."""
-_PAST_CROSSING = 6.0
+_PAST_CROSSING = 2.0
 """Metres by which a crossing may be moved out."""
 _LEFT = 14.0
 """Metres of a road that is drawn back which are left."""
 
 
 def part_roads(layout: Layout) -> None:
-    """Draw back the arms of each junction that part at a sharp angle, but no crossing out of its place.
+    """Draw back the arms of each junction to where they lie beside each other, but no crossing from its place.
 
     A roundabout's ring stays as it is: it is enough to draw the other road back.
     """
     for arms in layout.arms().values():
-        for arm, metres in sorted(_parted_after(layout, arms).items()):
-            cut = layout.cuts.get(arm, 0.0)
-            farthest = cut + _PAST_CROSSING if arm in layout.hosted else _FARTHEST
-            layout.cuts[arm] = max(cut, min(metres, farthest, layout.room(arm, left=_LEFT)))
+        drawn = [arm for arm in arms if not layout.graph.sections[arm[0]].road.roundabout]
+        wanted = {arm: _parted_after(layout, arm, arms) for arm in drawn}
+        farthest = {arm: _nearest_crossing(layout, arm, arms) for arm in drawn}
+        for arm in drawn if any(wanted.values()) else ():
+            metres = min(max(wanted[arm], _FLOOR), farthest[arm], layout.room(arm, left=_LEFT))
+            layout.cuts[arm] = max(layout.cuts.get(arm, 0.0), metres)
 
 
-def _parted_after(layout: Layout, arms: Sequence[Arm]) -> dict[Arm, float]:
-    """Measure how far from their vertices a junction's roads lie on each other; empty where none do."""
-    graph = layout.graph
-    paths, strips, ways = {}, {}, {}
-    for arm in arms:
-        line = outward(graph, arm)
-        line = trim(line, 0.0, max(float(along(line)[-1]) - _FARTHEST, 0.0))
-        half = (graph.sections[arm[0]].road.drives + _GAP) / 2
-        paths[arm] = shapely.LineString(line)
-        strips[arm] = paths[arm].buffer(half, cap_style="flat", join_style="mitre")
-        ways[arm] = ray(graph, arm)[1]
-    found: dict[Arm, float] = {}
-    for one, other in itertools.combinations(arms, 2):
-        if one[0] == other[0] or float(ways[one] @ ways[other]) < _SHARP:
-            continue
-        shared = shapely.intersection(strips[one], strips[other])
-        reached = [_reached(shared, paths[arm]) for arm in (one, other)]
-        if all(
-            metres > paths[arm].length - _LEAST for arm, metres in zip((one, other), reached, strict=True)
-        ):
-            continue
-        for arm, metres in zip((one, other), reached, strict=True):
-            found[arm] = max(found.get(arm, 0.0), metres)
-    found = {arm: metres for arm, metres in found.items() if metres}
-    drawn = [arm for arm in arms if not graph.sections[arm[0]].road.roundabout]
-    return {arm: max(found.get(arm, 0.0), _FLOOR) for arm in drawn} if found else {}
+def _parted_after(layout: Layout, arm: Arm, arms: Sequence[Arm]) -> float:
+    """Measure along an arm to where it has left the others' ground; 0 where they only run side by side."""
+    line = outward(layout.graph, arm)
+    lengths = along(line)
+    at = np.arange(0.0, min(_FARTHEST, float(lengths[-1])) + 0.5, 1.0)
+    places = shapely.points(np.column_stack([np.interp(at, lengths, values) for values in line.T]))
+    found = 0.0
+    for other in arms:
+        if other[0] != arm[0]:
+            distances = shapely.distance(places, shapely.LineString(outward(layout.graph, other)))
+            free = np.flatnonzero(distances >= _half(layout, arm) + _half(layout, other) + _GAP)
+            reached = int(free[0]) if len(free) else len(at) - 1
+            if distances[reached] >= distances[0] + _PARTING:
+                found = max(found, float(at[reached]))
+    return found
 
 
-def _reached(shared: shapely.Geometry, path: shapely.LineString) -> float:
-    """Measure along a path to where the ground that it shares from its beginning ends; 0 without any."""
-    reached = 0.0
-    parts = []
-    for part in shapely.get_parts(shared):
-        if part.area >= _LEAST:
-            along_path = shapely.line_locate_point(path, shapely.points(shapely.get_coordinates(part)))
-            parts.append((float(np.min(along_path)), float(np.max(along_path))))
-    for first, last in sorted(parts):
-        if first < reached + _MEETS_AGAIN:
-            reached = max(reached, last)
-    return reached
+def _half(layout: Layout, arm: Arm) -> float:
+    return layout.graph.sections[arm[0]].road.drives / 2
+
+
+def _nearest_crossing(layout: Layout, arm: Arm, arms: Sequence[Arm]) -> float:
+    """Measure how far an arm may be drawn back before it would lead a crossing of the junction astray."""
+    place, way = ray(layout.graph, arm)
+    found = _FARTHEST
+    for crossed in arms:
+        if crossed in layout.hosted:
+            start, _ = ray(layout.graph, crossed)
+            found = min(found, layout.cuts[crossed] + float((start - place) @ way) + _PAST_CROSSING)
+    return found
