@@ -50,8 +50,8 @@ def lay_out(
     for node, (towards, metres) in moved.items():
         _move(graph, node, towards, metres)
     host_crossings(layout)
-    part_roads(layout)
     align_carriageways(layout)
+    part_roads(layout)
     space_carriageways(layout)
     signal_between(layout)
     return layout

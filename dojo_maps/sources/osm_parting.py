@@ -11,7 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 import shapely
 
-from dojo_maps.geometry.polylines import Floats, along
+from dojo_maps.geometry.polylines import along
 from dojo_maps.sources.osm_arms import Arm, Layout, outward, ray
 
 _FARTHEST = 45.0
@@ -28,7 +28,7 @@ _LEFT = 14.0
 
 
 def part_roads(layout: Layout) -> None:
-    """Draw back the arms of each junction to where they lie beside each other, but no crossing from its place.
+    """Draw back the arms of each junction to where they lie beside each other, no crossing from its place.
 
     A roundabout's ring stays as it is: it is enough to draw the other road back.
     """
