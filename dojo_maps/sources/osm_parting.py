@@ -14,8 +14,11 @@ import shapely
 from dojo_maps.geometry.polylines import along
 from dojo_maps.sources.osm_arms import Arm, Layout, outward, ray
 
-_FARTHEST = 45.0
-"""Metres from a junction within which roads that begin there must have parted."""
+_FARTHEST, _FARTHEST_OF_FORK = 45.0, 80.0
+"""Metres from a junction within which its roads must have parted, and those that begin at one vertex.
+
+netconvert gives a junction no ground when its roads are drawn back much farther.
+"""
 _GAP = 0.3
 _PARTING = 1.5
 """Metres that a fork's roads must draw apart over that way; carriageways do not."""
@@ -45,14 +48,16 @@ def _parted_after(layout: Layout, arm: Arm, arms: Sequence[Arm]) -> float:
     """Measure along an arm to where it has left the others' ground; 0 where they only run side by side."""
     line = outward(layout.graph, arm)
     lengths = along(line)
-    at = np.arange(0.0, min(_FARTHEST, float(lengths[-1])) + 0.5, 1.0)
+    at = np.arange(0.0, min(_FARTHEST_OF_FORK, float(lengths[-1])) + 0.5, 1.0)
     places = shapely.points(np.column_stack([np.interp(at, lengths, values) for values in line.T]))
     found = 0.0
     for other in arms:
         if other[0] != arm[0]:
-            distances = shapely.distance(places, shapely.LineString(outward(layout.graph, other)))
+            beside = outward(layout.graph, other)
+            reach = _FARTHEST_OF_FORK if (beside[0] == line[0]).all() else _FARTHEST
+            distances = shapely.distance(places[at <= reach], shapely.LineString(beside))
             free = np.flatnonzero(distances >= _half(layout, arm) + _half(layout, other) + _GAP)
-            reached = int(free[0]) if len(free) else len(at) - 1
+            reached = int(free[0]) if len(free) else len(distances) - 1
             if distances[reached] >= distances[0] + _PARTING:
                 found = max(found, float(at[reached]))
     return found
@@ -65,7 +70,7 @@ def _half(layout: Layout, arm: Arm) -> float:
 def _nearest_crossing(layout: Layout, arm: Arm, arms: Sequence[Arm]) -> float:
     """Measure how far an arm may be drawn back before it would lead a crossing of the junction astray."""
     place, way = ray(layout.graph, arm)
-    found = _FARTHEST
+    found = _FARTHEST_OF_FORK
     for crossed in arms:
         if crossed in layout.hosted:
             start, _ = ray(layout.graph, crossed)

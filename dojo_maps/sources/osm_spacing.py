@@ -84,10 +84,10 @@ def _near_places(
 
     Returns:
         Metres between their middles, and for each road 1 where the other lies to its left, -1 to its right;
-        None where they do not run along each other on one level.
+        None where they do not run along each other on one level, or are parts of a ring.
     """
     roads = [layout.graph.sections[name].road for name in (one, other)]
-    if roads[0].layer != roads[1].layer:
+    if roads[0].layer != roads[1].layer or all(road.roundabout for road in roads):
         return None
     needed = _half(layout, one) + _half(layout, other)
     places, headings = _samples(lines[one])
