@@ -15,7 +15,8 @@ from dojo_maps.geometry.polylines import along
 from dojo_maps.sources.osm_arms import Arm, Layout, outward, ray
 
 _FARTHEST, _FARTHEST_OF_FORK = 45.0, 80.0
-"""Metres from a junction within which its roads must have parted, and those that begin at one vertex.
+"""Metres from a junction within which its roads must have parted, and long ones that begin at one
+vertex.
 
 netconvert gives a junction no ground when its roads are drawn back much farther.
 """
@@ -54,7 +55,9 @@ def _parted_after(layout: Layout, arm: Arm, arms: Sequence[Arm]) -> float:
     for other in arms:
         if other[0] != arm[0]:
             beside = outward(layout.graph, other)
-            reach = _FARTHEST_OF_FORK if (beside[0] == line[0]).all() else _FARTHEST
+            shorter = min(float(lengths[-1]), float(along(beside)[-1]))
+            forks = (beside[0] == line[0]).all() and shorter > 3 * _FARTHEST_OF_FORK
+            reach = _FARTHEST_OF_FORK if forks else _FARTHEST
             distances = shapely.distance(places[at <= reach], shapely.LineString(beside))
             free = np.flatnonzero(distances >= _half(layout, arm) + _half(layout, other) + _GAP)
             reached = int(free[0]) if len(free) else len(distances) - 1
