@@ -212,10 +212,55 @@ def bridge() -> Drawing:
     return d
 
 
+def fork() -> Drawing:
+    """A ramp that leaves a one-way road at seven degrees."""
+    d = Drawing()
+    one = {"highway": "secondary", "oneway": "yes", "lanes": "2"}
+    d.way((-150, 0), (0, 0), (200, 0), **one)
+    d.way((0, 0), (100, 12), (120, 100), highway="secondary_link", oneway="yes")
+    return d
+
+
+def tight_carriageways() -> Drawing:
+    """Carriageways of two lanes mapped five metres apart, with a crossing over both at a signal."""
+    d = Drawing()
+    one = {"highway": "secondary", "oneway": "yes", "lanes": "2"}
+    d.way((-150, -2.5), (-14, -2.5), (0, -2.5), (150, -2.5), **one)
+    d.way((150, 2.5), (0, 2.5), (-14, 2.5), (-150, 2.5), **one)
+    d.way((0, -150), (0, -2.5), (0, 2.5), (0, 150), highway="residential")
+    for y in (-2.5, 2.5):
+        d.node(0, y, **SIGNAL)
+        d.node(-14, y, **SIGNAL_CROSSING)
+    return d
+
+
+def wide_median() -> Drawing:
+    """A street that crosses carriageways 42 m apart; signals at both."""
+    d = Drawing()
+    one = {"highway": "primary", "oneway": "yes", "lanes": "2"}
+    d.way((-200, -21), (0, -21), (200, -21), **one)
+    d.way((200, 21), (0, 21), (-200, 21), **one)
+    d.way((0, -150), (0, -21), (0, 21), (0, 150), highway="tertiary", lanes="2")
+    for y in (-21, 21):
+        d.node(0, y, **SIGNAL)
+    return d
+
+
+def crossing_at_lane_change() -> Drawing:
+    """A signalised crossing between junctions, three metres past the place where a lane begins."""
+    d = Drawing()
+    d.way((-150, 0), (0, 0), highway="secondary", oneway="yes", lanes="2")
+    d.way((0, 0), (3, 0), (150, 0), highway="secondary", oneway="yes", lanes="3")
+    d.node(0, 0, **SIGNAL)
+    d.node(3, 0, **SIGNAL_CROSSING)
+    return d
+
+
 DRAWINGS: dict[str, Callable[[], Drawing]] = {
     drawing.__name__: drawing
     for drawing in (
         cross, dual_carriageways, dog_leg, slip_lane, triangle, roundabout, left_hand, approach_signals,
-        island_crossing, tram, sausage, parallel_ways, bridge,
+        island_crossing, tram, sausage, parallel_ways, bridge, fork, tight_carriageways, wide_median,
+        crossing_at_lane_change,
     )
 }  # fmt: skip

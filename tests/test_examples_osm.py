@@ -44,7 +44,7 @@ def test_drawn_junction_builds(name: str, tmp_path: Path, capsys: pytest.Capture
     assert "0 errors" in capsys.readouterr().out
     road_map = read_bundle(tmp_path / f"{name}.dojo").road_map
     assert road_map.left_hand is (name == "left_hand_t")
-    assert len(road_map.signals) == (2 if name == "dog_leg" else 1)
+    assert len(road_map.signals) == 1
 
 
 def test_readme_names_every_example() -> None:

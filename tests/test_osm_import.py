@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from osm_drawings import DRAWINGS, SYDNEY, cross
+from osm_drawings import DRAWINGS, SIGNAL, SYDNEY, Drawing, cross
 from test_sources_osm import helsinki
 
 from dojo_maps.bundle import Bundle, read_bundle
@@ -26,7 +26,7 @@ from dojo_maps.sources.osm_country import drives_left
 CONTROLLERS = {
     "cross": 1, "dual_carriageways": 1, "dog_leg": 1, "slip_lane": 1, "triangle": 0, "roundabout": 0,
     "left_hand": 1, "approach_signals": 1, "island_crossing": 1, "tram": 1, "sausage": 0, "parallel_ways": 1,
-    "bridge": 0,
+    "bridge": 0, "fork": 0, "tight_carriageways": 1, "wide_median": 1, "crossing_at_lane_change": 1,
 }  # fmt: skip
 
 
@@ -196,6 +196,62 @@ def test_import_gives_a_junction_one_controller_however_its_signals_are_mapped(t
         assert len(signal.junctions) == 1
 
 
+def test_import_gives_a_dog_leg_one_controller(tmp_path: Path) -> None:
+    drawing = Drawing()
+    drawing.way((-150, 0), (-22, 0), (22, 0), (150, 0), highway="secondary", lanes="2")
+    for x, y in ((-22, 150), (22, -150)):
+        drawing.way((x, 0), (x, y), highway="residential")
+        drawing.node(x, 0, **SIGNAL)
+    bundle, _ = convert(str(drawing.write(tmp_path / "a.osm")), tmp_path / "a.dojo")
+    assert [len(signal.junctions) for signal in bundle.road_map.signals] == [2]
+
+
+def test_import_lets_traffic_over_a_median_out_of_it(tmp_path: Path) -> None:
+    """Where traffic may go into the median, it may go on across the other carriageway."""
+    path = DRAWINGS["wide_median"]().write(tmp_path / "a.osm")
+    bundle, _ = convert(str(path), tmp_path / "a.dojo")
+    (signal,) = bundle.road_map.signals
+    index = {
+        tuple(lane.rsplit("_", 1)[0] for lane in (c.from_lane, c.to_lane)): c.link_index
+        for c in bundle.road_map.connections
+    }
+    pairs = [
+        (index["1003#0", "1003#1"], index["1003#1", "1003#2"]),
+        (index["-1003#2", "-1003#1"], index["-1003#1", "-1003#0"]),
+    ]
+    for into, out in pairs:
+        greens = [phase.state for phase in signal.programs[0].phases if phase.state[into or 0] in "gG"]
+        assert greens
+        assert all(state[out or 0] in "gG" for state in greens)
+
+
+def test_import_leaves_other_turns_to_the_road_beside_a_turn_lane(tmp_path: Path) -> None:
+    drawing = Drawing()
+    drawing.way((-150, 0), (0, 0), (150, 0), highway="primary", oneway="yes", lanes="2")
+    lane = drawing.way(
+        (-90, 0), (-70, 6), (-8, 6), (0, 10), highway="primary_link", oneway="yes", turn__lanes="left"
+    )
+    drawing.ways[0][0].insert(1, drawing.node(-90, 0))
+    drawing.way((0, -100), (0, 0), (0, 10), (0, 100), highway="tertiary", lanes="2")
+    bundle, report = convert(str(drawing.write(tmp_path / "a.osm")), tmp_path / "a.dojo")
+    taken = {c.direction for c in bundle.road_map.connections if c.from_lane.startswith(f"{lane}#")}
+    assert taken == {"l"}
+    assert report["osm"]["turn_lanes"]["kept"] == report["osm"]["turn_lanes"]["of"]
+
+
+def test_import_builds_no_sidewalk_where_the_next_road_begins(tmp_path: Path) -> None:
+    drawing = Drawing()
+    for y in (0, 5):
+        drawing.way((-150, y), (150, y), highway="residential", oneway="yes")
+    drawing.way((-150, 0), (-160, 2), (-150, 5), highway="residential")
+    bundle, _ = convert(str(drawing.write(tmp_path / "a.osm")), tmp_path / "a.dojo")
+    middles = [lane.shape[:, 1].mean() for lane in bundle.road_map.lanes if lane.kind == "sidewalk"]
+    driven = [lane.shape[:, 1].mean() for lane in bundle.road_map.lanes if lane.kind == "driving"]
+    long = [y for y in middles if min(driven) < y < max(driven)]
+    assert middles
+    assert not long
+
+
 def test_import_leads_turn_lanes_where_they_point(tmp_path: Path) -> None:
     path = DRAWINGS["dual_carriageways"]().write(tmp_path / "a.osm")
     bundle, _ = convert(str(path), tmp_path / "a.dojo")
@@ -215,6 +271,17 @@ def test_import_keeps_turn_restrictions(tmp_path: Path) -> None:
     assert turns["l"] == turns["r"] == 0
     assert turns["s"] > 0
     assert report["osm"]["restrictions"] == {"kept": 1, "of": 1, "share": 1.0}
+
+
+def test_import_tells_of_turns_that_are_forbidden_at_times(tmp_path: Path) -> None:
+    drawing = cross()
+    drawing.restriction("no_left_turn", 1001, drawing.node(0, 0), 1002)
+    _, tags = drawing.relations[0]
+    tags["restriction:conditional"] = tags.pop("restriction") + " @ (Mo-Fr 07:00-09:00)"
+    bundle, report = convert(str(drawing.write(tmp_path / "a.osm")), tmp_path / "a.dojo")
+    assert any(c.direction == "l" for c in bundle.road_map.connections if c.from_lane.startswith("1001#0"))
+    (issue,) = [i for i in report["issues"] if i["check"] == "osm.restriction_conditional"]
+    assert "https://www.openstreetmap.org/relation/1" in issue["message"]
 
 
 def test_import_drives_on_the_side_of_the_country(tmp_path: Path) -> None:

@@ -1,7 +1,9 @@
 """What tags mean: lanes, turns, speeds, sidewalks; and where lanes lead."""
 
+import numpy as np
 import pytest
 
+from dojo_maps.sources.osm_arms import trim
 from dojo_maps.sources.osm_country import read_speed
 from dojo_maps.sources.osm_lanes import connect_lanes
 from dojo_maps.sources.osm_ways import LaneTags, RoadTags, read_road
@@ -133,3 +135,20 @@ def test_connect_lanes_leaves_no_lane_and_no_road_out(lanes: int, angles: list[f
 
 def test_yellow_time_follows_the_speed() -> None:
     assert [yellow_time(kmh / 3.6) for kmh in (20, 50, 60, 80, 200)] == [3, 3, 4, 5, 6]
+
+
+def test_connect_lanes_merges_no_lanes_that_lead_elsewhere() -> None:
+    two, one = [LaneTags(), LaneTags()], [LaneTags()]
+    turning = connect_lanes(two, [one, two], [-85.0, 0.0], left_hand=False)
+    assert [link for link in turning if link[1] == 0] == [(0, 0, 0)]
+    ahead = connect_lanes(two, [one, one], [0.0, 85.0], left_hand=False)
+    assert ahead == [(0, 0, 0), (1, 1, 0)]
+    painted = [LaneTags(turns=("through",)), LaneTags(turns=("through", "left"))]
+    assert (1, 0, 0) in connect_lanes(painted, [one, one], [0.0, 85.0], left_hand=False)
+
+
+def test_trim_leaves_a_line_of_every_road() -> None:
+    line = np.array([[0.0, 0.0], [30.0, 0.0]])
+    assert trim(line, 4.0, 6.0)[:, 0].tolist() == [4.0, 24.0]
+    assert np.ptp(trim(line, 40.0, 40.0)[:, 0]) == pytest.approx(1.0)
+    assert trim(line / 60, 0.0, 0.0)[:, 0].tolist() == [0.0, 0.5]

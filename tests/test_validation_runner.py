@@ -37,7 +37,7 @@ CODES = {
     *(f"SIG{k:03}" for k in range(1, 19)),
     *(f"PED{k:03}" for k in range(1, 10)),
     *(f"OSM{k:03}" for k in range(1, 14)),
-    *(f"IMP{k:03}" for k in range(1, 13)),
+    *(f"IMP{k:03}" for k in range(1, 14)),
 }
 
 

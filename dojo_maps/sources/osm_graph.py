@@ -4,6 +4,7 @@ A section runs from vertex to vertex with the same lanes all along; a vertex is 
 end, or change. Sections that only a split of the way or an unseen change of tags divides are one.
 """
 
+import functools
 import math
 from collections import defaultdict
 from collections.abc import Iterable, Sequence
@@ -107,8 +108,13 @@ class RoadGraph:
 
     def to_plane(self, lon: float, lat: float) -> tuple[float, float]:
         """Project degrees to metres."""
-        x, y = pyproj.Proj(self.proj)(lon, lat)
+        x, y = _projection(self.proj)(lon, lat)
         return x + self.offset[0], y + self.offset[1]
+
+
+@functools.cache
+def _projection(proj: str) -> pyproj.Proj:
+    return pyproj.Proj(proj)
 
 
 def build_graph(data: OsmData, path: object) -> RoadGraph:

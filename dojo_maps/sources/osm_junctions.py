@@ -26,6 +26,10 @@ _CROSSING_NEAR = 22.0
 """Metres from a junction within which a signalised crossing belongs to its signals."""
 _ONE_CONTROLLER, _SIDE_BY_SIDE = 35.0, 31.0
 """Metres along a road, and in a straight line, between signalised junctions that share a controller."""
+_ONE_PLACE = 50.0
+"""Metres along a road between signals on both sides of a median, or at both legs of a dog-leg."""
+_ASIDE = 0.5
+"""Sine of the angle at which a road leaves to a side."""
 _CONTROLLER_WIDEST = 130.0
 
 
@@ -126,11 +130,46 @@ def _reach(
         return _SHORT if min(len(ends[section.start]), len(ends[section.end])) == 2 else 0.0
     if section.start in strong and section.end in strong:
         return _SIGNALS_APART
-    divided = all(
+    return _CARRIAGEWAYS_APART if _joins_carriageways(graph, ends, section) else _SHORT
+
+
+def _joins_carriageways(graph: RoadGraph, ends: dict[int, list[str]], section: Section) -> bool:
+    """Tell whether a section leads over the median of a divided road."""
+    return all(
         sum(graph.sections[name].road.oneway for name in ends[vertex] if name != section.id) >= 2
         for vertex in (section.start, section.end)
     )
-    return _CARRIAGEWAYS_APART if divided else _SHORT
+
+
+def _is_dog_leg(
+    graph: RoadGraph, junctions: Junctions, members: dict[int, list[int]], section: Section
+) -> bool:
+    """Tell whether a street goes on along a section: it leaves to one side at each end, not to the same."""
+    ends = graph.ends()
+    sides = [
+        {
+            side
+            for member in members[junctions.of[vertex]]
+            for name in ends[member]
+            if (side := _side(graph, junctions, section, graph.sections[name], member)) is not None
+        }
+        for vertex in (section.start, section.end)
+    ]
+    return all(len(side) == 1 for side in sides) and sides[0] != sides[1]
+
+
+def _side(
+    graph: RoadGraph, junctions: Junctions, along: Section, section: Section, vertex: int
+) -> bool | None:
+    """Tell to which side of a section's line another leaves a vertex, left or not; None for neither."""
+    if junctions.of[section.start] == junctions.of[section.end]:
+        return None
+    (x, y), (a, b) = (graph.places[node] for node in (along.start, along.end))
+    line = graph.line(section)
+    ahead, aside = line[1] - line[0] if section.start == vertex else line[-2] - line[-1]
+    size = math.hypot(a - x, b - y) * math.hypot(ahead, aside)
+    turn = ((a - x) * aside - (b - y) * ahead) / max(size, 1e-9)
+    return turn > 0 if abs(turn) > _ASIDE else None
 
 
 def _assign_signals(
@@ -226,9 +265,19 @@ def _add_crossing_signals(
 def share_controllers(graph: RoadGraph, junctions: Junctions) -> None:
     """Give one controller to signalised junctions with little room between them."""
     groups = Groups({junction: graph.places[junction] for junction in junctions.signals}, _CONTROLLER_WIDEST)
+    ends, members = graph.ends(), junctions.members()
     pairs = [
-        (graph.length(section), junctions.of[section.start], junctions.of[section.end], _ONE_CONTROLLER)
+        (
+            graph.length(section),
+            junctions.of[section.start],
+            junctions.of[section.end],
+            _ONE_PLACE
+            if _joins_carriageways(graph, ends, section) or _is_dog_leg(graph, junctions, members, section)
+            else _ONE_CONTROLLER,
+        )
         for section in graph.sections.values()
+        if {junctions.of[section.start], junctions.of[section.end]} <= junctions.signals.keys()
+        and graph.length(section) <= _ONE_PLACE
     ]
     vertices = [vertex for vertex, junction in junctions.of.items() if junction in junctions.signals]
     pairs += [

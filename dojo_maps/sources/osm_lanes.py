@@ -54,7 +54,24 @@ def connect_lanes(
             (lane, movement, onto)
             for lane, onto in _pair(lanes, sources, target, angles[movement], len(targets))
         ]
-    return links
+    return _without_needless_merges(lanes, links, angles)
+
+
+def _without_needless_merges(
+    lanes: Sequence[LaneTags], links: list[tuple[int, int, int]], angles: Sequence[float]
+) -> list[tuple[int, int, int]]:
+    """Let one lane only lead into each lane, where the others lead elsewhere too and have no arrow there.
+
+    Vehicles that merge inside a junction wait for each other, in the worst case for ever.
+    """
+    kept = list(links)
+    for link in sorted(links, key=lambda e: (e[1], e[0] if angles[e[1]] > 0 else -e[0])):
+        lane, movement, onto = link
+        merges = any(other[1:] == (movement, onto) and other[0] != lane for other in kept)
+        elsewhere = any(other[0] == lane and other[1] != movement for other in kept)
+        if merges and elsewhere and not (lanes[lane].turns or lanes[lane].bus):
+            kept.remove(link)
+    return kept
 
 
 def _fits(wanted: float, angle: float) -> bool:

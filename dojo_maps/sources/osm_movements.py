@@ -9,13 +9,15 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 from dojo_maps.sources.osm import OsmData
-from dojo_maps.sources.osm_corners import Arm
+from dojo_maps.sources.osm_arms import Arm, Layout
 from dojo_maps.sources.osm_graph import Section
-from dojo_maps.sources.osm_layout import Layout
+from dojo_maps.sources.osm_lanes import arrow_targets
 from dojo_maps.sources.osm_ways import LaneTags
 
 _LONGEST_PATH = 14
 _UTURN = 150.0
+_BESIDE = 0.9
+"""Cosine of the angle between two roads that arrive side by side."""
 _AHEAD = 15.0
 """Metres over which a road's heading at a junction is taken."""
 _MOTOR = {"motorcar", "motor_vehicle", "vehicle"}
@@ -51,7 +53,7 @@ def read_restrictions(data: OsmData) -> tuple[list[Restriction], list[int]]:
         kind = tags.get("restriction", tags.get("restriction:motorcar", ""))
         if tags.get("type") != "restriction" or _EXEMPT & set(tags.get("except", "").split(";")):
             continue
-        if not kind.startswith(("no_", "only_")) or "conditional" in kind:
+        if not kind.startswith(("no_", "only_")) or "@" in kind:
             continue
         roles: dict[str, list[tuple[str, int]]] = {"from": [], "via": [], "to": []}
         for member in record.members:
@@ -73,6 +75,18 @@ def read_restrictions(data: OsmData) -> tuple[list[Restriction], list[int]]:
             for _, target in roles["to"]
         ]
     return found, broken
+
+
+def find_conditional(data: OsmData) -> dict[int, int]:
+    """Find the turn restrictions that hold at some times only, with the node that they are at."""
+    found = {}
+    for relation, record in data.relations.items():
+        said = {key: value for key, value in record.tags.items() if key.startswith("restriction")}
+        timed = any(":conditional" in key or "@" in value for key, value in said.items())
+        places = [member.ref for member in record.members if (member.kind, member.role) == ("node", "via")]
+        if timed and places:
+            found[relation] = places[0]
+    return found
 
 
 def directed(section: Section, *, into_end: bool) -> tuple[LaneTags, ...]:
@@ -104,7 +118,26 @@ class Movements:
         for arm in arms:
             if directed(self._graph.sections[arm[0]], into_end=arm[1]):
                 found += self._from(arm, set(arms), junction)
-        return found
+        return [movement for movement in found if not self._is_for_twin(movement, found)]
+
+    def _is_for_twin(self, movement: Movement, found: Sequence[Movement]) -> bool:
+        """Tell whether a turn lane mapped as a way of its own leaves a movement to the road beside it."""
+        section = self._graph.sections[movement.source[0]]
+        lanes = directed(section, into_end=movement.source[1])
+        own = [other for other in found if other.source == movement.source]
+        angles, left_hand = [other.angle for other in own], self._graph.left_hand
+        painted = {
+            arrow_targets(turn, angles, left_hand=left_hand) for lane in lanes for turn in lane.turns
+        } - {None}
+        if not painted or own.index(movement) in painted or not all(lane.turns for lane in lanes):
+            return False
+        heading = self._outward(movement.source)
+        return any(
+            other.target == movement.target
+            and other.source != movement.source
+            and math.cos(math.radians(self._outward(other.source) - heading)) > _BESIDE
+            for other in found
+        )
 
     def _from(self, arm: Arm, arms: set[Arm], junction: int) -> list[Movement]:
         reached: dict[Arm, float] = {}

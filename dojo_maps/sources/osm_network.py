@@ -14,8 +14,9 @@ from dojo_maps.errors import SourceError
 from dojo_maps.issue import Element, Issue, Severity
 from dojo_maps.sources.netconvert import NetconvertError, run_netconvert
 from dojo_maps.sources.osm import OsmData
+from dojo_maps.sources.osm_arms import Layout
 from dojo_maps.sources.osm_graph import build_graph
-from dojo_maps.sources.osm_layout import Layout, lay_out
+from dojo_maps.sources.osm_layout import lay_out
 from dojo_maps.sources.osm_movements import Restriction, read_restrictions
 from dojo_maps.sources.osm_outlines import mend_outlines
 from dojo_maps.sources.osm_plain import CONNECTIONS, EDGES, NODES, Plain, write_plain

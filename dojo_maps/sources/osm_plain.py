@@ -8,16 +8,17 @@ from xml.sax.saxutils import quoteattr
 
 import numpy as np
 
-from dojo_maps.geometry.polylines import Floats, along
+from dojo_maps.geometry.polylines import Floats
 from dojo_maps.sources.osm import OsmData
-from dojo_maps.sources.osm_corners import Arm
+from dojo_maps.sources.osm_arms import Arm, Layout, divider, incoming_name, outgoing_name
 from dojo_maps.sources.osm_crossings import MappedCrossing
 from dojo_maps.sources.osm_graph import Section
 from dojo_maps.sources.osm_heights import compute_heights
+from dojo_maps.sources.osm_hosting import CROSSING_WIDTH
 from dojo_maps.sources.osm_lanes import connect_lanes
-from dojo_maps.sources.osm_layout import CROSSING_WIDTH, Layout
 from dojo_maps.sources.osm_movements import Movement, Movements, Restriction, directed, leads_through
 from dojo_maps.sources.osm_sidewalks import ISLAND_WIDTH, SIDEWALK_WIDTH, Sidewalks
+from dojo_maps.sources.osm_spacing import side_by_side
 from dojo_maps.sources.osm_ways import KINDS, LaneTags
 
 NODES, EDGES, CONNECTIONS = "input.nod.xml", "input.edg.xml", "input.con.xml"
@@ -49,16 +50,6 @@ class Plain:
 def edge_name(section: Section, *, forward: bool) -> str:
     """Name the edge of a section's direction."""
     return section.id if forward else f"-{section.id}"
-
-
-def incoming_name(arm: Arm) -> str:
-    """Name the edge that arrives through an arm."""
-    return arm[0] if arm[1] else f"-{arm[0]}"
-
-
-def outgoing_name(arm: Arm) -> str:
-    """Name the edge that leaves through an arm."""
-    return f"-{arm[0]}" if arm[1] else arm[0]
 
 
 def write_plain(
@@ -132,7 +123,7 @@ def _edges(layout: Layout, plain: Plain) -> list[str]:
     for name, (left, right) in sorted(plain.sidewalks.items()):
         section = layout.graph.sections[name]
         road = section.road
-        divider = _divider(layout, section, plain.heights)
+        middle = divider(layout, section, plain.heights)
         near, far = (left, right) if layout.graph.left_hand else (right, left)
         for forward, lanes, walk in ((True, road.forward, near), (False, road.backward, far)):
             if not lanes and not walk:
@@ -141,7 +132,7 @@ def _edges(layout: Layout, plain: Plain) -> list[str]:
             edge = edge_name(section, forward=forward)
             plain.sections[edge] = driven
             ends = (layout.junctions.of[driven.start], layout.junctions.of[driven.end])
-            shape = divider if forward else divider[::-1]
+            shape = middle if forward else middle[::-1]
             lines += _edge(edge, ends, driven, lanes, walk=walk, shape=shape)
     return lines
 
@@ -169,44 +160,6 @@ def _edge(
         who = _BUSES if lane.bus else _CARS
         lines.append(f'<lane index="{number + bool(walk)}" {who} width="{road.width:.2f}"/>')
     return [*lines, "</edge>"]
-
-
-def _divider(layout: Layout, section: Section, heights: dict[int, float]) -> Floats:
-    """Find the line between the two directions, drawn back where a crossing lies at an end.
-
-    The way is taken for the middle of the carriageway.
-    """
-    line = np.column_stack([layout.graph.line(section), [heights.get(node, 0.0) for node in section.nodes]])
-    cuts = [layout.cuts.get((section.id, at_end), 0.0) for at_end in (False, True)]
-    line = _trim(line, *cuts)
-    road = section.road
-    aside = road.width * (len(road.forward) - len(road.backward)) / 2
-    return _shift(line, -aside if layout.graph.left_hand else aside)
-
-
-def _trim(line: Floats, start: float, end: float) -> Floats:
-    lengths = along(line)
-    total = float(lengths[-1])
-    if 0 < start + end > total - 1.0:
-        share = max(total - 1.0, 0.0) / (start + end)
-        start, end = start * share, end * share
-    inner = (lengths > start + 0.3) & (lengths < total - end - 0.3)
-    wanted = np.concatenate([[start], lengths[inner], [total - end]])
-    return np.column_stack([np.interp(wanted, lengths, values) for values in line.T])
-
-
-def _shift(line: Floats, distance: float) -> Floats:
-    """Move a line to its left, corners mitred."""
-    if not distance:
-        return line
-    step = np.diff(line[:, :2], axis=0)
-    step /= np.maximum(np.hypot(*step.T), 1e-9)[:, None]
-    left = np.column_stack([-step[:, 1], step[:, 0]])
-    before, after = np.vstack([left[:1], left]), np.vstack([left, left[-1:]])
-    middle = before + after
-    size = np.maximum((middle**2).sum(axis=1), 0.5)
-    aside = distance * 2 * middle / size[:, None]
-    return np.column_stack([line[:, :2] + aside, line[:, 2:]])
 
 
 def _connections(
@@ -271,17 +224,14 @@ def _has_walk(layout: Layout, plain: Plain, edge: str) -> bool:
 
 def _crossings(layout: Layout, junction: int, arms: list[Arm], plain: Plain) -> list[str]:
     lines = []
-    done: set[frozenset[str]] = set()
-    for arm in arms:
-        crossing = layout.hosted.get(arm)
-        if crossing is None:
+    for group in side_by_side(layout, arms):
+        found = [layout.hosted[arm] for arm in group if arm in layout.hosted]
+        edges = (name for arm in group for name in (incoming_name(arm), outgoing_name(arm)))
+        names = frozenset(name for name in edges if _drives(plain, name))
+        if not found:
             continue
-        names = frozenset(name for name in (incoming_name(arm), outgoing_name(arm)) if _drives(plain, name))
-        if names in done:
-            continue
-        done.add(names)
-        plain.crossings.append((str(junction), names, crossing))
-        priority = "true" if crossing.marked else "false"
+        plain.crossings += [(str(junction), names, crossing) for crossing in found]
+        priority = str(any(crossing.marked for crossing in found)).lower()
         lines.append(
             f'<crossing node="{junction}" edges="{" ".join(sorted(names))}" '
             f'width="{CROSSING_WIDTH:.2f}" priority="{priority}"/>'

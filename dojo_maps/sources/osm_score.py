@@ -15,6 +15,7 @@ from dojo_maps.sources.osm_losses import (
     loss,
     strips,
 )
+from dojo_maps.sources.osm_movements import find_conditional
 from dojo_maps.sources.osm_network import OsmNetwork
 from dojo_maps.sources.osm_sidewalks import is_sidewalk
 
@@ -161,6 +162,15 @@ def _unread(data: OsmData, network: OsmNetwork) -> list[Issue]:
                 ("way", way), place, "remove one of the two",
             )
         )  # fmt: skip
+    for relation, node in find_conditional(data).items():
+        if node in graph.places:
+            issues.append(
+                loss(
+                    "osm.restriction_conditional", "a turn that is forbidden at some times is always open",
+                    ("relation", relation), graph.places[node],
+                    "remove the connection in netedit if your hours are among them", severity=Severity.NOTE,
+                )
+            )  # fmt: skip
     if graph.missing:
         what = f"roads name {len(graph.missing)} nodes that the extract lacks; they end there, the first at"
         issues.append(

@@ -15,6 +15,8 @@ _BESIDE = 9.0
 _MEDIAN = 25.0
 """Metres to the other carriageway of a divided road."""
 _SHARE = 0.4
+_ROOM = 1.8
+"""Metres between two roads that leave no room for a sidewalk."""
 
 
 def is_sidewalk(tags: Tags) -> bool:
@@ -35,9 +37,10 @@ class Sidewalks:
         self.mapped = lines
         self._mapped = shapely.STRtree(lines)
         self._sections = sorted(graph.sections)
-        self._roads = shapely.STRtree(
-            [shapely.LineString(graph.line(graph.sections[name])) for name in self._sections]
-        )
+        roads = [shapely.LineString(graph.line(graph.sections[name])) for name in self._sections]
+        self._roads = shapely.STRtree(roads)
+        halves = [graph.sections[name].road.drives / 2 for name in self._sections]
+        self._strips = shapely.STRtree(shapely.buffer(roads, halves, cap_style="flat"))
 
     def sides(self, section: Section) -> tuple[bool, bool]:
         """Tell whether there is a sidewalk on the left and on the right, seen along the section."""
@@ -46,9 +49,13 @@ class Sidewalks:
 
     def _side(self, section: Section, side: int) -> bool:
         said = section.road.sidewalks[side]
-        if said:
-            return said != "no"
+        if said in ("no", "yes"):
+            return said == "yes"
         sign = 1 if side == 0 else -1
+        if self._is_beside_road(section, sign):
+            return False
+        if said:
+            return True
         if self._share_beside(section, sign) >= _SHARE:
             return True
         inner = section.road.kind.endswith("_link") and side == self._graph.left_hand
@@ -80,6 +87,16 @@ class Sidewalks:
             else set()
         )
         return len(hit) / len(rays)
+
+    def _is_beside_road(self, section: Section, sign: int) -> bool:
+        """Tell whether another road on the same level leaves no room on that side."""
+        rays = self._rays(section, sign, section.road.drives / 2 + _ROOM)
+        hits = set()
+        for ray, number in self._strips.query(rays, predicate="intersects").T:
+            other = self._graph.sections[self._sections[number]]
+            if other.id != section.id and other.road.layer == section.road.layer:
+                hits.add(int(ray))
+        return len(hits) > len(rays) * (1 - _SHARE)
 
     def _is_median(self, section: Section, sign: int) -> bool:
         """Tell whether the other carriageway of a divided road lies on that side."""

@@ -2,7 +2,8 @@
 
 Opposite approaches share a stage; a far turn (to the left where traffic keeps right) gets a stage of its own
 where it has lanes of its own, and otherwise waits for gaps. Who walks shares a stage with turning traffic
-that yields, never with traffic that goes straight or is protected.
+that yields, never with traffic that goes straight or is protected. Where a signal has several junctions, the
+roads between them have green together with the roads that fill them, or they would block those.
 """
 
 import itertools
@@ -29,6 +30,7 @@ class SignalLink:
         heading: of a vehicle as it arrives, degrees counter-clockwise from east.
         far: it turns across the opposite traffic.
         alone: the lane it starts from is for such turns only.
+        onto: the road it leads to, where that leads to another junction of the signal; "" elsewhere.
     """
 
     index: int
@@ -42,6 +44,7 @@ class SignalLink:
     direction: str
     far: bool
     alone: bool
+    onto: str = ""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -73,6 +76,9 @@ def read_links(road_map: RoadMap, signal: Signal) -> dict[int, SignalLink]:
         for other in others:
             foes[other].add(number)
     lanes = {lane.id: lane for lane in road_map.lanes}
+    inner = {
+        road.id for road in road_map.roads if {road.from_junction, road.to_junction} <= set(signal.junctions)
+    }
     far = "r" if road_map.left_hand else "l"
     turns: dict[str, set[str]] = defaultdict(set)
     for connection in connections:
@@ -81,7 +87,8 @@ def read_links(road_map: RoadMap, signal: Signal) -> dict[int, SignalLink]:
     for connection in connections:
         lane = lanes[connection.from_lane]
         link = _vehicle(connection, lane.road, lane.speed, turns[lane.id], far)
-        links[link.index] = _with(link, foes, yields)
+        onto = lanes[connection.to_lane].road
+        links[link.index] = replace(_with(link, foes, yields), onto=onto if onto in inner else "")
     for crossing in crossings:
         link = _walk(crossing)
         links[link.index] = _with(link, foes, yields)
@@ -114,29 +121,48 @@ def _with(link: SignalLink, foes: dict[int, set[int]], yields: dict[int, set[int
 def build_stages(links: dict[int, SignalLink]) -> list[Stage]:
     """Divide a signal's links into stages; every link has green in one of them at least."""
     groups = _groups(links)
-    waiting = sorted(groups, key=lambda group: (_is_far(links, group), -len(group), min(group)))
+    whole = {group: _with_fed(links, groups, group) for group in groups}
+    fed = {other for group in groups for other in groups if other < whole[group] and other != group}
+    waiting = sorted(groups, key=lambda g: (g in fed, _is_far(links, g), -len(g), min(g)))
     stages: list[set[int]] = []
     while waiting:
         first = waiting.pop(0)
-        stage = set(first)
+        if any(first <= stage for stage in stages):
+            continue
+        stage = set(whole[first])
         same = [g for g in waiting if _is_far(links, g) == _is_far(links, first)]
         other = [g for g in waiting if _is_far(links, g) != _is_far(links, first)]
         for group in (*sorted(same, key=lambda g: _turned(links, first, g)), *other):
-            if _compatible(links, stage, group):
-                stage |= group
+            if _compatible(links, stage, whole[group]):
+                stage |= whole[group]
                 waiting.remove(group)
         stages.append(stage)
-    filled = [_filled(links, groups, stage) for stage in stages]
+    filled = [_filled(links, whole, stage) for stage in stages]
     return _with_walkers_stage(links, groups, [_stage(links, stage) for stage in filled])
 
 
+def _with_fed(
+    links: dict[int, SignalLink], groups: Sequence[frozenset[int]], group: frozenset[int]
+) -> frozenset[int]:
+    """Add the roads inside the signal that a group's traffic goes on along, as far as they let each other."""
+    whole, waiting = set(group), [group]
+    while waiting:
+        roads = {links[k].onto for k in waiting.pop()} - {""}
+        for other in groups:
+            following = links[min(other)].road in roads and not other <= whole
+            if following and not _is_far(links, other) and _compatible(links, whole, other):
+                whole |= other
+                waiting.append(other)
+    return frozenset(whole)
+
+
 def _filled(
-    links: dict[int, SignalLink], groups: Sequence[frozenset[int]], stage: set[int]
+    links: dict[int, SignalLink], whole: dict[frozenset[int], frozenset[int]], stage: set[int]
 ) -> frozenset[int]:
     """Add what can go along besides."""
-    for group in groups:
-        if not group <= stage and not _is_far(links, group) and _compatible(links, stage, group):
-            stage |= group
+    for group, added in whole.items():
+        if not group <= stage and not _is_far(links, group) and _compatible(links, stage, added):
+            stage |= added
     return frozenset(stage)
 
 

@@ -31,6 +31,7 @@ _LOSSES = (
     ("IMP010", "osm.netconvert_failed", "netconvert takes all options", WARNING, "none"),
     ("IMP011", "osm.context_left_out", "Buildings, trees and areas are all kept", NOTE, "thousands of each"),
     ("IMP012", "osm.edit_lost", "Kept edits fit the new network", WARNING, "all"),
+    ("IMP013", "osm.restriction_conditional", "Turn restrictions hold at all times", NOTE, "no conditions"),
 )
 """What an import counts while it builds a network: code, id, title, severity and limit."""
 

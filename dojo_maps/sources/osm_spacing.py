@@ -1,0 +1,125 @@
+"""Keep roads off each other: forks begin where their roads have parted, near carriageways give way.
+
+OpenStreetMap draws middles of carriageways, often a metre or two beside the truth, and lets ramps start in
+the middle of the road they leave. Lanes as wide as they are would lie on each other there.
+"""
+
+import itertools
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+import shapely
+
+from dojo_maps.geometry.polylines import Floats
+from dojo_maps.sources.osm_arms import Arm, Layout, ray
+
+_GAP = 0.3
+_NARROWEST = 2.75
+_FARTHEST = 2.5
+"""Metres that a carriageway may be moved to its side."""
+_STEP = 2.0
+_PARALLEL = 0.94
+_LEVEL, _ISLAND = 8.0, 1.5
+"""Metres between the ends of two arms on one line, and between their borders where people may wait."""
+_LEAST_OVERLAP = 4.0
+"""Square metres."""
+
+
+def space_carriageways(layout: Layout) -> None:
+    """Narrow the lanes of roads that lie on each other, and move them apart where that is not enough."""
+    names = [name for name in sorted(layout.graph.sections) if name not in layout.inner]
+    lines = {name: shapely.LineString(layout.trimmed(name)) for name in names}
+    tree = shapely.STRtree([lines[name].buffer(_half(layout, name), cap_style="flat") for name in names])
+    pairs = [(names[a], names[b]) for a, b in tree.query(tree.geometries, predicate="intersects").T if a < b]
+    near = {pair: found for pair in pairs if (found := _near_places(layout, lines, *pair))}
+    for (one, other), (apart, _) in near.items():
+        share = (apart - _GAP) / (_half(layout, one) + _half(layout, other))
+        for name in (one, other):
+            section = layout.graph.sections[name]
+            width = round(min(section.road.width, max(_NARROWEST, section.road.width * share)), 2)
+            layout.graph.sections[name] = replace(section, road=replace(section.road, width=width))
+    for (one, other), (apart, side) in near.items():
+        wanted = (_half(layout, one) + _half(layout, other) + _GAP - apart) / 2
+        if wanted > 0:
+            for name, sign in ((one, -side[0]), (other, -side[1])):
+                moved = layout.asides.get(name, 0.0) + sign * wanted
+                layout.asides[name] = max(-_FARTHEST, min(_FARTHEST, moved))
+
+
+def side_by_side(layout: Layout, arms: Sequence[Arm]) -> list[list[Arm]]:
+    """Group a junction's arms: those with no room for an island between them are crossed as one."""
+    groups = [[arm] for arm in arms]
+    for arm, other in itertools.combinations(arms, 2):
+        if not _touch(layout, arm, other):
+            continue
+        one, two = (next(group for group in groups if a in group) for a in (arm, other))
+        if one is not two:
+            one += two
+            groups.remove(two)
+    return groups
+
+
+def _touch(layout: Layout, arm: Arm, other: Arm) -> bool:
+    if arm[0] == other[0]:
+        return False
+    rays = [ray(layout.graph, a) for a in (arm, other)]
+    if float(rays[0][1] @ rays[1][1]) < _PARALLEL:
+        return False
+    lines = [layout.trimmed(name) for name, _ in (arm, other)]
+    ends = [line[-1] if at_end else line[0] for line, (_, at_end) in zip(lines, (arm, other), strict=True)]
+    room = shapely.distance(shapely.Point(ends[0]), shapely.LineString(lines[1]))
+    ahead = abs(float((ends[1] - ends[0]) @ rays[0][1]))
+    return ahead < _LEVEL and room - _half(layout, arm[0]) - _half(layout, other[0]) < _ISLAND
+
+
+def _half(layout: Layout, name: str) -> float:
+    return layout.graph.sections[name].road.drives / 2
+
+
+def _near_places(
+    layout: Layout, lines: dict[str, shapely.LineString], one: str, other: str
+) -> tuple[float, tuple[int, int]] | None:
+    """Measure how far apart two roads run where they lie on each other; and on which side of each.
+
+    Returns:
+        Metres between their middles, and for each road 1 where the other lies to its left, -1 to its right;
+        None where they do not run along each other on one level, or are parts of a ring.
+    """
+    roads = [layout.graph.sections[name].road for name in (one, other)]
+    if roads[0].layer != roads[1].layer or all(road.roundabout for road in roads):
+        return None
+    needed = _half(layout, one) + _half(layout, other)
+    places, headings = _samples(lines[one])
+    distances = shapely.distance(shapely.points(places), lines[other])
+    near = distances < needed
+    depth = float((needed - distances[near]).sum()) * _STEP
+    if depth < _LEAST_OVERLAP:
+        return None
+    apart = float(np.median(distances[near]))
+    sides = []
+    for here, there in ((one, other), (other, one)):
+        places, headings = _samples(lines[here])
+        distances = shapely.distance(shapely.points(places), lines[there])
+        close = distances < needed
+        if not close.any():
+            return None
+        nearest = shapely.get_coordinates(
+            shapely.line_interpolate_point(
+                lines[there], shapely.line_locate_point(lines[there], shapely.points(places[close]))
+            )
+        )
+        across = nearest - places[close]
+        turn = headings[close][:, 0] * across[:, 1] - headings[close][:, 1] * across[:, 0]
+        sides.append(1 if float(turn.sum()) > 0 else -1)
+    return apart, (sides[0], sides[1])
+
+
+def _samples(line: shapely.LineString) -> tuple[Floats, Floats]:
+    """Take places every two metres along a line, and the unit vectors ahead."""
+    at = np.arange(_STEP / 2, max(line.length, _STEP), _STEP)
+    places = shapely.get_coordinates(line.interpolate(at))
+    ahead = shapely.get_coordinates(line.interpolate(np.minimum(at + 0.5, line.length)))
+    behind = shapely.get_coordinates(line.interpolate(np.maximum(at - 0.5, 0.0)))
+    way = ahead - behind
+    return places, way / np.maximum(np.hypot(*way.T), 1e-9)[:, None]
