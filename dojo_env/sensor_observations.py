@@ -79,7 +79,7 @@ class SensorObserver:
         if sensor.output == "depth":
             return spaces.Box(0.0, camera.far, size, np.float32)
         if sensor.output == "semantic":
-            return spaces.Box(0, max(Semantic), size, np.uint8)
+            return spaces.Box(0, int(max(Semantic)), size, np.uint8)
         if sensor.output == "instance":
             return spaces.Box(0, _LARGEST_NUMBER, size, np.int32)
         raise ConfigError(f"sensor {name!r}: no output {sensor.output!r}; rgb, depth, semantic or instance")
