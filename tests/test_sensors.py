@@ -83,9 +83,7 @@ def test_cameras_are_saved_and_read_back(tmp_path):
     [
         "cologne1",
         "cologne3",
-        "cologne8",
         "ingolstadt7",
-        "grid4x4",
         "right_hand",
         "left_hand",
         "slope",

@@ -18,11 +18,11 @@ TRAIN = [sys.executable, str(REPOSITORY / "tools" / "train.py")]
 QUICK = {
     "ppo": ["--scenario", "two-way", "--algorithm", "ppo", "--set", "n_steps=60", "batch_size=60"],
     "bev": ["--scenario", "two-way", "--algorithm", "dqn", "--observation", "bev", "--size", "36x48",
-            "--set", "learning_starts=200", "gradient_steps=1"],
+            "--set", "learning_starts=100", "gradient_steps=1"],
     "encoded": ["--scenario", "two-way", "--algorithm", "a2c", "--observation", "bev", "--size", "84x84",
                 "--encoder", "efficientnet-lite0"],
 }  # fmt: skip
-SIZE = ["--processes", "2", "--seconds", "600", "--steps", "720", "--every", "1"]
+SIZE = ["--processes", "2", "--seconds", "300", "--steps", "360", "--every", "1"]
 
 
 def train(*arguments: object) -> subprocess.CompletedProcess[str]:

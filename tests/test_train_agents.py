@@ -18,7 +18,6 @@ SIZE = ["--scenario", "cologne3", "--processes", "1", "--seconds", "300", "--ste
 KINDS = {
     "shared": ["--set", "n_steps=60", "batch_size=60"],
     "independent": ["--set", "n_steps=60", "batch_size=60"],
-    "independent-dqn": ["--algorithm", "dqn", "--set", "learning_starts=60", "gradient_steps=1"],
 }
 
 
