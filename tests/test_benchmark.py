@@ -2,21 +2,15 @@
 
 import csv
 import json
-import subprocess
-import sys
+from functools import partial
 from pathlib import Path
 
-from conftest import REPOSITORY, command_environment
+from commands import run_tool
 
 from dojo_env.metrics import SIX
 from dojo_env.runs import run_controller
 
-
-def benchmark(*arguments: object) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, str(REPOSITORY / "tools" / "benchmark.py"), *map(str, arguments)]
-    return subprocess.run(
-        command, capture_output=True, text=True, env=command_environment(), check=False, timeout=300
-    )
+benchmark = partial(run_tool, "benchmark")
 
 
 def test_rows_are_run_once_and_stand_beside_published_figures(tmp_path: Path) -> None:

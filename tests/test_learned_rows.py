@@ -2,17 +2,15 @@
 
 import dataclasses
 import json
-import sys
 from pathlib import Path
 from typing import Any
 
+import commands  # noqa: F401 - puts the tools' modules on the path
 import pytest
-from conftest import REPOSITORY
 
 from dojo_env.errors import ConfigError
 
 pytest.importorskip("stable_baselines3")
-sys.path.insert(0, str(REPOSITORY / "tools"))
 
 from learning.evaluation import run_policy
 from learning.rows import LEARNED, find_training

@@ -6,15 +6,17 @@ import signal
 import subprocess
 import sys
 import time
+from functools import partial
 from pathlib import Path
 
 import pytest
-from conftest import REPOSITORY, command_environment
+from commands import TOOLS, run_tool
+from conftest import command_environment
 
 torch = pytest.importorskip("torch")
 pytest.importorskip("stable_baselines3")
 
-TRAIN = [sys.executable, str(REPOSITORY / "tools" / "train.py")]
+TRAIN = [sys.executable, str(TOOLS / "train.py")]
 QUICK = {
     "ppo": ["--scenario", "two-way", "--algorithm", "ppo", "--set", "n_steps=60", "batch_size=60"],
     "bev": ["--scenario", "two-way", "--algorithm", "dqn", "--observation", "bev", "--size", "36x48",
@@ -25,11 +27,7 @@ QUICK = {
 SIZE = ["--processes", "2", "--seconds", "300", "--steps", "360", "--every", "1"]
 
 
-def train(*arguments: object) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [*TRAIN, *map(str, arguments)], capture_output=True, text=True, env=command_environment(),
-        check=False, timeout=300,
-    )  # fmt: skip
+train = partial(run_tool, "train")
 
 
 def interrupt(folder: Path, *arguments: object) -> None:

@@ -1,13 +1,12 @@
 """The benchmark's tables: Markdown for people, CSV for programs, from the files of the rows."""
 
 import csv
-import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from dojo_env.metrics import SIX
-from learning.run_row import FIGURES
+from learning.kept import read_kept
 
 Figures = Mapping[str, Mapping[str, float]]
 """Mean and standard deviation of each figure."""
@@ -25,16 +24,15 @@ def write_tables(folder: Path, order: Sequence[str], published: Mapping[str, Map
         published: figures by scenario and row to show beside ours.
     """
     parts, lines = [], []
-    for scenario in sorted(path for path in folder.iterdir() if path.is_dir()):
-        files = [json.loads(path.read_text(encoding="utf-8")) for path in scenario.glob(f"*/{FIGURES}")]
-        kept = {file["row"]: file["figures"] for file in files}
-        theirs = published.get(scenario.name, {})
+    for scenario, rows in read_kept(folder).items():
+        kept = {name: row.figures for name, row in rows.items()}
+        theirs = published.get(scenario, {})
         names = [
             *(n for n in order if n in kept or n in theirs),
             *sorted((kept.keys() | theirs) - set(order)),
         ]
-        parts.append(_section(scenario.name, names, kept, theirs))
-        lines += [line for name in names for line in _lines(scenario.name, name, kept, theirs)]
+        parts.append(_section(scenario, names, kept, theirs))
+        lines += [line for name in names for line in _lines(scenario, name, kept, theirs)]
     text = "\n".join(parts)
     (folder / "table.md").write_text(text, encoding="utf-8")
     with (folder / "table.csv").open("w", newline="", encoding="utf-8") as file:

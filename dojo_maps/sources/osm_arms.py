@@ -57,6 +57,10 @@ class Layout:
                     found[self.junction((name, at_end))].append((name, at_end))
         return dict(found)
 
+    def half(self, name: str) -> float:
+        """Measure half the width of a section's lanes."""
+        return self.graph.sections[name].road.drives / 2
+
     def room(self, arm: Arm, *, left: float) -> float:
         """Measure how far an arm may be drawn back so that some metres of its road are left."""
         length = self.graph.length(self.graph.sections[arm[0]])

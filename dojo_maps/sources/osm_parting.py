@@ -59,15 +59,11 @@ def _parted_after(layout: Layout, arm: Arm, arms: Sequence[Arm]) -> float:
             forks = (beside[0] == line[0]).all() and shorter > 3 * _FARTHEST_OF_FORK
             reach = _FARTHEST_OF_FORK if forks else _FARTHEST
             distances = shapely.distance(places[at <= reach], shapely.LineString(beside))
-            free = np.flatnonzero(distances >= _half(layout, arm) + _half(layout, other) + _GAP)
+            free = np.flatnonzero(distances >= layout.half(arm[0]) + layout.half(other[0]) + _GAP)
             reached = int(free[0]) if len(free) else len(distances) - 1
             if distances[reached] >= distances[0] + _PARTING:
                 found = max(found, float(at[reached]))
     return found
-
-
-def _half(layout: Layout, arm: Arm) -> float:
-    return layout.graph.sections[arm[0]].road.drives / 2
 
 
 def _nearest_crossing(layout: Layout, arm: Arm, arms: Sequence[Arm]) -> float:

@@ -1,7 +1,7 @@
-"""Keep roads off each other: forks begin where their roads have parted, near carriageways give way.
+"""Keep carriageways off each other: they get narrower lanes where they are mapped too near, then move apart.
 
-OpenStreetMap draws middles of carriageways, often a metre or two beside the truth, and lets ramps start in
-the middle of the road they leave. Lanes as wide as they are would lie on each other there.
+OpenStreetMap draws middles of carriageways, often a metre or two beside the truth. Lanes as wide as they are
+would lie on each other there.
 """
 
 import itertools
@@ -30,17 +30,17 @@ def space_carriageways(layout: Layout) -> None:
     """Narrow the lanes of roads that lie on each other, and move them apart where that is not enough."""
     names = [name for name in sorted(layout.graph.sections) if name not in layout.inner]
     lines = {name: shapely.LineString(layout.trimmed(name)) for name in names}
-    tree = shapely.STRtree([lines[name].buffer(_half(layout, name), cap_style="flat") for name in names])
+    tree = shapely.STRtree([lines[name].buffer(layout.half(name), cap_style="flat") for name in names])
     pairs = [(names[a], names[b]) for a, b in tree.query(tree.geometries, predicate="intersects").T if a < b]
     near = {pair: found for pair in pairs if (found := _near_places(layout, lines, *pair))}
     for (one, other), (apart, _) in near.items():
-        share = (apart - _GAP) / (_half(layout, one) + _half(layout, other))
+        share = (apart - _GAP) / (layout.half(one) + layout.half(other))
         for name in (one, other):
             section = layout.graph.sections[name]
             width = round(min(section.road.width, max(_NARROWEST, section.road.width * share)), 2)
             layout.graph.sections[name] = replace(section, road=replace(section.road, width=width))
     for (one, other), (apart, side) in near.items():
-        wanted = (_half(layout, one) + _half(layout, other) + _GAP - apart) / 2
+        wanted = (layout.half(one) + layout.half(other) + _GAP - apart) / 2
         if wanted > 0:
             for name, sign in ((one, -side[0]), (other, -side[1])):
                 moved = layout.asides.get(name, 0.0) + sign * wanted
@@ -70,11 +70,7 @@ def _touch(layout: Layout, arm: Arm, other: Arm) -> bool:
     ends = [line[-1] if at_end else line[0] for line, (_, at_end) in zip(lines, (arm, other), strict=True)]
     room = shapely.distance(shapely.Point(ends[0]), shapely.LineString(lines[1]))
     ahead = abs(float((ends[1] - ends[0]) @ rays[0][1]))
-    return ahead < _LEVEL and room - _half(layout, arm[0]) - _half(layout, other[0]) < _ISLAND
-
-
-def _half(layout: Layout, name: str) -> float:
-    return layout.graph.sections[name].road.drives / 2
+    return ahead < _LEVEL and room - layout.half(arm[0]) - layout.half(other[0]) < _ISLAND
 
 
 def _near_places(
@@ -89,30 +85,25 @@ def _near_places(
     roads = [layout.graph.sections[name].road for name in (one, other)]
     if roads[0].layer != roads[1].layer or all(road.roundabout for road in roads):
         return None
-    needed = _half(layout, one) + _half(layout, other)
-    places, headings = _samples(lines[one])
-    distances = shapely.distance(shapely.points(places), lines[other])
-    near = distances < needed
-    depth = float((needed - distances[near]).sum()) * _STEP
-    if depth < _LEAST_OVERLAP:
+    needed = layout.half(one) + layout.half(other)
+    near, side = _beside(lines[one], lines[other], needed)
+    if float((needed - near).sum()) * _STEP < _LEAST_OVERLAP:
         return None
-    apart = float(np.median(distances[near]))
-    sides = []
-    for here, there in ((one, other), (other, one)):
-        places, headings = _samples(lines[here])
-        distances = shapely.distance(shapely.points(places), lines[there])
-        close = distances < needed
-        if not close.any():
-            return None
-        nearest = shapely.get_coordinates(
-            shapely.line_interpolate_point(
-                lines[there], shapely.line_locate_point(lines[there], shapely.points(places[close]))
-            )
-        )
-        across = nearest - places[close]
-        turn = headings[close][:, 0] * across[:, 1] - headings[close][:, 1] * across[:, 0]
-        sides.append(1 if float(turn.sum()) > 0 else -1)
-    return apart, (sides[0], sides[1])
+    back, other_side = _beside(lines[other], lines[one], needed)
+    return (float(np.median(near)), (side, other_side)) if len(back) else None
+
+
+def _beside(line: shapely.LineString, other: shapely.LineString, needed: float) -> tuple[Floats, int]:
+    """Measure a line's distances to another where that is too near, and on which side it lies."""
+    places, headings = _samples(line)
+    distances = shapely.distance(shapely.points(places), other)
+    close = distances < needed
+    nearest = shapely.get_coordinates(
+        shapely.line_interpolate_point(other, shapely.line_locate_point(other, shapely.points(places[close])))
+    )
+    across = nearest - places[close]
+    turn = headings[close][:, 0] * across[:, 1] - headings[close][:, 1] * across[:, 0]
+    return distances[close], 1 if float(turn.sum()) > 0 else -1
 
 
 def _samples(line: shapely.LineString) -> tuple[Floats, Floats]:
