@@ -52,7 +52,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--scenario", default="cologne1")
     parser.add_argument("--algorithms", nargs="+", default=list(ALGORITHMS), choices=list(ALGORITHMS))
-    parser.add_argument("--processes", type=int, default=4)
+    parser.add_argument("--processes", type=int, default=Training().processes)
     parser.add_argument("--rounds", type=int, default=3, help="of an episode in each environment")
     parser.add_argument("--warm-up", type=int, default=20_000, help="steps before anything is measured")
     options = parser.parse_args()

@@ -5,6 +5,7 @@ best on validation seeds), `curve.csv`, and `checkpoint.pt`, from which `--resum
 """
 
 import argparse
+import dataclasses
 import json
 import sys
 from pathlib import Path
@@ -14,7 +15,7 @@ from dojo_env.errors import ConfigError
 from dojo_env.rewards import REWARDS
 from dojo_maps.errors import DojoError
 from learning.scenarios import check_scenario
-from learning.settings import AGENTS, ALGORITHMS, CONDITIONS, OBSERVATIONS, REWARD, Training
+from learning.settings import AGENTS, ALGORITHMS, CONDITIONS, OBSERVATIONS, Training
 
 
 def read_size(text: str) -> tuple[int, int]:
@@ -36,26 +37,23 @@ def read_pairs(pairs: list[str]) -> dict[str, Any]:
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add what a run is described by; every learner takes the same."""
-    parser.add_argument("--scenario", default="cologne1")
-    parser.add_argument("--algorithm", default="ppo", choices=list(ALGORITHMS))
-    parser.add_argument("--observation", default="features", choices=OBSERVATIONS)
-    parser.add_argument("--encoder", default="none", help="a frozen encoder of images; see dojo_env's README")
-    parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--steps", type=int, default=200_000, help="decisions of all environments together")
-    parser.add_argument("--seconds", type=int, default=3600, help="of an episode")
-    parser.add_argument("--processes", type=int, default=4, help="environments, each in its own process")
-    parser.add_argument("--min-green", type=int, default=10, help="seconds of green before a change")
-    parser.add_argument(
-        "--reward", nargs="+", default=[f"{name}={weight}" for name, weight in REWARD.items()],
-        metavar="NAME=WEIGHT", help=", ".join(REWARDS),
-    )  # fmt: skip
-    parser.add_argument("--size", type=read_size, default=(84, 84), metavar="HEIGHTxWIDTH", help="of images")
+    """Add what a run is described by; every learner takes the same, and what is not given is as usual."""
+    parser.add_argument("--scenario")
+    parser.add_argument("--algorithm", choices=list(ALGORITHMS))
+    parser.add_argument("--observation", choices=OBSERVATIONS)
+    parser.add_argument("--encoder", help="a frozen encoder of images; see dojo_env's README")
+    parser.add_argument("--seed", type=int)
+    parser.add_argument("--steps", type=int, help="decisions of all environments together")
+    parser.add_argument("--seconds", type=int, help="of an episode")
+    parser.add_argument("--processes", type=int, help="environments, each in its own process")
+    parser.add_argument("--min-green", type=int, help="seconds of green before a change")
+    parser.add_argument("--reward", nargs="+", metavar="NAME=WEIGHT", help=", ".join(REWARDS))
+    parser.add_argument("--size", type=read_size, metavar="HEIGHTxWIDTH", help="of images")
     parser.add_argument("--shared-views", action="store_true", help="one set of weights for all views")
-    parser.add_argument("--conditions", default="day", choices=list(CONDITIONS), help="light and weather")
-    parser.add_argument("--agents", default="single", choices=AGENTS, help="how several signals learn")
+    parser.add_argument("--conditions", choices=list(CONDITIONS), help="light and weather")
+    parser.add_argument("--agents", choices=AGENTS, help="how several signals learn")
     parser.add_argument(
-        "--set", nargs="+", default=[], metavar="NAME=VALUE", help="the algorithm's own settings"
+        "--set", nargs="+", dest="hyperparameters", metavar="NAME=VALUE", help="the algorithm's own settings"
     )
 
 
@@ -65,28 +63,15 @@ def read_arguments(options: argparse.Namespace) -> Training:
     Raises:
         ConfigError: a value cannot work.
     """
-    height, width = options.size
-    reward = read_pairs(options.reward)
-    if unknown := set(reward) - set(REWARDS):
+    known = {field.name: getattr(options, field.name, None) for field in dataclasses.fields(Training)}
+    given = {name: value for name, value in known.items() if value is not None}
+    for name in {"reward", "hyperparameters"} & set(given):
+        given[name] = read_pairs(given[name])
+    if unknown := set(given.get("reward", ())) - set(REWARDS):
         raise ConfigError(f"--reward {', '.join(unknown)}: expected {', '.join(REWARDS)}")
-    names = (
-        "scenario",
-        "algorithm",
-        "observation",
-        "encoder",
-        "seed",
-        "steps",
-        "seconds",
-        "processes",
-        "min_green",
-        "shared_views",
-        "conditions",
-        "agents",
-    )
-    return Training(
-        **{name: getattr(options, name) for name in names},
-        reward=reward, height=height, width=width, hyperparameters=read_pairs(options.set),
-    )  # fmt: skip
+    if options.size:
+        given["height"], given["width"] = options.size
+    return Training(**given)
 
 
 def main() -> int:
@@ -97,7 +82,7 @@ def main() -> int:
     add_arguments(parser)
     parser.add_argument("--out", type=Path, required=True, metavar="FOLDER")
     parser.add_argument("--resume", action="store_true", help="go on from the folder's checkpoint")
-    parser.add_argument("--every", type=int, default=5, help="rounds of episodes between evaluations")
+    parser.add_argument("--every", type=int, default=3, help="rounds of episodes between evaluations")
     parser.add_argument("--tensorboard", action="store_true", help="write its event files, too")
     options = parser.parse_args()
     try:

@@ -18,7 +18,7 @@ from .settings import Training
 
 FIRST_TRAINING_SEED = 1_000
 """The seeds below are for evaluation: the benchmark's, and from 500 those that choose the best policy."""
-VALIDATION_SEEDS = (500, 501)
+VALIDATION_SEEDS = (500, 501, 502, 503)
 _SEEDS_PER_RUN = 1_000_000
 
 

@@ -60,7 +60,7 @@ def is_trained(training: Training, folder: Path) -> bool:
 
 
 def train(
-    training: Training, folder: Path, *, resume: bool = False, every: int = 5, tensorboard: bool = False
+    training: Training, folder: Path, *, resume: bool = False, every: int = 3, tensorboard: bool = False
 ) -> None:
     """Train, and keep the best policy, the curve and a checkpoint in the folder.
 

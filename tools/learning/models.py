@@ -37,13 +37,16 @@ def build_model(training: Training, environments: VecEnv) -> BaseAlgorithm | Ind
     if training.agents == "independent":
         return Independent(training, environments, build_model)
     name, settings = describe_policy(training, environments.observation_space)
+    known = dict(training.hyperparameters)
+    rate = known.pop("learning_rate")
     return CLASSES[training.algorithm](
         name,
         environments,
         seed=training.seed,
         device="auto" if training.sees else "cpu",
         policy_kwargs=settings,
-        **{**training.settings, "learning_rate": partial(_fall, training.settings["learning_rate"])},
+        learning_rate=partial(_fall, rate),
+        **known,
     )
 
 
@@ -62,6 +65,7 @@ def describe_policy(training: Training, observed: spaces.Space[Any]) -> tuple[st
     """Tell the policy's name in Stable-Baselines3, and its settings."""
     settings: dict[str, Any] = {"net_arch": [128] if training.sees else [128, 128]}
     if training.sees:
+        settings["normalize_images"] = False  # The network does, pixel by pixel.
         settings["features_extractor_class"] = ViewNet
         settings["features_extractor_kwargs"] = {"shared": training.shared_views}
     elif training.encoder != "none":

@@ -40,7 +40,7 @@ def build_config(training: Training, *, done: int) -> AlgorithmConfig:
 
 
 def _describe_ppo(training: Training, done: int) -> tuple[AlgorithmConfig, dict[str, Any]]:
-    known = training.settings
+    known = training.hyperparameters
     config = PPOConfig().training(
         lr=_fall(known["learning_rate"], 0, training.whole_steps, done),
         gamma=known["gamma"],
@@ -58,7 +58,7 @@ def _describe_ppo(training: Training, done: int) -> tuple[AlgorithmConfig, dict[
 
 
 def _describe_dqn(training: Training, done: int) -> tuple[AlgorithmConfig, dict[str, Any]]:
-    known = training.settings
+    known = training.hyperparameters
     epsilon = _fall(
         1, known["exploration_final_eps"], training.whole_steps * known["exploration_fraction"], done
     )

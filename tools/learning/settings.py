@@ -12,10 +12,10 @@ from typing import Any
 from dojo_env.errors import ConfigError
 
 ALGORITHMS: dict[str, dict[str, Any]] = {
-    "ppo": {"n_steps": 180, "batch_size": 180, "n_epochs": 3, "learning_rate": 5e-4, "gamma": 0.97,
+    "ppo": {"n_steps": 90, "batch_size": 180, "n_epochs": 3, "learning_rate": 5e-4, "gamma": 0.97,
             "gae_lambda": 0.9, "ent_coef": 0.005, "clip_range": 0.2},
     "a2c": {"n_steps": 12, "learning_rate": 7e-4, "gamma": 0.97, "gae_lambda": 0.9, "ent_coef": 0.005},
-    "dqn": {"buffer_size": 50_000, "learning_starts": 2_880, "batch_size": 32, "learning_rate": 5e-4,
+    "dqn": {"buffer_size": 50_000, "learning_starts": 5_760, "batch_size": 64, "learning_rate": 5e-4,
             "gamma": 0.97, "train_freq": 1, "gradient_steps": 1, "target_update_interval": 500,
             "exploration_fraction": 0.3, "exploration_final_eps": 0.02},
 }  # fmt: skip
@@ -67,7 +67,7 @@ class Training:
         conditions: `day`, or `random` light, weather and lenses per episode.
         agents: `single` for one signal; with several, all may use one `shared` policy, or each learns an
             `independent` one.
-        hyperparameters: of the algorithm, where they differ from `ALGORITHMS`.
+        hyperparameters: of the algorithm; what is not given is as in `ALGORITHMS`.
     """
 
     scenario: str = "cologne1"
@@ -77,7 +77,7 @@ class Training:
     seed: int = 0
     steps: int = 200_000
     seconds: int = 3600
-    processes: int = 4
+    processes: int = 8
     min_green: int = 10
     reward: Mapping[str, float] = field(default_factory=lambda: dict(REWARD))
     height: int = 84
@@ -111,12 +111,11 @@ class Training:
                 f"{self.algorithm} has no setting {', '.join(sorted(unknown))} here; "
                 f"known are {', '.join(ALGORITHMS[self.algorithm])}"
             )
-
+        known = {**ALGORITHMS[self.algorithm], **self.hyperparameters}
+        object.__setattr__(self, "hyperparameters", known)
         for name in ("n_steps", "train_freq"):
-            if self.decisions % self.settings.get(name, 1):
-                raise ConfigError(
-                    f"{name}={self.settings[name]}: expected a divisor of {self.decisions}, an episode"
-                )
+            if self.decisions % known.get(name, 1):
+                raise ConfigError(f"{name}={known[name]}: expected a divisor of {self.decisions}, an episode")
 
     @property
     def decisions(self) -> int:
@@ -137,11 +136,6 @@ class Training:
     def sees(self) -> bool:
         """Whether the policy learns from images, not from features or an encoder's."""
         return self.encoder == "none" and self.observation in IMAGES
-
-    @property
-    def settings(self) -> dict[str, Any]:
-        """The algorithm's settings, all of them."""
-        return {**ALGORITHMS[self.algorithm], **self.hyperparameters}
 
     @property
     def environment(self) -> dict[str, Any]:
@@ -173,11 +167,7 @@ def read_training(path: Path) -> Training:
 
 def write_training(training: Training, path: Path) -> None:
     """Write a run's settings, and the versions of what it ran on."""
-    known = {
-        "training": dataclasses.asdict(training),
-        "all_settings": training.settings,
-        "versions": list_versions(),
-    }
+    known = {"training": dataclasses.asdict(training), "versions": list_versions()}
     path.write_text(json.dumps(known, indent=1) + "\n", encoding="utf-8")
 
 
