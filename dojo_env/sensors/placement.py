@@ -21,7 +21,7 @@ MOUNT_HEIGHT = 10.0
 PITCH_DEG = -35.0
 FIELD_OF_VIEW_DEG = 75.0
 BEV_FIELD_OF_VIEW_DEG = 60.0
-QUEUE_IN_VIEW = 45.0
+QUEUE_IN_VIEW = 75.0
 """Metres of queue before each stop line that a bird's eye view holds, where the road is that long."""
 _INNER_ROAD = 25.0
 """Shorter roads between two junctions of one signal are part of its middle, not an approach, metres."""

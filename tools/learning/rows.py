@@ -26,7 +26,7 @@ _ALGORITHMS = ("DQN", "PPO", "A2C")
 _SEEN: dict[str, dict[str, Any]] = {
     "F": {"observation": "features"},
     "MV": {"observation": "multi_view"},
-    "BEV": {"observation": "bev"},
+    "BEV": {"observation": "bev", "steps": 400_000},
     "BEV*": {"observation": "bev", "encoder": "efficientnet-lite0", "height": 256, "width": 356},
 }
 LEARNED: dict[str, dict[str, Any]] = {
