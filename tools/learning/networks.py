@@ -19,11 +19,11 @@ _FARTHEST = 5.0
 def build_view(shape: tuple[int, int, int]) -> nn.Sequential:
     """Build the network of one view of a camera that does not move: where something is seen matters.
 
-    Cars are a few pixels, lighter or darker than the road, so the first layer looks at 4 x 4 pixels and
-    keeps both signs; the second sums patches of 8 x 8 pixels; nothing is pooled, so places stay apart.
+    Cars are a few pixels, lighter or darker than the road: the first layer keeps both signs. Patches overlap,
+    so that a car on the edge of two is as plain as any; nothing is pooled, so places stay apart.
     """
     stem = nn.Sequential(
-        nn.Conv2d(shape[0], 16, 4, 4), nn.ReLU(), nn.Conv2d(16, 16, 2, 2), nn.ReLU(), nn.Flatten()
+        nn.Conv2d(shape[0], 16, 6, 4, 1), nn.ReLU(), nn.Conv2d(16, 24, 3, 2, 1), nn.ReLU(), nn.Flatten()
     )
     with torch.no_grad():
         size = stem(torch.zeros(1, *shape)).shape[1]
