@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 import torch
 from stable_baselines3.common.policies import BasePolicy
-from stable_baselines3.common.vec_env import VecEnv
+from stable_baselines3.common.vec_env import VecEnv, VecTransposeImage
 
 from .environments import open_evaluation
 from .independent import Policies
-from .models import build_model, load_policy
+from .models import build_policies, load_policy
 from .settings import POLICY, Training
 
 
@@ -44,7 +44,8 @@ def run_policy(
         What `evaluate` does.
     """
     torch.set_num_threads(1)
-    with closing(open_evaluation(training, seeds, **changes)) as environments:
-        model = build_model(training, environments)
-        load_policy(model, folder / POLICY)
-        return evaluate(model.policy, environments)
+    environments = open_evaluation(training, seeds, **changes)
+    with closing(VecTransposeImage(environments) if training.sees else environments) as environments:
+        policy = build_policies(training, environments)
+        load_policy(policy, folder / POLICY)
+        return evaluate(policy, environments)

@@ -61,6 +61,15 @@ def build_policy(training: Training, observed: spaces.Space[Any], actions: space
     return CLASSES[training.algorithm].policy_aliases[name](observed, actions, lambda _: 0.0, **settings)
 
 
+def build_policies(training: Training, environments: VecEnv) -> BasePolicy | Policies:
+    """Build what acts in such environments, whose images are (3, h, w); weights are to be loaded."""
+    observed = environments.observation_space
+    if training.agents != "independent":
+        return build_policy(training, observed, environments.action_space)
+    alone = (spaces.Discrete(count) for count in environments.phases)
+    return Policies(build_policy(training, observed, actions) for actions in alone)
+
+
 def describe_policy(training: Training, observed: spaces.Space[Any]) -> tuple[str, dict[str, Any]]:
     """Tell the policy's name in Stable-Baselines3, and its settings."""
     settings: dict[str, Any] = {"net_arch": [128] if training.sees else [128, 128]}
@@ -79,14 +88,14 @@ def save_policy(policy: BasePolicy | Policies, path: Path) -> None:
     save(policy.state_dict(), path)
 
 
-def load_policy(model: BaseAlgorithm | Independent, path: Path) -> None:
+def load_policy(policy: BasePolicy | Policies, path: Path) -> None:
     """Take weights from a file.
 
     Raises:
         ConfigError: they are no weights, or those of another policy.
     """
     try:
-        model.policy.load_state_dict(load(path))
+        policy.load_state_dict(load(path))
     except RuntimeError as error:
         raise ConfigError(
             f"{path}: weights of another policy; give the folder they were trained in ({error})"
