@@ -52,12 +52,9 @@ class Features:
     def observe(self, signal: str, instant: Instant) -> NDArray[np.float32]:
         """Measure the lanes as they are."""
         view = instant.signals[signal]
-        count = len(view.plan.phases)
-        seen = np.zeros(count + 1 + 2 * len(view.plan.lanes), dtype=np.float32)
-        seen[view.phase] = 1
-        seen[count] = view.may_change
-        seen[count + 1 :] = view.lanes.shares.ravel()
-        return seen
+        phases = [0.0] * len(view.plan.phases)
+        phases[view.phase] = 1.0
+        return np.array([*phases, view.may_change, *view.lanes.shares], dtype=np.float32)
 
 
 OBSERVERS: dict[str, ObserverFactory] = {"features": Features}

@@ -2,6 +2,8 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from math import fsum
+from operator import mul, truediv
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,58 +13,58 @@ HALTING = 0.1
 """m/s; SUMO's own limit below which a vehicle counts as stopped."""
 MIN_GAP = 2.5
 """Metres between standing vehicles: SUMO's default, and what SUMO-RL divides by."""
-RAW = 6
-"""How many rows SUMO measures; the others follow from them."""
-_VEHICLES, _HALTING, _MEAN_SPEED, _MEAN_LENGTH, _WAITING, _CO2 = range(RAW)
-_RELATIVE, _PACE, _DENSITY, _QUEUE = range(RAW, RAW + 4)
+_VEHICLES, _HALTING, _MEAN_SPEED, _MEAN_LENGTH, _WAITING, _CO2 = range(6)
+"""Rows that SUMO measures; the others follow from them."""
+_RELATIVE, _PACE, _DENSITY, _QUEUE = range(6, 10)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class LaneReading:
     """Figures of the lanes that lead to a signal.
 
-    One table and its sums, since this is made at every decision.
+    Plain lists, since this is made at every decision: right after SUMO's steps each call of NumPy costs as
+    much as a loop over a signal's few lanes.
 
     Attributes:
-        table: (10, lanes): vehicles, those slower than 0.1 m/s, mean speed in m/s (the limit where the
-            lane is empty), mean length in metres (0 where it is empty), accumulated waiting in s, CO2 in
+        rows: a value per lane each: vehicles, those slower than 0.1 m/s, mean speed in m/s (the limit where
+            the lane is empty), mean length in metres (0 where it is empty), accumulated waiting in s, CO2 in
             mg/s, speed over limit, that times the vehicles, and the shares of the lane's room that vehicles
             and halting ones take, at most 1.
         totals: the rows' sums.
     """
 
-    table: Figures
+    rows: list[list[float]]
     totals: list[float]
 
     @property
     def vehicles(self) -> Figures:
         """How many are on each lane."""
-        return self.table[_VEHICLES]
+        return np.array(self.rows[_VEHICLES])
 
     @property
     def halting(self) -> Figures:
         """How many of them are slower than 0.1 m/s."""
-        return self.table[_HALTING]
+        return np.array(self.rows[_HALTING])
 
     @property
     def mean_speed(self) -> Figures:
         """In m/s; the speed limit where the lane is empty."""
-        return self.table[_MEAN_SPEED]
+        return np.array(self.rows[_MEAN_SPEED])
 
     @property
     def accumulated_waiting(self) -> Figures:
         """The sum of SUMO's accumulated waiting times, seconds."""
-        return self.table[_WAITING]
+        return np.array(self.rows[_WAITING])
 
     @property
     def co2(self) -> Figures:
         """In mg/s."""
-        return self.table[_CO2]
+        return np.array(self.rows[_CO2])
 
     @property
-    def shares(self) -> Figures:
-        """(2, lanes), 0 to 1: density and queue."""
-        return self.table[_DENSITY:]
+    def shares(self) -> list[float]:
+        """0 to 1: the density of each lane, then the queue of each."""
+        return self.rows[_DENSITY] + self.rows[_QUEUE]
 
     @property
     def total_vehicles(self) -> float:
@@ -93,7 +95,7 @@ class LaneReading:
     @property
     def delay(self) -> float:
         """The sum over the lanes of 1 - mean speed / speed limit; an empty lane counts 0."""
-        return self.table.shape[1] - self.totals[_RELATIVE]
+        return len(self.rows[_RELATIVE]) - self.totals[_RELATIVE]
 
 
 class LaneGroups:
@@ -102,25 +104,27 @@ class LaneGroups:
     def __init__(self, groups: Sequence[tuple[Sequence[str], Figures, Figures]]) -> None:
         """Take lanes, their speed limits in m/s and their lengths in metres, for each signal."""
         self.lanes: tuple[str, ...] = tuple(lane for lanes, _, _ in groups for lane in lanes)
-        self._limits = np.concatenate([limits for _, limits, _ in groups])
-        self._lengths = np.concatenate([lengths for _, _, lengths in groups])
-        self._ends = np.cumsum([len(lanes) for lanes, _, _ in groups])
-        self._starts = np.concatenate([[0], self._ends[:-1]])
-        self._slices = [slice(a, b) for a, b in zip(self._starts.tolist(), self._ends.tolist(), strict=True)]
+        self._groups: list[tuple[slice, list[float], list[float]]] = []
+        end = 0
+        for lanes, limits, lengths in groups:
+            start, end = end, end + len(lanes)
+            self._groups.append((slice(start, end), limits.tolist(), lengths.tolist()))
 
-    def divide(self, raw: Figures) -> list[LaneReading]:
-        """Give each signal its figures, from (6, all lanes) that SUMO has measured."""
-        table = np.empty((RAW + 4, len(self.lanes)))
-        table[:RAW] = raw
-        np.divide(raw[_MEAN_SPEED], self._limits, out=table[_RELATIVE])
-        np.multiply(table[_RELATIVE], raw[_VEHICLES], out=table[_PACE])
-        room = (MIN_GAP + raw[_MEAN_LENGTH]) / self._lengths
-        np.minimum(raw[: _HALTING + 1] * room, 1.0, out=table[_DENSITY:])
-        totals = np.add.reduceat(table, self._starts, axis=1).T.tolist()
+    def divide(self, raw: Sequence[Sequence[float]]) -> list[LaneReading]:
+        """Give each signal its figures, from the six rows that SUMO has measured of all lanes."""
         return [
-            LaneReading(table=table[:, part], totals=sums)
-            for part, sums in zip(self._slices, totals, strict=True)
+            _read_lanes([list(row[part]) for row in raw], limits, lengths)
+            for part, limits, lengths in self._groups
         ]
+
+
+def _read_lanes(rows: list[list[float]], limits: list[float], lengths: list[float]) -> LaneReading:
+    vehicles = rows[_VEHICLES]
+    relative = list(map(truediv, rows[_MEAN_SPEED], limits))
+    room = [(MIN_GAP + mean) / length for mean, length in zip(rows[_MEAN_LENGTH], lengths, strict=True)]
+    rows += [relative, list(map(mul, relative, vehicles))]
+    rows += [[min(share, 1.0) for share in map(mul, row, room)] for row in (vehicles, rows[_HALTING])]
+    return LaneReading(rows=rows, totals=list(map(fsum, rows)))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -4,7 +4,8 @@ Plain getters, mapped over ids, cost less than subscriptions: libsumo answers on
 subscription spends longer than that on building its dicts.
 """
 
-from itertools import compress
+from collections.abc import Iterable
+from itertools import chain, compress, repeat
 from types import MappingProxyType
 from typing import Any
 
@@ -36,6 +37,13 @@ _RIGHT, _LEFT, _BOTH, _BRAKE, _BLUE = 1, 2, 4, 8, 2048 | 4096 | 8192
 """Bits of SUMO's vehicle signals."""
 _BITS = 1 << 14
 _SPARE = 1000
+_LOOK = np.dtype(
+    [
+        ("numbers", np.int32), ("kinds", np.uint8), ("colours", np.uint8, 3), ("sizes", np.float64, 3),
+    ],
+    align=True,
+)  # fmt: skip
+"""What a road user keeps as long as it exists."""
 
 
 class RoadUsers:
@@ -46,44 +54,46 @@ class RoadUsers:
         self._get = get
         self._signals: tuple[str, ...] = tuple(get.trafficlight_getIDList())
         self._rows: dict[str, int] = {}
-        self._looks = np.empty((_SPARE, 8))
+        self._looks = np.empty(_SPARE, _LOOK)
         self._next = 1
 
-    def read_snapshot(self, time: float) -> Snapshot:
-        """Picture everyone who is somewhere: not those who ride in a vehicle or are being teleported."""
+    def read_snapshot(self, time: float, ids: tuple[str, ...], speeds: list[float]) -> Snapshot:
+        """Picture everyone who is somewhere: not those who ride in a vehicle or are being teleported.
+
+        Args:
+            time: of this instant, seconds.
+            ids: of the vehicles.
+            speeds: of them, m/s.
+        """
         get = self._get
-        ids: tuple[str, ...] = get.vehicle_getIDList()
         people = tuple(name for name in get.person_getIDList() if not get.person_getVehicle(name))
 
-        def column(name: str) -> list[Any]:
-            values = list(map(getattr(get, f"vehicle_{name}"), ids))
-            return values + list(map(getattr(get, f"person_{name}"), people)) if people else values
+        def column(name: str) -> Iterable[Any]:
+            values = map(getattr(get, f"vehicle_{name}"), ids)
+            return chain(values, map(getattr(get, f"person_{name}"), people)) if people else values
 
         names = ids
         if people:
             taken = set(ids)
             names = (*ids, *(f"person {name}" if name in taken else name for name in people))
+            speeds = [*speeds, *map(get.person_getSpeed, people)]
         count = len(names)
-        positions = np.array(column("getPosition3D"), dtype=np.float64).reshape(count, 3)
-        looks = self._looks[self._find(ids, people)]
-        bits = np.zeros(count, dtype=np.int64)
-        bits[: len(ids)] = list(map(get.vehicle_getSignals, ids))
-        is_flat = not positions[:, 2].any()
-        slopes = np.zeros(count) if is_flat else np.radians(np.array(column("getSlope"), dtype=np.float64))
+        places = chain.from_iterable(column("getPosition3D"))
+        positions = np.fromiter(places, np.float64, 3 * count).reshape(count, 3)
+        looks = self._looks.take(self._find(ids, people))
+        bits = chain(map(get.vehicle_getSignals, ids), repeat(0, len(people)))
+        slopes = column("getSlope") if positions[:, 2].any() else repeat(0.0, count)
         snapshot: dict[str, Any] = {
-            "numbers": looks[:, 0].astype(np.int32),
-            "kinds": looks[:, 1].astype(np.uint8),
+            **{name: looks[name] for name in _LOOK.fields or ()},
             "positions": positions,
-            "headings": np.radians(90.0 - np.array(column("getAngle"), dtype=np.float64)),
-            "slopes": slopes,
-            "sizes": looks[:, 2:5],
-            "colours": looks[:, 5:8].astype(np.uint8),
-            "lights": _LIGHTS[bits % _BITS],
-            "speeds": np.array(column("getSpeed"), dtype=np.float64),
+            "headings": np.radians(90.0 - np.fromiter(column("getAngle"), np.float64, count)),
+            "slopes": np.radians(np.fromiter(slopes, np.float64, count)),
+            "lights": _LIGHTS[np.fromiter(bits, np.int64, count) % _BITS],
+            "speeds": np.array(speeds, dtype=np.float64),
         }
         lanes = tuple(column("getLaneID"))
-        there = np.all(positions > _INVALID, axis=1)
-        if not there.all():
+        if positions.min(initial=0.0) < _INVALID:
+            there = np.all(positions > _INVALID, axis=1)
             snapshot = {name: values[there] for name, values in snapshot.items()}
             names, lanes = (tuple(compress(values, there.tolist())) for values in (names, lanes))
         signals = {name: get.trafficlight_getRedYellowGreenState(name) for name in self._signals}
@@ -114,12 +124,12 @@ class RoadUsers:
     def _forget(self, present: list[str]) -> None:
         """Keep only who is present, so that memory does not grow with the episode, and make room."""
         kept = [key for key in present if key in self._rows]
-        looks = np.empty((2 * len(present) + _SPARE, 8))
+        looks = np.empty(2 * len(present) + _SPARE, _LOOK)
         looks[: len(kept)] = self._looks[[self._rows[key] for key in kept]]
         self._rows, self._looks = {key: row for row, key in enumerate(kept)}, looks
 
 
-def _read_look(get: Any, domain: str, name: str) -> tuple[float, ...]:
+def _read_look(get: Any, domain: str, name: str) -> tuple[Any, ...]:
     def ask(what: str) -> Any:
         return getattr(get, f"{domain}_get{what}")(name)
 
@@ -129,7 +139,7 @@ def _read_look(get: Any, domain: str, name: str) -> tuple[float, ...]:
     if not on_foot:
         kind = _SHAPES.get(ask("ShapeClass"), _KINDS.get(ask("VehicleClass"), Kind.CAR))
     sizes = (min(max(ask(side), 0.1), LARGEST_SIZE - 1) for side in ("Length", "Width", "Height"))
-    return (kind, *sizes, *colour)
+    return kind, colour, tuple(sizes)
 
 
 def _tabulate_lights() -> NDArray[np.uint8]:

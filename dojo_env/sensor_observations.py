@@ -52,6 +52,15 @@ class SensorObserver:
             }
             for signal, named in self._sensors.items()
         }
+        self._looks = {signal: self._plan_look(signal) for signal in self._sensors}
+
+    def _plan_look(self, signal: str) -> tuple[tuple[Camera, ...], tuple[str, ...], dict[str, int]]:
+        """List the distinct cameras, their outputs, and which camera each sensor has."""
+        cameras = self._cameras[signal]
+        outputs = {each.output for each in self._sensors[signal].values() if isinstance(each, Sensor)}
+        distinct = tuple(dict.fromkeys(cameras.values()))
+        places = {name: distinct.index(camera) for name, camera in cameras.items()}
+        return distinct, tuple(sorted(outputs)), places
 
     def _find(self, signal: str, sensor: Sensor) -> Camera:
         if isinstance(sensor.camera, Camera):
@@ -89,19 +98,15 @@ class SensorObserver:
 
     def observe(self, signal: str, instant: Instant) -> Any:
         """Look and scan."""
-        cameras = self._cameras[signal]
-        outputs = {each.output for each in self._sensors[signal].values() if isinstance(each, Sensor)}
-        distinct = tuple(dict.fromkeys(cameras.values()))
-        pictures = dict(
-            zip(distinct, self._eyes.look(instant.snapshot, distinct, tuple(outputs)), strict=True)
-        )
+        distinct, outputs, places = self._looks[signal]
+        pictures = self._eyes.look(instant.snapshot, distinct, outputs)
         seen: dict[str, NDArray[Any]] = {}
         for name, sensor in self._sensors[signal].items():
             if isinstance(sensor, Lidar):
                 (scan,) = self._eyes.scan(instant.snapshot, [sensor])
                 seen[name] = np.minimum(scan.ranges, np.float32(sensor.reach))
             else:
-                seen[name] = getattr(pictures[cameras[name]], sensor.output)
+                seen[name] = getattr(pictures[places[name]], sensor.output)
         return next(iter(seen.values())) if self._bare else seen
 
 

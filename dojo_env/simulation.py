@@ -15,7 +15,7 @@ import numpy as np
 
 from dojo_env.config import TrafficConfig
 from dojo_env.errors import SimulationBusyError, SimulationError
-from dojo_env.reading import HALTING, RAW, Figures, TrafficReading, Trip
+from dojo_env.reading import HALTING, Figures, TrafficReading, Trip
 from dojo_env.road_users import RoadUsers
 from dojo_env.scenario import Scenario
 from dojo_env.snapshot import Snapshot
@@ -39,6 +39,7 @@ class Simulation:
         self._trips: dict[str, Trip] = {}
         self._known_types = 0
         self._users: RoadUsers | None = None
+        self._moving: tuple[tuple[str, ...], list[float]] | None = None
         self.time = begin
         self.is_over = False
         """The episode is over: another simulation of this process may take its place."""
@@ -68,7 +69,7 @@ class Simulation:
             SimulationError: SUMO refuses the input, or this process runs another simulation.
         """
         self.close()
-        self._trips, self._known_types, self.time = {}, 0, self._begin
+        self._trips, self._known_types, self.time, self._moving = {}, 0, self._begin, None
         self.arrived, self.travelled, self.is_over = 0, 0.0, False
         command = [*self._options(seed), *more]
         try:
@@ -93,6 +94,7 @@ class Simulation:
             self.close()
             raise SimulationError(f"SUMO stopped after {self.time:g} s: {_words(error)}") from error
         self.time += 1.0
+        self._moving = None
         for vehicle in get.simulation_getDepartedIDList():
             self._note_departure(vehicle)
         for vehicle in get.simulation_getArrivedIDList():
@@ -115,20 +117,19 @@ class Simulation:
         """List the vehicles on a lane by their ids."""
         return tuple(self._get.lane_getLastStepVehicleIDs(lane))
 
-    def read_lanes(self, lanes: Sequence[str]) -> Figures:
-        """Measure lanes; returns the first rows of a `LaneReading`'s table."""
+    def read_lanes(self, lanes: Sequence[str]) -> list[list[float]]:
+        """Measure lanes; returns the first rows of a `LaneReading`."""
         get = self._get
         on_lane = list(map(get.lane_getLastStepVehicleIDs, lanes))
         waiting = get.vehicle_getAccumulatedWaitingTime
-        values = [
-            *map(len, on_lane),
-            *map(get.lane_getLastStepHaltingNumber, lanes),
-            *map(get.lane_getLastStepMeanSpeed, lanes),
-            *map(get.lane_getLastStepLength, lanes),
-            *[sum(map(waiting, ids)) for ids in on_lane],
-            *map(get.lane_getCO2Emission, lanes),
+        return [
+            list(map(len, on_lane)),
+            list(map(get.lane_getLastStepHaltingNumber, lanes)),
+            list(map(get.lane_getLastStepMeanSpeed, lanes)),
+            list(map(get.lane_getLastStepLength, lanes)),
+            [sum(map(waiting, ids)) for ids in on_lane],
+            list(map(get.lane_getCO2Emission, lanes)),
         ]
-        return np.array(values, dtype=np.float64).reshape(RAW, len(lanes))
 
     def run_program(self, signal: str, kind: str, *, min_green: float, max_green: float) -> None:
         """Let SUMO's own logic run the phases of a signal's program, its greens within bounds."""
@@ -146,8 +147,7 @@ class Simulation:
         self._running()
         get = self._get
         self._force_emission_class()
-        ids = get.vehicle_getIDList()
-        speeds = list(map(get.vehicle_getSpeed, ids))
+        ids, speeds = self._list_moving()
         # Who moves has a waiting time of zero.
         stopped = [vehicle for vehicle, speed in zip(ids, speeds, strict=True) if speed < HALTING]
         people = get.person_getIDList()
@@ -174,7 +174,7 @@ class Simulation:
         self._running()
         if self._users is None:
             raise SimulationError("the simulation has not been started; call reset first")
-        return self._users.read_snapshot(self.time)
+        return self._users.read_snapshot(self.time, *self._list_moving())
 
     def close(self) -> None:
         """End SUMO; safe at any time and more than once."""
@@ -192,6 +192,13 @@ class Simulation:
         if self._sumo is None:
             raise SimulationError("no simulation is running; call reset first")
         return self._sumo
+
+    def _list_moving(self) -> tuple[tuple[str, ...], list[float]]:
+        """List the vehicles on the road and their speeds: once, for figures and picture alike."""
+        if self._moving is None:
+            ids = self._get.vehicle_getIDList()
+            self._moving = ids, list(map(self._get.vehicle_getSpeed, ids))
+        return self._moving
 
     def _note_departure(self, vehicle: str) -> None:
         get = self._get

@@ -84,8 +84,7 @@ class SignalManager(Manager):
             before = switch.state
             self._action(switch, int(action))
             if switch.state != before:
-                self._simulation.show(signal, switch.state)
-        self._look()
+                self._show(signal, switch.state)
 
     def step(self, turn: Turn) -> None:
         """Let a second pass at every signal."""
@@ -94,8 +93,7 @@ class SignalManager(Manager):
             return
         for signal, switch in self._switches.items():
             if switch.advance():
-                self._simulation.show(signal, switch.state)
-                self._watches[signal].look(self._simulation.time, self._simulation.read_state(signal))
+                self._show(signal, switch.state)
 
     def after_step(self, turn: Turn) -> None:
         """Look at every signal, and judge how long greens have lasted."""
@@ -119,6 +117,10 @@ class SignalManager(Manager):
         phase = plan.phases.index(state) if state in plan.phases else switch.phase
         switch.phase = phase
         return SignalView(plan=plan, phase=phase, state=state, green_time=0.0, may_change=True, lanes=lanes)
+
+    def _show(self, signal: str, state: str) -> None:
+        self._simulation.show(signal, state)
+        self._watches[signal].look(self._simulation.time, self._simulation.read_state(signal))
 
     def _look(self) -> None:
         time, read = self._simulation.time, self._simulation.read_state

@@ -38,8 +38,17 @@ _FOLDER = _folder()
 
 def kernel(function: Callable[..., Any]) -> Any:
     """Compile a function when it is first called, or load what an earlier process compiled."""
+    return _compiled(function, inside=False)
+
+
+def inner(function: Callable[..., Any]) -> Any:
+    """Compile a kernel into each that calls it: handing arrays over costs as much as a small triangle."""
+    return _compiled(function, inside=True)
+
+
+def _compiled(function: Callable[..., Any], *, inside: bool) -> Any:
     theirs, _CONFIG.CACHE_DIR = _CONFIG.CACHE_DIR, _FOLDER
     try:
-        return numba.njit(cache=True, nogil=True, error_model="numpy")(function)
+        return numba.njit(cache=True, nogil=True, error_model="numpy", forceinline=inside)(function)
     finally:
         _CONFIG.CACHE_DIR = theirs

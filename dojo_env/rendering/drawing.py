@@ -4,7 +4,7 @@ from math import exp, sqrt
 
 import numpy as np
 
-from dojo_env.rendering.compiling import kernel
+from dojo_env.rendering.compiling import inner, kernel
 from dojo_env.rendering.lighting import SRGB, to_linear
 from dojo_env.rendering.raster import COVER, NEARER, SHADED, SHADOW, draw_face, fill_triangle
 from dojo_env.rendering.shapes import Part
@@ -17,6 +17,13 @@ _MOST_VERTICES = 1024
 _LOW_SUN = 0.12
 _SHADOW_WIDTH, _SHADOW_HEIGHT = 0.96, 0.9
 """Shares of a road user's box that throw its shadow."""
+_BOX = np.array(
+    [
+        (4, 5, 7), (4, 7, 6), (0, 2, 6), (0, 6, 4), (1, 3, 7), (1, 7, 5), (0, 1, 5), (0, 5, 4), (2, 3, 7),
+        (2, 7, 6),
+    ]
+)  # fmt: skip
+"""Triangles of its top, tail, nose, right and left, by corners: 1 is ahead, 2 left, 4 up."""
 _BODY, _GLASS, _HEADLAMP, _BRAKE, _LEFT, _RIGHT, _BLUE = (
     int(part) for part in (Part.BODY, Part.GLASS, Part.HEADLAMP, Part.BRAKE, Part.LEFT, Part.RIGHT, Part.BLUE)
 )
@@ -105,7 +112,7 @@ def draw_users(near, users, models, light, view, target, count):
     return count
 
 
-@kernel
+@inner
 def _draw(faces, face, seen, screen, is_ahead, corners, view, tag, mode, target):
     """Draw one face of what `_see` has brought into view; returns how many pixels changed."""
     a, b, c = faces[face, 0], faces[face, 1], faces[face, 2]
@@ -139,7 +146,7 @@ def _look_from_inside(users, k, view, light, inside):
         inside[3, column] = 1.0 / square
 
 
-@kernel
+@inner
 def _shows_front(planes, face, inside):
     x, y, z = planes[face, 0], planes[face, 1], planes[face, 2]
     return x * inside[0, 0] + y * inside[0, 1] + z * inside[0, 2] > planes[face, 3]
@@ -148,7 +155,7 @@ def _shows_front(planes, face, inside):
 @kernel
 def draw_shadows(near, users, sun, view, target):
     """Cast each road user's box along the sun onto the plane it stands on: its top and its two lit sides."""
-    cast, screen, quad = np.empty((8, 3)), np.empty((8, 3)), np.empty(4, dtype=np.int64)
+    cast, screen = np.empty((8, 3)), np.empty((8, 3))
     held, seen, corners = np.empty(3), np.empty(3), np.empty((3, 3))
     for k in near:
         frame = users.frames[k]
@@ -168,20 +175,9 @@ def draw_shadows(near, users, sun, view, target):
                 cast[v, axis] = seen[axis]
         is_ahead = project(cast, 8, view, screen)
         touch(screen, 8, is_ahead, target)
-        for side in range(3):
-            if side == 0:
-                quad[0], quad[1], quad[2], quad[3] = 4, 5, 7, 6
-            elif side == 1:
-                low = 1 if ahead > 0.0 else 0
-                quad[0], quad[1], quad[2], quad[3] = low, low + 2, low + 6, low + 4
-            else:
-                low = 2 if left > 0.0 else 0
-                quad[0], quad[1], quad[2], quad[3] = low, low + 1, low + 5, low + 4
-            for second in range(1, 3):
-                for axis in range(3):
-                    corners[0, axis], corners[1, axis] = cast[quad[0], axis], cast[quad[second], axis]
-                    corners[2, axis] = cast[quad[second + 1], axis]
-                draw_face(corners, view.lens, SHADED, SHADOW, target.depths, target.tags)
+        for side in (0, 4 if ahead > 0.0 else 2, 8 if left > 0.0 else 6):
+            for face in range(side, side + 2):
+                _draw(_BOX, face, cast, screen, is_ahead, corners, view, SHADED, SHADOW, target)
 
 
 @kernel
@@ -211,9 +207,9 @@ def _see(vertices, first, last, users, k, view, seen):
     matrix, shift = np.zeros((3, 3)), np.empty(3)
     turn(users.places[k], view, shift)
     for row in range(3):
-        for inner in range(3):
+        for axis in range(3):
             for column in range(3):
-                matrix[row, column] += view.axes[row, inner] * users.frames[k, inner, column]
+                matrix[row, column] += view.axes[row, axis] * users.frames[k, axis, column]
     for v in range(first, last):
         x, y, z = vertices[v, 0], vertices[v, 1], vertices[v, 2]
         for row in range(3):
@@ -233,7 +229,7 @@ def _detail(users, k, view):
     return 0 if pixels > _FINEST else (1 if pixels > _FINE else (2 if pixels > _MIDDLE else 3))
 
 
-@kernel
+@inner
 def _emission(part, lights, headlights):
     """How brightly a part shines by itself; -1 where it does not."""
     if part == _HEADLAMP:
@@ -249,7 +245,7 @@ def _emission(part, lights, headlights):
     return -1.0
 
 
-@kernel
+@inner
 def _shade_face(users, k, models, face, inside, veil, light, shades, row):
     """Light a face: what it emits, or sun and sky on its colour; then fog."""
     part = models.parts[face]

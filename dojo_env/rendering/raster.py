@@ -10,7 +10,7 @@ from math import ceil
 
 import numpy as np
 
-from dojo_env.rendering.compiling import kernel
+from dojo_env.rendering.compiling import inner, kernel
 
 NEARER, SHADOW, COVER = 0, 1, 2
 """What a triangle does to the pixels it covers.
@@ -25,7 +25,7 @@ SHADOW_REACH = 0.8
 """How far along the optical axis a surface may be from the plane a shadow is cast on, metres."""
 
 
-@kernel
+@inner
 def fill_triangle(x0, y0, w0, x1, y1, w1, x2, y2, w2, tag, mode, depths, tags):
     """Fill one triangle given by pixel positions and inverse depths; returns how many pixels changed."""
     if y1 < y0:

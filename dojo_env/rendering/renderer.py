@@ -122,9 +122,9 @@ class Renderer:
     def _draw(self, snapshot: Snapshot, users: Users, camera: Camera, factor: int) -> tuple[Eye, Target]:
         """Fill the visibility buffer."""
         key = (camera, factor)
-        if key not in self._eyes:
-            self._eyes[key] = open_eye(self.scene, camera, self._light, factor)
-        eye = self._eyes[key]
+        eye = self._eyes.get(key)
+        if eye is None:
+            eye = self._eyes[key] = open_eye(self.scene, camera, self._light, factor)
         states = tuple(snapshot.signals.items())
         paths = self._faces.paths(states) if self.show_links else NO_PATHS
         return eye, eye.bend(eye.canvas.draw(users, self._faces.lit(states), paths))

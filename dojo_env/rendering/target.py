@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from dojo_env.rendering.compiling import kernel
+from dojo_env.rendering.compiling import inner, kernel
 from dojo_env.rendering.raster import STATIC
 
 
@@ -38,7 +38,7 @@ def restore(target, clean):
         target.spans[row, 0], target.spans[row, 1] = width, 0
 
 
-@kernel
+@inner
 def touch(screen, count, is_ahead, target):
     """Note that a shape with these corners on the screen may change what lies within them."""
     height, width = target.tags.shape
@@ -54,7 +54,7 @@ def touch(screen, count, is_ahead, target):
         target.spans[row, 1] = max(target.spans[row, 1], last)
 
 
-@kernel
+@inner
 def project(seen, count, view, screen):
     """Project corners to pixels and inverse depths; tells whether all lie before the near plane."""
     is_ahead = True
@@ -69,7 +69,7 @@ def project(seen, count, view, screen):
     return is_ahead
 
 
-@kernel
+@inner
 def turn(place, view, seen):
     """Bring a place of the scene into camera space."""
     x, y, z = place[0] - view.eye[0], place[1] - view.eye[1], place[2] - view.eye[2]

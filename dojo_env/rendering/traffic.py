@@ -110,19 +110,18 @@ def _variants() -> tuple[NDArray[np.int64], NDArray[np.int64]]:
 
 def place_users(snapshot: Snapshot, origin: Floats) -> Users:
     """Bring road users into the frame of a scene. Shape and colour follow from a road user's id alone."""
-    first, variants = _variants()
-    usual, fixed = _usual_colours()
-    codes = np.fromiter(map(_code, snapshot.ids), np.int64, len(snapshot.ids))
-    frames, colours = np.empty((len(codes), 3, 3)), np.empty((len(codes), 3))
-    turns = (snapshot.headings, snapshot.slopes, snapshot.sizes)
-    _place(*turns, snapshot.kinds, snapshot.colours, codes, usual, fixed, frames, colours)
-    return Users(
-        frames=frames,
+    count = len(snapshot.ids)
+    codes = np.fromiter(map(_code, snapshot.ids), np.int64, count)
+    users = Users(
+        frames=np.empty((count, 3, 3)),
         places=snapshot.positions - origin,
-        models=(first[snapshot.kinds] + codes % variants[snapshot.kinds]).astype(np.int32),
-        colours=colours,
+        models=np.empty(count, dtype=np.int32),
+        colours=np.empty((count, 3)),
         lights=snapshot.lights,
     )
+    turns = (snapshot.headings, snapshot.slopes, snapshot.sizes)
+    _place(*turns, snapshot.kinds, snapshot.colours, codes, *_variants(), *_usual_colours(), users)
+    return users
 
 
 @lru_cache(maxsize=_CODES_KEPT)
@@ -140,21 +139,22 @@ def _usual_colours() -> tuple[Floats, NDArray[np.bool_]]:
 
 
 @kernel
-def _place(headings, slopes, sizes, kinds, given, codes, usual, fixed, frames, colours):
-    """Turn and scale each road user's axes, and choose its colour: SUMO's if given, else a usual one."""
+def _place(headings, slopes, sizes, kinds, given, codes, first, variants, usual, fixed, users):
+    """Turn and scale each road user's axes, choose its model, and its colour unless SUMO gives one."""
     for k in range(len(codes)):
         cos_h, sin_h, cos_s, sin_s = cos(headings[k]), sin(headings[k]), cos(slopes[k]), sin(slopes[k])
         ahead = (cos_h * cos_s, sin_h * cos_s, sin_s)
         left = (-sin_h, cos_h, 0.0)
         up = (-cos_h * sin_s, -sin_h * sin_s, cos_s)
+        users.models[k] = first[kinds[k]] + codes[k] % variants[kinds[k]]
         unset = given[k, 0] == _UNSET[0] and given[k, 1] == _UNSET[1] and given[k, 2] == _UNSET[2]
         for axis in range(3):
-            frames[k, axis, 0] = ahead[axis] * sizes[k, 0]
-            frames[k, axis, 1] = left[axis] * sizes[k, 1]
-            frames[k, axis, 2] = up[axis] * sizes[k, 2]
+            users.frames[k, axis, 0] = ahead[axis] * sizes[k, 0]
+            users.frames[k, axis, 1] = left[axis] * sizes[k, 1]
+            users.frames[k, axis, 2] = up[axis] * sizes[k, 2]
             if not unset:
-                colours[k, axis] = _LINEAR[given[k, axis]]
+                users.colours[k, axis] = _LINEAR[given[k, axis]]
             elif fixed[kinds[k]]:
-                colours[k, axis] = usual[kinds[k], axis]
+                users.colours[k, axis] = usual[kinds[k], axis]
             else:
-                colours[k, axis] = _NATURAL[(codes[k] >> 8) % len(_NATURAL), axis]
+                users.colours[k, axis] = _NATURAL[(codes[k] >> 8) % len(_NATURAL), axis]
