@@ -162,6 +162,13 @@ def _unread(data: OsmData, network: OsmNetwork) -> list[Issue]:
                 ("way", way), place, "remove one of the two",
             )
         )  # fmt: skip
+    for node, way in graph.unshared:
+        issues.append(
+            loss(
+                "osm.unshared_node", "another road crosses here without a common node; they meet",
+                ("way", way), graph.places[node], "add the node, or the bridge or tunnel, in OpenStreetMap",
+            )
+        )  # fmt: skip
     for relation, node in find_conditional(data).items():
         if node in graph.places:
             issues.append(
