@@ -26,7 +26,7 @@ from dojo_maps.sources.sumo_net import read_network
 _ALWAYS = (
     *("-n", NODES, "-e", EDGES, "-x", CONNECTIONS, "-o", "output.net.xml"),
     *("--no-internal-links", "false", "--offset.disable-normalization", "--no-turnarounds"),
-    *("--output.street-names", "--junctions.join", "false"),
+    *("--output.street-names", "--junctions.join", "false", "--geometry.max-grade.fix", "false"),
 )
 _DROPPED_IN_TURN = ("--roundabouts.guess", "--walkingareas")
 """Given first, and left out one more at each attempt after a failure."""
