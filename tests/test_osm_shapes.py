@@ -69,6 +69,15 @@ def test_fork_at_a_sharp_angle_has_its_own_ground(degrees: float, tmp_path: Path
     assert report["osm"]["road_metres_on_floor"]["share"] > 0.99
 
 
+def test_fork_of_short_roads_at_a_sharp_angle_has_its_own_ground(tmp_path: Path) -> None:
+    d = Drawing()
+    d.way((-150, 0), (0, 0), highway="secondary", lanes="4")
+    d.way((0, 0), (110, 5), (190, 63), highway="secondary", oneway="yes", lanes="3")
+    d.way((0, 0), (110, -5), (190, -63), highway="secondary", oneway="yes", lanes="2")
+    _, report = built(d, tmp_path)
+    assert report["osm"]["overlap_square_metres"] < 5
+
+
 def test_slip_lane_that_merges_flat_leaves_no_hole(tmp_path: Path) -> None:
     d = Drawing()
     d.way((-150, 0), (0, 0), (60, 0), (150, 0), highway="secondary", lanes="4")
@@ -236,3 +245,26 @@ def test_crossing_far_inside_a_wide_junction_is_where_it_is_mapped(tmp_path: Pat
             d.node(*place, highway="traffic_signals")
     _, report = built(d, tmp_path)
     assert report["osm"]["crossings"]["share"] >= 0.9
+
+
+def test_lane_that_leaves_beside_a_short_road_lies_on_no_other(tmp_path: Path) -> None:
+    """It is drawn from where it leaves, and lies on the road beside it to the next fork and beyond."""
+    d = Drawing()
+    d.way((-150, 0), (0, 0), highway="primary", oneway="yes", lanes="3")
+    d.way((0, 0), (40, 0), highway="primary", oneway="yes", lanes="2")
+    d.way((0, 0), (6, -3), (46, -4), (30, -40), (0, -60), (-60, -60), highway="residential", oneway="yes")
+    d.way((40, 0), (160, 0), highway="primary", oneway="yes", lanes="2")
+    d.way((40, 0), (80, 20), (150, 80), highway="primary", oneway="yes")
+    _, report = built(d, tmp_path)
+    assert report["osm"]["overlap_square_metres"] < 10
+
+
+def test_lanes_that_part_slowly_and_end_together_lie_side_by_side(tmp_path: Path) -> None:
+    d = Drawing()
+    d.way((120, 0), (0, 0), highway="primary", oneway="yes", lanes="3")
+    d.way((0, 0), (-77, 1), (-83, 0), highway="primary_link", oneway="yes")
+    d.way((0, 0), (-77, 3), (-83, 4), highway="primary", oneway="yes", lanes="2")
+    d.way((-83, -100), (-83, 0), (-83, 4), (-83, 100), **STREET)
+    d.way((-83, 4), (-200, 4), highway="primary", oneway="yes", lanes="2")
+    _, report = built(d, tmp_path)
+    assert report["osm"]["overlap_square_metres"] < 5

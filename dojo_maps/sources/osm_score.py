@@ -13,11 +13,11 @@ from dojo_maps.sources.osm_losses import (
     check_signals,
     check_turn_lanes,
     loss,
-    strips,
 )
 from dojo_maps.sources.osm_movements import find_conditional
 from dojo_maps.sources.osm_network import OsmNetwork
 from dojo_maps.sources.osm_sidewalks import is_sidewalk
+from dojo_maps.sources.osm_strips import strips
 
 SHORT_EDGE = 5.0
 _DRIVEN = ("driving", "bus")
