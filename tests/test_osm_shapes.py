@@ -268,3 +268,13 @@ def test_lanes_that_part_slowly_and_end_together_lie_side_by_side(tmp_path: Path
     d.way((-83, 4), (-200, 4), highway="primary", oneway="yes", lanes="2")
     _, report = built(d, tmp_path)
     assert report["osm"]["overlap_square_metres"] < 5
+
+
+def test_signalised_crossing_beside_a_side_street_has_lights(tmp_path: Path) -> None:
+    d = Drawing()
+    d.way((-150, 0), (-9, 0), (0, 0), (150, 0), highway="secondary", lanes="2")
+    d.way((0, 0), (0, -150), **STREET)
+    d.node(-9, 0, highway="crossing", crossing="traffic_signals")
+    bundle, report = built(d, tmp_path)
+    assert [crossing.signal is not None for crossing in bundle.road_map.crossings].count(True) >= 1
+    assert report["osm"]["signalised_junctions"] == {"kept": 1, "of": 1, "share": 1.0}
