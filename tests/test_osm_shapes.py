@@ -69,6 +69,15 @@ def test_fork_at_a_sharp_angle_has_its_own_ground(degrees: float, tmp_path: Path
     assert report["osm"]["road_metres_on_floor"]["share"] > 0.99
 
 
+def test_fork_of_short_roads_at_a_sharp_angle_has_its_own_ground(tmp_path: Path) -> None:
+    d = Drawing()
+    d.way((-150, 0), (0, 0), highway="secondary", lanes="4")
+    d.way((0, 0), (110, 5), (190, 63), highway="secondary", oneway="yes", lanes="3")
+    d.way((0, 0), (110, -5), (190, -63), highway="secondary", oneway="yes", lanes="2")
+    _, report = built(d, tmp_path)
+    assert report["osm"]["overlap_square_metres"] < 5
+
+
 def test_slip_lane_that_merges_flat_leaves_no_hole(tmp_path: Path) -> None:
     d = Drawing()
     d.way((-150, 0), (0, 0), (60, 0), (150, 0), highway="secondary", lanes="4")
@@ -184,3 +193,88 @@ def test_outline_that_crosses_itself_is_untwisted() -> None:
     outline = shapely.Polygon(corners)
     assert outline.is_valid
     assert outline.area >= 50
+
+
+def test_roads_that_cross_without_a_common_node_meet(tmp_path: Path) -> None:
+    d = Drawing()
+    d.way((-100, 0), (100, 0), **STREET)
+    d.way((100, 0), (100, 100), (0, 100), (10, -100), **STREET)
+    d.way((-60, 80), (-60, -80), bridge="yes", **STREET)
+    d.way((-60, 80), (0, 100), **STREET)
+    _, report = built(d, tmp_path)
+    found = [issue for issue in report["issues"] if issue["check"] == "osm.unshared_node"]
+    assert [issue["elements"][0]["id"] for issue in found] == ["1001"]
+    x, y, _ = found[0]["position"]
+    graph = graph_of(d, tmp_path)
+    meet = min(graph.ends(), key=lambda vertex: math.dist(graph.places[vertex], (x, y)))
+    assert len(graph.ends()[meet]) == 4
+
+
+def test_lanes_of_a_junction_drawn_one_by_one_are_not_tied(tmp_path: Path) -> None:
+    d = Drawing()
+    d.way((-100, 0), (100, 0), (100, 100), **ONE_WAY)
+    d.way((5, -100), (0, 100), (100, 100), **ONE_WAY)
+    assert not graph_of(d, tmp_path).unshared
+
+
+def test_ramps_in_a_building_lie_on_their_levels(tmp_path: Path) -> None:
+    d = Drawing()
+    d.way((-150, 0), (0, 0), (150, 0), **STREET)
+    d.way((0, 0), (0, 100), tunnel="building_passage", layer="-1", **STREET)
+    d.way((0, 100), (40, 100), (-40, 40), tunnel="building_passage", layer="-2", **STREET)
+    d.way((-40, 40), (-100, 100), tunnel="building_passage", **STREET)
+    layers = [section.road.layer for section in graph_of(d, tmp_path).sections.values()]
+    assert sorted(layers) == [-2, -1, 0, 0, 0]
+
+
+def test_crossing_far_inside_a_wide_junction_is_where_it_is_mapped(tmp_path: Path) -> None:
+    """Turning lanes leave the roads long before the middle, and people cross behind where they do."""
+    d = Drawing()
+    for turn in range(4):
+        way, aside = (((1, 0), (0, 1)), ((0, 1), (-1, 0)), ((-1, 0), (0, -1)), ((0, -1), (1, 0)))[turn]
+
+        def at(ahead: float, left: float, way: Any = way, aside: Any = aside) -> tuple[float, float]:
+            return (way[0] * ahead + aside[0] * left, way[1] * ahead + aside[1] * left)
+
+        one = {"highway": "primary", "oneway": "yes", "lanes": "2"}
+        d.way(at(200, 6), at(42, 6), at(18, 6), at(6, 6), at(-6, 6), at(-18, 6), at(-200, 6), **one)
+        d.way(at(42, 6), at(28, 10), at(12, 26), at(6, 42), highway="primary_link", oneway="yes")
+        for place in (at(18, 6), at(-18, 6), at(20, 18)):
+            d.node(*place, highway="crossing", crossing="traffic_signals")
+        for place in (at(6, 6), at(20, 6)):
+            d.node(*place, highway="traffic_signals")
+    _, report = built(d, tmp_path)
+    assert report["osm"]["crossings"]["share"] >= 0.9
+
+
+def test_lane_that_leaves_beside_a_short_road_lies_on_no_other(tmp_path: Path) -> None:
+    """It is drawn from where it leaves, and lies on the road beside it to the next fork and beyond."""
+    d = Drawing()
+    d.way((-150, 0), (0, 0), highway="primary", oneway="yes", lanes="3")
+    d.way((0, 0), (40, 0), highway="primary", oneway="yes", lanes="2")
+    d.way((0, 0), (6, -3), (46, -4), (30, -40), (0, -60), (-60, -60), highway="residential", oneway="yes")
+    d.way((40, 0), (160, 0), highway="primary", oneway="yes", lanes="2")
+    d.way((40, 0), (80, 20), (150, 80), highway="primary", oneway="yes")
+    _, report = built(d, tmp_path)
+    assert report["osm"]["overlap_square_metres"] < 10
+
+
+def test_lanes_that_part_slowly_and_end_together_lie_side_by_side(tmp_path: Path) -> None:
+    d = Drawing()
+    d.way((120, 0), (0, 0), highway="primary", oneway="yes", lanes="3")
+    d.way((0, 0), (-77, 1), (-83, 0), highway="primary_link", oneway="yes")
+    d.way((0, 0), (-77, 3), (-83, 4), highway="primary", oneway="yes", lanes="2")
+    d.way((-83, -100), (-83, 0), (-83, 4), (-83, 100), **STREET)
+    d.way((-83, 4), (-200, 4), highway="primary", oneway="yes", lanes="2")
+    _, report = built(d, tmp_path)
+    assert report["osm"]["overlap_square_metres"] < 5
+
+
+def test_signalised_crossing_beside_a_side_street_has_lights(tmp_path: Path) -> None:
+    d = Drawing()
+    d.way((-150, 0), (-9, 0), (0, 0), (150, 0), highway="secondary", lanes="2")
+    d.way((0, 0), (0, -150), **STREET)
+    d.node(-9, 0, highway="crossing", crossing="traffic_signals")
+    bundle, report = built(d, tmp_path)
+    assert [crossing.signal is not None for crossing in bundle.road_map.crossings].count(True) >= 1
+    assert report["osm"]["signalised_junctions"] == {"kept": 1, "of": 1, "share": 1.0}

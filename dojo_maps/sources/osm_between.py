@@ -74,16 +74,20 @@ def split_between(graph: RoadGraph, junctions: Junctions, crossings: list[Mapped
 
 
 def signal_between(layout: Layout) -> None:
-    """Give signals to crossings between junctions that have them; near ones share a controller."""
+    """Give signals to the junctions of crossings that have them, and to those near a signal of no junction.
+
+    Where roads meet beside the crossing, they stop for it as well; near junctions share a controller.
+    """
     graph, junctions = layout.graph, layout.junctions
     degree = {vertex: len(at) for vertex, at in graph.ends().items()}
     members = junctions.members()
     stray = [graph.places[node] for node in junctions.stray]
     for arm, crossing in layout.hosted.items():
         junction = layout.junction(arm)
-        if junction in junctions.signals or any(degree[vertex] != 2 for vertex in members[junction]):
+        if junction in junctions.signals:
             continue
-        near = any(math.dist(place, crossing.place) < _SIGNAL_NEAR for place in stray)
+        between = all(degree[vertex] == 2 for vertex in members[junction])
+        near = between and any(math.dist(place, crossing.place) < _SIGNAL_NEAR for place in stray)
         if crossing.signalised or near:
             junctions.signals[junction] = [crossing.node]
     share_controllers(graph, junctions)

@@ -16,6 +16,7 @@ import pyproj
 from dojo_maps.errors import SourceError
 from dojo_maps.geometry.polylines import Floats, along
 from dojo_maps.sources.osm import OsmData
+from dojo_maps.sources.osm_at_grade import share_nodes
 from dojo_maps.sources.osm_country import centre_of, drives_left
 from dojo_maps.sources.osm_runs import known_runs
 from dojo_maps.sources.osm_ways import KINDS, RoadTags, read_road
@@ -70,6 +71,7 @@ class RoadGraph:
     offset: tuple[float, float]
     unmatched_turns: list[int] = field(default_factory=list)
     doubled: list[int] = field(default_factory=list)
+    unshared: list[tuple[int, int]] = field(default_factory=list)
     missing: list[int] = field(default_factory=list)
 
     def ends(self) -> dict[int, list[str]]:
@@ -138,9 +140,10 @@ def build_graph(data: OsmData, path: object) -> RoadGraph:
     if not used:
         raise SourceError(path, "has no roads for cars or buses; choose a larger area")
     proj, offset, places = _project(data, used, path)
+    pieces, unshared = share_nodes(pieces, roads, places)
     graph = RoadGraph(
         places=places, sections={}, left_hand=left_hand, proj=proj, offset=offset,
-        unmatched_turns=unmatched, missing=missing,
+        unmatched_turns=unmatched, unshared=unshared, missing=missing,
     )  # fmt: skip
     _cut_sections(graph, pieces, roads)
     _drop_doubles(graph)

@@ -15,8 +15,10 @@ _BOTH_CARRIAGEWAYS = 28.0
 
 
 def host_crossings(layout: Layout) -> None:
-    """Give each crossing the arm nearest to it, nearest crossings first."""
+    """Give each crossing the arm nearest to it, nearest crossings first; what was hosted before is not."""
     graph = layout.graph
+    for found in (layout.hosted, layout.cuts, layout.lost):
+        found.clear()
     arms = layout.arms()
     wishes = []
     for number, crossing in enumerate(layout.crossings):

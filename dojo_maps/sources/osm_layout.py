@@ -13,6 +13,7 @@ from dojo_maps.sources.osm_hosting import align_carriageways, host_crossings
 from dojo_maps.sources.osm_junctions import group_junctions
 from dojo_maps.sources.osm_loops import is_inner, split_loops
 from dojo_maps.sources.osm_parting import part_roads
+from dojo_maps.sources.osm_reaching import reach_in
 from dojo_maps.sources.osm_rings import widen_rings
 from dojo_maps.sources.osm_spacing import space_carriageways
 
@@ -50,6 +51,8 @@ def lay_out(
     for node, (towards, metres) in moved.items():
         _move(graph, node, towards, metres)
     host_crossings(layout)
+    if reach_in(layout):
+        host_crossings(layout)
     align_carriageways(layout)
     part_roads(layout)
     space_carriageways(layout)

@@ -6,7 +6,7 @@ from collections.abc import Iterable
 import numpy as np
 import shapely
 
-from dojo_maps.description import Connection, RoadMap
+from dojo_maps.description import Connection
 from dojo_maps.issue import Element, Issue, Severity
 from dojo_maps.sources.osm import link_to
 from dojo_maps.sources.osm_arms import incoming_name
@@ -184,13 +184,3 @@ def _by_lane(connections: Iterable[Connection]) -> dict[str, list[Connection]]:
     for connection in connections:
         found[connection.from_lane].append(connection)
     return found
-
-
-def strips(road_map: RoadMap, kinds: Iterable[str]) -> dict[str, shapely.Geometry]:
-    """Outline each road's lanes of some kinds."""
-    lanes: dict[str, list[shapely.Geometry]] = defaultdict(list)
-    for lane in road_map.lanes:
-        if lane.kind in kinds:
-            line = shapely.LineString(lane.shape[:, :2])
-            lanes[lane.road].append(line.buffer(lane.width / 2, cap_style="flat", join_style="mitre"))
-    return {road: shapely.union_all(shapely.make_valid(shapes)) for road, shapes in lanes.items()}

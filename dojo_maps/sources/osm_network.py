@@ -14,6 +14,7 @@ from dojo_maps.errors import SourceError
 from dojo_maps.issue import Element, Issue, Severity
 from dojo_maps.sources.netconvert import NetconvertError, run_netconvert
 from dojo_maps.sources.osm import OsmData
+from dojo_maps.sources.osm_absorbing import lying_on_neighbours
 from dojo_maps.sources.osm_arms import Layout
 from dojo_maps.sources.osm_graph import build_graph
 from dojo_maps.sources.osm_layout import lay_out
@@ -26,12 +27,12 @@ from dojo_maps.sources.sumo_net import read_network
 _ALWAYS = (
     *("-n", NODES, "-e", EDGES, "-x", CONNECTIONS, "-o", "output.net.xml"),
     *("--no-internal-links", "false", "--offset.disable-normalization", "--no-turnarounds"),
-    *("--output.street-names", "--junctions.join", "false"),
+    *("--output.street-names", "--junctions.join", "false", "--geometry.max-grade.fix", "false"),
 )
 _DROPPED_IN_TURN = ("--roundabouts.guess", "--walkingareas")
 """Given first, and left out one more at each attempt after a failure."""
 _SHORTEST = 5.0
-_ROUNDS = 6
+_ROUNDS = 8
 _TIMEOUT = 240.0
 _NO_PAVEMENT = re.compile(
     r"(?:invalid crossing .* with edges|crossing .* across) \[([^]]*)\] (?:\(no walkingarea|has no target)"
@@ -88,7 +89,9 @@ def build_network(data: OsmData, *, path: Path, name: str, sha256: str) -> OsmNe
         moves = _moves(layout, short)
         pairs = [(one, other) for one, other in short if not {one, other} & (moves.keys() - moved.keys())]
         if moves.keys() <= moved.keys() and set(pairs) <= set(joined) and unpaved <= paved:
-            break
+            pairs = lying_on_neighbours(road_map, layout, plain)
+            if set(pairs) <= set(joined):
+                break
         joined += pairs
         moved = moves | moved
         paved |= unpaved

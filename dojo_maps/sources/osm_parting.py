@@ -11,7 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 import shapely
 
-from dojo_maps.geometry.polylines import along
+from dojo_maps.geometry.polylines import Floats, along
 from dojo_maps.sources.osm_arms import Arm, Layout, outward, ray
 
 _FARTHEST, _FARTHEST_OF_FORK = 45.0, 80.0
@@ -27,8 +27,8 @@ _FLOOR = 3.0
 """Metres that the other roads are drawn back there, so that the junction has ground of its own."""
 _PAST_CROSSING = 2.0
 """Metres by which a crossing may be moved out."""
-_LEFT = 14.0
-"""Metres of a road that is drawn back which are left."""
+_LEFT, _LEFT_OF_FORK = 14.0, 40.0
+"""Metres of a road that is drawn back which are left, and of one that is drawn back very far."""
 
 
 def part_roads(layout: Layout) -> None:
@@ -56,14 +56,24 @@ def _parted_after(layout: Layout, arm: Arm, arms: Sequence[Arm]) -> float:
         if other[0] != arm[0]:
             beside = outward(layout.graph, other)
             shorter = min(float(lengths[-1]), float(along(beside)[-1]))
-            forks = (beside[0] == line[0]).all() and shorter > 3 * _FARTHEST_OF_FORK
-            reach = _FARTHEST_OF_FORK if forks else _FARTHEST
+            forks = (beside[0] == line[0]).all()
+            begins = _begins_on(line, beside[0], layout.half(arm[0]))
+            reach = max(shorter - _LEFT_OF_FORK, _FARTHEST) if forks else _FARTHEST + begins
+            reach = min(_FARTHEST_OF_FORK, reach)
             distances = shapely.distance(places[at <= reach], shapely.LineString(beside))
-            free = np.flatnonzero(distances >= layout.half(arm[0]) + layout.half(other[0]) + _GAP)
+            free = distances >= layout.half(arm[0]) + layout.half(other[0]) + _GAP
+            free = np.flatnonzero(free & (at[at <= reach] >= begins))
             reached = int(free[0]) if len(free) else len(distances) - 1
-            if distances[reached] >= distances[0] + _PARTING:
+            if distances[reached] >= distances[int(begins)] + _PARTING:
                 found = max(found, float(at[reached]))
     return found
+
+
+def _begins_on(line: Floats, place: Floats, half: float) -> float:
+    """Measure along a road to where another begins on its ground; 0 where that is far or elsewhere."""
+    path, start = shapely.LineString(line), shapely.Point(place)
+    at = float(path.project(start))
+    return at if at <= _FARTHEST and path.distance(start) < 2 * half else 0.0
 
 
 def _nearest_crossing(layout: Layout, arm: Arm, arms: Sequence[Arm]) -> float:

@@ -13,11 +13,11 @@ from dojo_maps.sources.osm_losses import (
     check_signals,
     check_turn_lanes,
     loss,
-    strips,
 )
 from dojo_maps.sources.osm_movements import find_conditional
 from dojo_maps.sources.osm_network import OsmNetwork
 from dojo_maps.sources.osm_sidewalks import is_sidewalk
+from dojo_maps.sources.osm_strips import strips
 
 SHORT_EDGE = 5.0
 _DRIVEN = ("driving", "bus")
@@ -160,6 +160,13 @@ def _unread(data: OsmData, network: OsmNetwork) -> list[Issue]:
             loss(
                 "osm.parallel_ways", "another road is drawn over the same nodes, and was kept",
                 ("way", way), place, "remove one of the two",
+            )
+        )  # fmt: skip
+    for node, way in graph.unshared:
+        issues.append(
+            loss(
+                "osm.unshared_node", "another road crosses here without a common node; they meet",
+                ("way", way), graph.places[node], "add the node, or the bridge or tunnel, in OpenStreetMap",
             )
         )  # fmt: skip
     for relation, node in find_conditional(data).items():

@@ -24,6 +24,8 @@ _LEVEL, _ISLAND = 8.0, 1.5
 """Metres between the ends of two arms on one line, and between their borders where people may wait."""
 _LEAST_OVERLAP = 4.0
 """Square metres."""
+_NEAR_SHARE = 0.25
+"""Share of the places along a road where another may lie nearer than is made room for: they part slowly."""
 
 
 def space_carriageways(layout: Layout) -> None:
@@ -90,7 +92,7 @@ def _near_places(
     if float((needed - near).sum()) * _STEP < _LEAST_OVERLAP:
         return None
     back, other_side = _beside(lines[other], lines[one], needed)
-    return (float(np.median(near)), (side, other_side)) if len(back) else None
+    return (float(np.quantile(near, _NEAR_SHARE)), (side, other_side)) if len(back) else None
 
 
 def _beside(line: shapely.LineString, other: shapely.LineString, needed: float) -> tuple[Floats, int]:

@@ -204,15 +204,16 @@ def _lane_width(tags: Tags, lanes: int) -> float:
 
 
 def _layer(tags: Tags) -> int:
-    bridge = tags.get("bridge", "no") != "no"
-    tunnel = tags.get("tunnel", "no") not in ("no", "building_passage")
-    if not (bridge or tunnel):
+    """Give the level of a bridge, a tunnel, or of a passage through a building that names one."""
+    bridge, tunnel = (tags.get(key, "no") for key in ("bridge", "tunnel"))
+    if bridge == tunnel == "no":
         return 0
     try:
         layer = int(tags.get("layer", ""))
     except ValueError:
         layer = 0
-    layer = layer or (1 if bridge else -1)
+    if tunnel != "building_passage":
+        layer = layer or (1 if bridge != "no" else -1)
     return max(-5, min(5, layer))
 
 

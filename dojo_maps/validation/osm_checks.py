@@ -7,7 +7,6 @@ _ROWS = (
     ("OSM002", "osm.lane_count", "Numbers of lanes agree", WARNING),
     ("OSM003", "osm.turn_lanes_order", "Turn lanes are in order", WARNING),
     ("OSM004", "osm.separate_sidewalk", "Sidewalks are not drawn twice", WARNING),
-    ("OSM006", "osm.unshared_node", "Ways that cross share a node or differ in layer", WARNING),
     ("OSM007", "osm.crossing_ignored", "Refuges and forbidden crossings are kept", NOTE),
     ("OSM008", "osm.approach_signals", "Signals stand at junctions, not on approaches only", WARNING),
     ("OSM009", "osm.junction_tag", "junction=intersection is meant", NOTE),
@@ -19,6 +18,7 @@ _ROWS = (
 
 _LOSSES = (
     ("OSM005", "osm.parallel_ways", "Ways are not drawn twice", WARNING, "none"),
+    ("OSM006", "osm.unshared_node", "Roads that cross on one level share a node", WARNING, "none"),
     ("IMP001", "osm.split_signal", "A signalised junction has one controller", WARNING, "one controller"),
     ("IMP002", "osm.turn_lane_lost", "Lanes lead where their arrows say", NOTE, "all arrows"),
     ("IMP003", "osm.turn_lane_mismatch", "There is an arrow entry for each lane", NOTE, "equal numbers"),

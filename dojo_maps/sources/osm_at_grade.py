@@ -1,0 +1,86 @@
+"""Roads that cross on the ground, but have no node in common there: they get one.
+
+OpenStreetMap asks for a common node wherever roads cross on one level; without one no one could turn there,
+and the two would lie on each other as a bridge does. Bridges and tunnels are left as they are, and so are
+one-way roads that cross each other: they are the lanes of a junction, drawn one by one.
+"""
+
+from collections import defaultdict
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+import shapely
+
+from dojo_maps.geometry.polylines import Floats, Ints
+from dojo_maps.sources.osm_ways import RoadTags
+
+_SAME = 0.5
+"""Metres between a crossing and a node within which the node is taken."""
+
+Run = tuple[int, tuple[int, ...]]
+"""A way, and nodes that it runs through without a break."""
+
+
+def share_nodes(
+    runs: Sequence[Run], roads: Mapping[int, RoadTags], places: dict[int, tuple[float, float]]
+) -> tuple[list[Run], list[tuple[int, int]]]:
+    """Lead roads that cross on the ground through a common node.
+
+    Args:
+        runs: ways with the nodes that they run through.
+        roads: what the ways are.
+        places: where nodes lie, metres; the new ones, negative numbers, are added.
+
+    Returns:
+        The runs with the new nodes; and of each of these, a way that it lies on.
+    """
+    pieces = [
+        (number, index)
+        for number, (way, nodes) in enumerate(runs)
+        for index in range(len(nodes) - 1)
+        if not roads[way].layer
+    ]
+    ends = np.array([runs[number][1][index : index + 2] for number, index in pieces]).reshape(-1, 2)
+    ways = np.array([runs[number][0] for number, _ in pieces])
+    oneway = np.array([roads[way].oneway for way in ways.tolist()], dtype=bool)
+    lines = shapely.linestrings([[places[int(node)] for node in pair] for pair in ends])
+    added: dict[int, list[tuple[int, float, int]]] = defaultdict(list)
+    found = []
+    for one, other in _crossing(lines, ends, ways):
+        if oneway[one] and oneway[other]:
+            continue
+        point = shapely.get_coordinates(shapely.intersection(lines[one], lines[other]))[0]
+        node = _node_at(point, [*ends[one].tolist(), *ends[other].tolist()], places)
+        if node not in places:
+            places[node] = (round(float(point[0]), 3), round(float(point[1]), 3))
+            found.append((node, int(ways[one])))
+        for piece in (one, other):
+            number, index = pieces[piece]
+            if node not in ends[piece]:
+                along = float(shapely.line_locate_point(lines[piece], shapely.Point(point)))
+                added[number].append((index, along, node))
+    return [(way, _with(nodes, added.get(number, ()))) for number, (way, nodes) in enumerate(runs)], found
+
+
+def _crossing(lines: Floats, ends: Ints, ways: Ints) -> list[tuple[int, int]]:
+    """Pair the straight pieces of two ways that cross each other away from common nodes."""
+    one, other = shapely.STRtree(lines).query(lines, predicate="crosses")
+    shared = (ends[one][:, :, None] == ends[other][:, None, :]).any(axis=(1, 2))
+    kept = (one < other) & ~shared & (ways[one] != ways[other])
+    return sorted(zip(one[kept].tolist(), other[kept].tolist(), strict=True))
+
+
+def _node_at(point: Floats, near: Sequence[int], places: dict[int, tuple[float, float]]) -> int:
+    """Take the node that a crossing lies at, or a new one."""
+    nodes = np.array([places[node] for node in near])
+    apart = np.hypot(*(nodes - point).T)
+    best = int(np.argmin(apart))
+    return near[best] if apart[best] < _SAME else min(0, *places) - 1
+
+
+def _with(nodes: tuple[int, ...], added: Sequence[tuple[int, float, int]]) -> tuple[int, ...]:
+    """Put nodes into a run: each with the piece that it lies on, and how far along."""
+    found = list(nodes)
+    for index, _, node in sorted(added, reverse=True):
+        found.insert(index + 1, node)
+    return tuple(found)
