@@ -28,9 +28,9 @@ from dojo_maps.serialization import to_json
 from dojo_maps.sources.enrich_net import enrich_network
 from dojo_maps.sources.files import find_network, read_bytes, sha256_of
 from dojo_maps.sources.osm import is_osm, read_osm
-from dojo_maps.sources.osm_context import read_context
-from dojo_maps.sources.osm_network import build_network
-from dojo_maps.sources.osm_score import score_network
+from dojo_maps.sources.osm.context import read_context
+from dojo_maps.sources.osm.network import build_network
+from dojo_maps.sources.osm.score import score_network
 from dojo_maps.sources.sumo_net import read_network
 from dojo_maps.validation.runner import run_checks
 

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from dojo_maps.sources.osm_arms import trim
-from dojo_maps.sources.osm_country import read_speed
-from dojo_maps.sources.osm_lanes import connect_lanes
-from dojo_maps.sources.osm_ways import LaneTags, RoadTags, read_road
+from dojo_maps.sources.osm.arms import trim
+from dojo_maps.sources.osm.country import read_speed
+from dojo_maps.sources.osm.lanes import connect_lanes
+from dojo_maps.sources.osm.ways import LaneTags, RoadTags, read_road
 from dojo_maps.sources.signal_programs import yellow_time
 
 

@@ -3,8 +3,8 @@
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-from dojo_maps.sources.osm import Tags
-from dojo_maps.sources.osm_country import default_speed, read_speed
+from dojo_maps.sources.osm.country import default_speed, read_speed
+from dojo_maps.sources.osm.data import Tags
 
 KINDS = {
     "motorway": 13, "motorway_link": 12, "trunk": 11, "trunk_link": 10, "primary": 9, "primary_link": 8,

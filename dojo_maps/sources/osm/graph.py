@@ -15,11 +15,11 @@ import pyproj
 
 from dojo_maps.errors import SourceError
 from dojo_maps.geometry.polylines import Floats, along
-from dojo_maps.sources.osm import OsmData
-from dojo_maps.sources.osm_at_grade import share_nodes
-from dojo_maps.sources.osm_country import centre_of, drives_left
-from dojo_maps.sources.osm_runs import known_runs
-from dojo_maps.sources.osm_ways import KINDS, RoadTags, read_road
+from dojo_maps.sources.osm.at_grade import share_nodes
+from dojo_maps.sources.osm.country import centre_of, drives_left
+from dojo_maps.sources.osm.data import OsmData
+from dojo_maps.sources.osm.runs import known_runs
+from dojo_maps.sources.osm.ways import KINDS, RoadTags, read_road
 
 _LEAST_SECTION = 12.0
 """Metres: a shorter section between two changes of lanes takes its neighbour's."""

@@ -14,8 +14,8 @@ import shapely
 from dojo_maps.description import Prop, RoadMap, points
 from dojo_maps.geometry.polylines import Floats, along
 from dojo_maps.issue import Element, Issue, Severity
-from dojo_maps.sources.osm import OsmData, Tags
-from dojo_maps.sources.osm_shapes import MapShapes, areas_of, polygons_of, without_overlaps
+from dojo_maps.sources.osm.data import OsmData, Tags
+from dojo_maps.sources.osm.shapes import MapShapes, areas_of, polygons_of, without_overlaps
 
 MOST = {"building": 4_000, "tree": 2_500, "water": 500, "green": 1_500}
 """Things of each kind that are kept; the nearest to a signal, or to the map's middle, come first."""

@@ -5,7 +5,7 @@ The data's own evidence comes first: a tag, then the way its roundabouts turn, t
 
 import itertools
 
-from dojo_maps.sources.osm import OsmData
+from dojo_maps.sources.osm.data import OsmData
 
 _LEFT_HAND = (
     (-11.0, 49.85, 1.77, 61.0), (14.1, 35.75, 14.6, 36.1), (32.2, 34.5, 34.7, 35.75),

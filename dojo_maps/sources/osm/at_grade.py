@@ -12,7 +12,7 @@ import numpy as np
 import shapely
 
 from dojo_maps.geometry.polylines import Floats, Ints
-from dojo_maps.sources.osm_ways import RoadTags
+from dojo_maps.sources.osm.ways import RoadTags
 
 _SAME = 0.5
 """Metres between a crossing and a node within which the node is taken."""

@@ -4,7 +4,7 @@ import itertools
 from collections import Counter, defaultdict
 from collections.abc import Iterable, Iterator
 
-from dojo_maps.sources.osm import OsmData, OsmWay
+from dojo_maps.sources.osm.data import OsmData, OsmWay
 
 
 def known_runs(data: OsmData, ways: Iterable[int]) -> tuple[list[tuple[int, tuple[int, ...]]], list[int]]:

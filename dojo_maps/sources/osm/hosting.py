@@ -3,9 +3,9 @@
 import itertools
 import math
 
-from dojo_maps.sources.osm_arms import Arm, Layout, ray
-from dojo_maps.sources.osm_crossings import MappedCrossing
-from dojo_maps.sources.osm_graph import RoadGraph
+from dojo_maps.sources.osm.arms import Arm, Layout, ray
+from dojo_maps.sources.osm.crossings import MappedCrossing
+from dojo_maps.sources.osm.graph import RoadGraph
 
 CROSSING_WIDTH = 4.0
 _FARTHEST = 30.0

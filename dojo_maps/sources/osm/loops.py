@@ -5,8 +5,8 @@ from dataclasses import replace
 
 import shapely
 
-from dojo_maps.sources.osm_graph import RoadGraph, Section
-from dojo_maps.sources.osm_junctions import Junctions
+from dojo_maps.sources.osm.graph import RoadGraph, Section
+from dojo_maps.sources.osm.junctions import Junctions
 
 _INNER, _ROUND = 80.0, 15.0
 """Metres up to which a road inside a junction, or a part of a roundabout there, vanishes in it."""

@@ -6,9 +6,9 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from dojo_maps.geometry.polylines import Floats, along
-from dojo_maps.sources.osm_crossings import MappedCrossing
-from dojo_maps.sources.osm_graph import RoadGraph, Section
-from dojo_maps.sources.osm_junctions import Junctions
+from dojo_maps.sources.osm.crossings import MappedCrossing
+from dojo_maps.sources.osm.graph import RoadGraph, Section
+from dojo_maps.sources.osm.junctions import Junctions
 
 _CORNER = 6.0
 """Metres that a road loses at a junction where nothing draws it back."""

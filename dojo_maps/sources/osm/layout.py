@@ -4,18 +4,18 @@ import math
 from collections.abc import Iterable, Mapping
 from types import MappingProxyType
 
-from dojo_maps.sources.osm import OsmData
-from dojo_maps.sources.osm_arms import Layout
-from dojo_maps.sources.osm_between import extend_ends, over_both_carriageways, signal_between, split_between
-from dojo_maps.sources.osm_crossings import find_crossings
-from dojo_maps.sources.osm_graph import RoadGraph
-from dojo_maps.sources.osm_hosting import align_carriageways, host_crossings
-from dojo_maps.sources.osm_junctions import group_junctions
-from dojo_maps.sources.osm_loops import is_inner, split_loops
-from dojo_maps.sources.osm_parting import part_roads
-from dojo_maps.sources.osm_reaching import reach_in
-from dojo_maps.sources.osm_rings import widen_rings
-from dojo_maps.sources.osm_spacing import space_carriageways
+from dojo_maps.sources.osm.arms import Layout
+from dojo_maps.sources.osm.between import extend_ends, over_both_carriageways, signal_between, split_between
+from dojo_maps.sources.osm.crossings import find_crossings
+from dojo_maps.sources.osm.data import OsmData
+from dojo_maps.sources.osm.graph import RoadGraph
+from dojo_maps.sources.osm.hosting import align_carriageways, host_crossings
+from dojo_maps.sources.osm.junctions import group_junctions
+from dojo_maps.sources.osm.loops import is_inner, split_loops
+from dojo_maps.sources.osm.parting import part_roads
+from dojo_maps.sources.osm.reaching import reach_in
+from dojo_maps.sources.osm.rings import widen_rings
+from dojo_maps.sources.osm.spacing import space_carriageways
 
 
 def lay_out(

@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 import shapely
 
-from dojo_maps.sources.osm_graph import RoadGraph
+from dojo_maps.sources.osm.graph import RoadGraph
 
 _LEVEL = 5.0
 """Metres from one level to the next, as a truck needs under a bridge."""

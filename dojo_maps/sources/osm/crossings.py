@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 import shapely
 
-from dojo_maps.sources.osm import OsmData, Tags
-from dojo_maps.sources.osm_graph import RoadGraph
+from dojo_maps.sources.osm.data import OsmData, Tags
+from dojo_maps.sources.osm.graph import RoadGraph
 
 _SAME = 5.0
 """Metres between two crossings of one section that are one."""

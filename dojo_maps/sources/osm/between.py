@@ -5,10 +5,10 @@ import math
 from collections import defaultdict
 from dataclasses import replace
 
-from dojo_maps.sources.osm_arms import Layout
-from dojo_maps.sources.osm_crossings import MappedCrossing
-from dojo_maps.sources.osm_graph import RoadGraph, Section
-from dojo_maps.sources.osm_junctions import Junctions, share_controllers
+from dojo_maps.sources.osm.arms import Layout
+from dojo_maps.sources.osm.crossings import MappedCrossing
+from dojo_maps.sources.osm.graph import RoadGraph, Section
+from dojo_maps.sources.osm.junctions import Junctions, share_controllers
 
 _REACH, _SIGNAL_REACH = 14.0, 30.0
 """Metres from a vertex up to which a crossing lies on the junction's border, without and with signals."""

@@ -5,8 +5,8 @@ from typing import Any
 import shapely
 
 from dojo_maps.issue import Element, Issue, Severity
-from dojo_maps.sources.osm import OsmData
-from dojo_maps.sources.osm_losses import (
+from dojo_maps.sources.osm.data import OsmData
+from dojo_maps.sources.osm.losses import (
     Share,
     check_crossings,
     check_restrictions,
@@ -14,10 +14,10 @@ from dojo_maps.sources.osm_losses import (
     check_turn_lanes,
     loss,
 )
-from dojo_maps.sources.osm_movements import find_conditional
-from dojo_maps.sources.osm_network import OsmNetwork
-from dojo_maps.sources.osm_sidewalks import is_sidewalk
-from dojo_maps.sources.osm_strips import strips
+from dojo_maps.sources.osm.movements import find_conditional
+from dojo_maps.sources.osm.network import OsmNetwork
+from dojo_maps.sources.osm.sidewalks import is_sidewalk
+from dojo_maps.sources.osm.strips import strips
 
 SHORT_EDGE = 5.0
 _DRIVEN = ("driving", "bus")

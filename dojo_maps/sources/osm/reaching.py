@@ -14,8 +14,8 @@ import shapely
 import shapely.ops
 
 from dojo_maps.geometry.polylines import Floats, along
-from dojo_maps.sources.osm_arms import Arm, Layout, ray
-from dojo_maps.sources.osm_crossings import MappedCrossing
+from dojo_maps.sources.osm.arms import Arm, Layout, ray
+from dojo_maps.sources.osm.crossings import MappedCrossing
 
 _NEAREST, _FARTHEST = 10.0, 45.0
 """Metres from a road's vertex to a crossing inside the junction between which the road goes on to it."""

@@ -12,7 +12,7 @@ import numpy as np
 import shapely
 
 from dojo_maps.geometry.polylines import Floats, along
-from dojo_maps.sources.osm_arms import Arm, Layout, outward, ray
+from dojo_maps.sources.osm.arms import Arm, Layout, outward, ray
 
 _FARTHEST, _FARTHEST_OF_FORK = 45.0, 80.0
 """Metres from a junction within which its roads must have parted, and long ones that begin at one

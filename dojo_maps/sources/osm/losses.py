@@ -8,11 +8,11 @@ import shapely
 
 from dojo_maps.description import Connection
 from dojo_maps.issue import Element, Issue, Severity
-from dojo_maps.sources.osm import link_to
-from dojo_maps.sources.osm_arms import incoming_name
-from dojo_maps.sources.osm_lanes import arrow_targets
-from dojo_maps.sources.osm_movements import Restriction
-from dojo_maps.sources.osm_network import OsmNetwork
+from dojo_maps.sources.osm.arms import incoming_name
+from dojo_maps.sources.osm.data import link_to
+from dojo_maps.sources.osm.lanes import arrow_targets
+from dojo_maps.sources.osm.movements import Restriction
+from dojo_maps.sources.osm.network import OsmNetwork
 
 CROSSING_WITHIN = 10.0
 _LETTERS = {

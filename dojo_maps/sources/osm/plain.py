@@ -9,17 +9,17 @@ from xml.sax.saxutils import quoteattr
 import numpy as np
 
 from dojo_maps.geometry.polylines import Floats
-from dojo_maps.sources.osm import OsmData
-from dojo_maps.sources.osm_arms import Arm, Layout, divider, incoming_name, outgoing_name
-from dojo_maps.sources.osm_crossings import MappedCrossing
-from dojo_maps.sources.osm_graph import Section
-from dojo_maps.sources.osm_heights import compute_heights
-from dojo_maps.sources.osm_hosting import CROSSING_WIDTH
-from dojo_maps.sources.osm_lanes import connect_lanes
-from dojo_maps.sources.osm_movements import Movement, Movements, Restriction, directed, leads_through
-from dojo_maps.sources.osm_sidewalks import ISLAND_WIDTH, SIDEWALK_WIDTH, Sidewalks
-from dojo_maps.sources.osm_spacing import side_by_side
-from dojo_maps.sources.osm_ways import KINDS, LaneTags
+from dojo_maps.sources.osm.arms import Arm, Layout, divider, incoming_name, outgoing_name
+from dojo_maps.sources.osm.crossings import MappedCrossing
+from dojo_maps.sources.osm.data import OsmData
+from dojo_maps.sources.osm.graph import Section
+from dojo_maps.sources.osm.heights import compute_heights
+from dojo_maps.sources.osm.hosting import CROSSING_WIDTH
+from dojo_maps.sources.osm.lanes import connect_lanes
+from dojo_maps.sources.osm.movements import Movement, Movements, Restriction, directed, leads_through
+from dojo_maps.sources.osm.sidewalks import ISLAND_WIDTH, SIDEWALK_WIDTH, Sidewalks
+from dojo_maps.sources.osm.spacing import side_by_side
+from dojo_maps.sources.osm.ways import KINDS, LaneTags
 
 NODES, EDGES, CONNECTIONS = "input.nod.xml", "input.edg.xml", "input.con.xml"
 _CARS = 'disallow="pedestrian tram rail_urban rail rail_electric rail_fast ship cable_car subway aircraft"'

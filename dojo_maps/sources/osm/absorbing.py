@@ -9,9 +9,9 @@ from collections.abc import Iterator
 import shapely
 
 from dojo_maps.description import LaneKind, RoadMap
-from dojo_maps.sources.osm_arms import Layout
-from dojo_maps.sources.osm_plain import Plain
-from dojo_maps.sources.osm_strips import strips
+from dojo_maps.sources.osm.arms import Layout
+from dojo_maps.sources.osm.plain import Plain
+from dojo_maps.sources.osm.strips import strips
 
 _LONGEST = 60.0
 """Metres of a road that vanishes in its junction."""

@@ -3,9 +3,9 @@
 import numpy as np
 import shapely
 
-from dojo_maps.sources.osm import OsmData, Tags
-from dojo_maps.sources.osm_graph import RoadGraph, Section
-from dojo_maps.sources.osm_ways import may_have_sidewalk
+from dojo_maps.sources.osm.data import OsmData, Tags
+from dojo_maps.sources.osm.graph import RoadGraph, Section
+from dojo_maps.sources.osm.ways import may_have_sidewalk
 
 SIDEWALK_WIDTH = 2.5
 ISLAND_WIDTH = 1.0

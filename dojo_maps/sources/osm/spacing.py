@@ -12,7 +12,7 @@ import numpy as np
 import shapely
 
 from dojo_maps.geometry.polylines import Floats
-from dojo_maps.sources.osm_arms import Arm, Layout, ray
+from dojo_maps.sources.osm.arms import Arm, Layout, ray
 
 _GAP = 0.3
 _NARROWEST = 2.75

@@ -13,7 +13,7 @@ import shapely
 from dojo_maps.description import Projection
 from dojo_maps.geometry.pieces import flat_polygons
 from dojo_maps.geometry.polylines import Floats, Shapes
-from dojo_maps.sources.osm import OsmData, OsmWay
+from dojo_maps.sources.osm.data import OsmData, OsmWay
 
 _GRID = 1e-3
 _MOST_CORNERS = 20_000

@@ -9,9 +9,9 @@ import math
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 
-from dojo_maps.sources.osm import OsmData
-from dojo_maps.sources.osm_crossings import MappedCrossing
-from dojo_maps.sources.osm_graph import RoadGraph, Section
+from dojo_maps.sources.osm.crossings import MappedCrossing
+from dojo_maps.sources.osm.data import OsmData
+from dojo_maps.sources.osm.graph import RoadGraph, Section
 
 _SHORT = 14.0
 _SIGNALS_APART = 25.0

@@ -6,7 +6,7 @@ Without it netconvert leaves too little of the ring between the arms, and the ri
 import math
 from collections import defaultdict
 
-from dojo_maps.sources.osm_graph import RoadGraph, Section
+from dojo_maps.sources.osm.graph import RoadGraph, Section
 
 _ROOM = 6.5
 """Metres of ring to keep between the mouths of two arms, with their rounded corners."""

@@ -8,11 +8,11 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
-from dojo_maps.sources.osm import OsmData
-from dojo_maps.sources.osm_arms import Arm, Layout
-from dojo_maps.sources.osm_graph import Section
-from dojo_maps.sources.osm_lanes import arrow_targets
-from dojo_maps.sources.osm_ways import LaneTags
+from dojo_maps.sources.osm.arms import Arm, Layout
+from dojo_maps.sources.osm.data import OsmData
+from dojo_maps.sources.osm.graph import Section
+from dojo_maps.sources.osm.lanes import arrow_targets
+from dojo_maps.sources.osm.ways import LaneTags
 
 _LONGEST_PATH = 14
 _UTURN = 150.0

@@ -5,7 +5,7 @@ Lanes are numbered from the outermost; angles are in degrees, positive to the in
 
 from collections.abc import Sequence
 
-from dojo_maps.sources.osm_ways import LaneTags
+from dojo_maps.sources.osm.ways import LaneTags
 
 _ARROWS = {
     "through": 0.0, "slight_right": -35.0, "right": -85.0, "sharp_right": -135.0, "slight_left": 35.0,
