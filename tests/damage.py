@@ -5,6 +5,10 @@ import random
 import re
 from collections.abc import Callable
 
+import networks
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
 
 def replaced(good: bytes, old: str, new: str, count: int = 1) -> bytes:
     """Change the first places where a text stands; it has to be there."""
@@ -254,3 +258,15 @@ LARGE: dict[str, Callable[[], bytes]] = {
     ),
     "stack": lambda: network_of(*["0,0 100,0"] * 80),
 }
+
+
+def fuzz(name: str, examples: int, check: Callable[[bytes], None]) -> None:
+    """Check an installed network, damaged at random so many times, always in the same ways."""
+    good = networks.read_network_bytes(networks.installed_networks()[name])
+
+    @settings(max_examples=examples, deadline=None, derandomize=True, suppress_health_check=list(HealthCheck))
+    @given(st.randoms(use_true_random=True))
+    def run(chance: random.Random) -> None:
+        check(damage(good, chance))
+
+    run()

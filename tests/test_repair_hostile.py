@@ -1,15 +1,11 @@
 """Repair of broken and hostile networks: a refusal in one line, or a network that is no worse."""
 
-import random
 from collections.abc import Callable
 from pathlib import Path
 from xml.etree import ElementTree as ET
 
-import networks
 import pytest
-from damage import DAMAGES, ODDITIES, damage
-from hypothesis import HealthCheck, given, settings
-from hypothesis import strategies as st
+from damage import DAMAGES, ODDITIES, fuzz
 
 from dojo_maps.errors import DojoError
 from dojo_maps.repair.fixing import describe, patch_of
@@ -34,19 +30,7 @@ def check_ends_fairly(data: bytes) -> None:
 
 @pytest.mark.parametrize("name", ["cologne1", "RiLSA1-rilsa1", "fkk_in-ingolstadt"])
 def test_fix_ends_fairly_on_a_network_damaged_at_random(name: str, request: pytest.FixtureRequest) -> None:
-    good = networks.read_network_bytes(networks.installed_networks()[name])
-
-    @settings(
-        max_examples=request.config.getoption("--fuzz") // 2,
-        deadline=None,
-        derandomize=True,
-        suppress_health_check=list(HealthCheck),
-    )
-    @given(st.randoms(use_true_random=True))
-    def run(chance: random.Random) -> None:
-        check_ends_fairly(damage(good, chance))
-
-    run()
+    fuzz(name, request.config.getoption("--fuzz") // 2, check_ends_fairly)
 
 
 @pytest.mark.parametrize("name", [*DAMAGES, *ODDITIES])

@@ -1,19 +1,15 @@
 """Validation of broken and hostile networks: a report, or one clear error, in bounded time and memory."""
 
 import json
-import random
 import resource
 import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
 
-import networks
 import pytest
 from conftest import command_environment
-from damage import DAMAGES, ENDLESS, LARGE, ODDITIES, damage, network_of, written
-from hypothesis import HealthCheck, given, settings
-from hypothesis import strategies as st
+from damage import DAMAGES, ENDLESS, LARGE, ODDITIES, fuzz, network_of, written
 
 from dojo_maps.errors import SourceError
 from dojo_maps.sources.sumo_net import read_network
@@ -40,19 +36,7 @@ def check_ends_fairly(data: bytes) -> None:
 def test_validate_ends_fairly_on_a_network_damaged_at_random(
     name: str, request: pytest.FixtureRequest
 ) -> None:
-    good = networks.read_network_bytes(networks.installed_networks()[name])
-
-    @settings(
-        max_examples=request.config.getoption("--fuzz"),
-        deadline=None,
-        derandomize=True,
-        suppress_health_check=list(HealthCheck),
-    )
-    @given(st.randoms(use_true_random=True))
-    def run(chance: random.Random) -> None:
-        check_ends_fairly(damage(good, chance))
-
-    run()
+    fuzz(name, request.config.getoption("--fuzz"), check_ends_fairly)
 
 
 @pytest.mark.parametrize("name", [*DAMAGES, *ODDITIES])

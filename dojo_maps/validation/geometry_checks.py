@@ -2,6 +2,7 @@
 
 from collections import defaultdict
 from collections.abc import Iterator
+from math import inf
 
 import numpy as np
 import shapely
@@ -20,32 +21,28 @@ _KINDS = {"walking_area": "walking_area", "sidewalk": "sidewalk", "island": "pro
 
 def check_gap(facts: Facts, limits: Limits) -> Iterator[Finding]:
     """Find ways across junctions that do not begin where their lane ends, or end where the next begins."""
-    for connection in facts.map.connections:
-        widest = max((across for across, _ in connection.joints), default=0.0)
-        if widest > limits.gap:
-            place = next(k for k, joint in enumerate(connection.joints) if joint[0] == widest)
-            yield Finding(
-                elements=_way(connection, to_first=place > 0),
-                at=_joint_place(facts, connection, place),
-                message=f"the connection {connection.id} is torn by {widest:.2f} m",
-                measured=widest,
-                limit=limits.gap,
-                severity=ERROR if widest > limits.gap_error else WARNING,
-            )
+    return _find_joints(facts, 0, limits.gap, "is torn by {:.2f} m", bad=limits.gap_error)
 
 
 def check_z_jump(facts: Facts, limits: Limits) -> Iterator[Finding]:
     """Find steps in the height of ways across junctions."""
+    return _find_joints(facts, 1, limits.z_jump, "jumps by {:.2f} m in height")
+
+
+def _find_joints(facts: Facts, which: int, limit: float, told: str, *, bad: float = inf) -> Iterator[Finding]:
+    """Find each connection's worst joint beyond a limit, by its distance across (0) or up (1)."""
     for connection in facts.map.connections:
-        highest = max((up for _, up in connection.joints), default=0.0)
-        if highest > limits.z_jump:
-            place = next(k for k, joint in enumerate(connection.joints) if joint[1] == highest)
+        steps = [joint[which] for joint in connection.joints]
+        worst = max(steps, default=0.0)
+        if worst > limit:
+            place = steps.index(worst)
             yield Finding(
                 elements=_way(connection, to_first=place > 0),
                 at=_joint_place(facts, connection, place),
-                message=f"the connection {connection.id} jumps by {highest:.2f} m in height",
-                measured=highest,
-                limit=limits.z_jump,
+                message=f"the connection {connection.id} {told.format(worst)}",
+                measured=worst,
+                limit=limit,
+                severity=ERROR if worst > bad else WARNING,
             )
 
 
