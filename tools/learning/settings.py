@@ -40,7 +40,7 @@ CONDITIONS: dict[str, dict[str, tuple[float, float]]] = {
 """Ranges from which each training episode draws its light, weather and lenses."""
 SETTINGS, CURVE, CHECKPOINT, POLICY = "training.json", "curve.csv", "checkpoint.pt", "policy.pt"
 """The files of a run's folder."""
-REWARD = {"queue": 0.01, "diff-waiting-time": 0.1}
+REWARD = {"queue": 0.01, "diff-waiting-time": 0.05}
 """The queue keeps everyone's trip short, the difference of waiting forgets nobody in a side street."""
 INTERVAL = 5
 """Seconds from decision to decision."""
