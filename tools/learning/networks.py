@@ -9,7 +9,7 @@ from torch import nn
 
 WIDTH = 128
 """Features that a view gives."""
-_SLOWEST = 1e-2
+_SLOWEST = 1e-3
 """The least share that a batch has in the running means."""
 _THINNED = 8
 """Of so many seen, one counts for the running means: it is enough, and the others cost nothing."""
