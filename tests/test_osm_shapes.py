@@ -162,6 +162,17 @@ def test_road_is_down_where_it_passes_under_a_bridge(tmp_path: Path) -> None:
             assert rise <= 0.16 * math.dist(graph.places[one], graph.places[other])
 
 
+def test_tunnel_is_at_its_level_where_it_passes_above_a_deeper_one(tmp_path: Path) -> None:
+    d = Drawing()
+    d.way((0, 0), (-20, 20), (-300, 20), tunnel="yes", layer="-1", **STREET)
+    d.way((0, 0), (-40, -20), (-40, 300), tunnel="yes", layer="-2", **STREET)
+    d.way((0, 0), (20, 0), (200, 0), tunnel="yes", layer="-3", **STREET)
+    graph = graph_of(d, tmp_path)
+    heights = compute_heights(graph)
+    above = [node for node in graph.places if node < 0]
+    assert [heights[node] for node in above] == [-5.0]
+
+
 def test_crossing_without_a_place_is_left_out(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Where a crossing has no room, netconvert may write nan for its corners."""
     gone = '<crossing node="3" edges="-1001#0 1001#0"'
