@@ -258,6 +258,22 @@ def test_crossing_far_inside_a_wide_junction_is_where_it_is_mapped(tmp_path: Pat
     assert report["osm"]["crossings"]["share"] >= 0.9
 
 
+def test_crossing_of_lanes_mapped_one_by_one_is_built_once_where_it_is_mapped(tmp_path: Path) -> None:
+    """The road parts before it, and a road from a side ends nearby, but does not lead there."""
+    d = Drawing()
+    d.way((150, 0), (26, 0), highway="primary", oneway="yes", lanes="3")
+    d.way((0, 150), (0, 7), (0, 0), (0, -7), (0, -150), **STREET)
+    for y in (7, 0, -7):
+        d.way((26, 0), (8, y / 2), (0, y), highway="primary", oneway="yes")
+        d.node(8, y / 2, highway="crossing", crossing="traffic_signals")
+        d.node(0, y, highway="traffic_signals")
+    d.node(26, 0, highway="traffic_signals")
+    bundle, report = built(d, tmp_path)
+    assert report["osm"]["crossings"]["kept"] == 3
+    lanes = [lane for lane in bundle.road_map.lanes if lane.road.startswith("1001#")]
+    assert max(lane.shape[-1, 0] for lane in lanes) - bundle.road_map.origin[0] < 20.0
+
+
 def test_lane_that_leaves_beside_a_short_road_lies_on_no_other(tmp_path: Path) -> None:
     """It is drawn from where it leaves, and lies on the road beside it to the next fork and beyond."""
     d = Drawing()
