@@ -297,6 +297,16 @@ def test_lanes_that_part_slowly_and_end_together_lie_side_by_side(tmp_path: Path
     assert report["osm"]["overlap_square_metres"] < 5
 
 
+def test_carriageways_move_apart_only_where_no_third_road_lies(tmp_path: Path) -> None:
+    d = Drawing()
+    d.way((0, 0), (200, 0), highway="primary", oneway="yes", lanes="2")
+    d.way((200, 3.8), (0, 3.8), highway="primary", oneway="yes", lanes="2")
+    d.way((200, 8.8), (0, 8.8), highway="tertiary", oneway="yes", lanes="1")
+    d.way((0, -100), (0, 0), (0, 3.8), (0, 8.8), (0, 100), **STREET)
+    _, report = built(d, tmp_path)
+    assert report["osm"]["overlap_square_metres"] < 5
+
+
 def test_signalised_crossing_beside_a_side_street_has_lights(tmp_path: Path) -> None:
     d = Drawing()
     d.way((-150, 0), (-9, 0), (0, 0), (150, 0), highway="secondary", lanes="2")
