@@ -24,6 +24,8 @@ _LEVEL, _ISLAND = 8.0, 1.5
 """Metres between the ends of two arms on one line, and between their borders where people may wait."""
 _LEAST_OVERLAP = 4.0
 """Square metres."""
+_TAKEN_OVER = 0.75
+"""Metres that one carriageway may move for the other; more would lead it away from its own ends."""
 _TRIED = 6
 """Distances that are tried between none and all that a road should move."""
 _NEAR_SHARE = 0.25
@@ -62,6 +64,8 @@ def _share_out(wanted: float, rooms: Sequence[float]) -> tuple[float, float]:
     other = min(wanted - one, rooms[1])
     one = min(wanted - other, rooms[0])
     rest = (wanted - one - other) / 2
+    if abs(one - other) / 2 > _TAKEN_OVER:
+        return wanted / 2, wanted / 2
     return one + rest, other + rest
 
 
