@@ -162,6 +162,17 @@ def test_road_is_down_where_it_passes_under_a_bridge(tmp_path: Path) -> None:
             assert rise <= 0.16 * math.dist(graph.places[one], graph.places[other])
 
 
+def test_tunnel_is_at_its_level_where_it_passes_above_a_deeper_one(tmp_path: Path) -> None:
+    d = Drawing()
+    d.way((0, 0), (-20, 20), (-300, 20), tunnel="yes", layer="-1", **STREET)
+    d.way((0, 0), (-40, -20), (-40, 300), tunnel="yes", layer="-2", **STREET)
+    d.way((0, 0), (20, 0), (200, 0), tunnel="yes", layer="-3", **STREET)
+    graph = graph_of(d, tmp_path)
+    heights = compute_heights(graph)
+    above = [node for node in graph.places if node < 0]
+    assert [heights[node] for node in above] == [-5.0]
+
+
 def test_crossing_without_a_place_is_left_out(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Where a crossing has no room, netconvert may write nan for its corners."""
     gone = '<crossing node="3" edges="-1001#0 1001#0"'
@@ -247,6 +258,22 @@ def test_crossing_far_inside_a_wide_junction_is_where_it_is_mapped(tmp_path: Pat
     assert report["osm"]["crossings"]["share"] >= 0.9
 
 
+def test_crossing_of_lanes_mapped_one_by_one_is_built_once_where_it_is_mapped(tmp_path: Path) -> None:
+    """The road parts before it, and a road from a side ends nearby, but does not lead there."""
+    d = Drawing()
+    d.way((150, 0), (26, 0), highway="primary", oneway="yes", lanes="3")
+    d.way((0, 150), (0, 7), (0, 0), (0, -7), (0, -150), **STREET)
+    for y in (7, 0, -7):
+        d.way((26, 0), (8, y / 2), (0, y), highway="primary", oneway="yes")
+        d.node(8, y / 2, highway="crossing", crossing="traffic_signals")
+        d.node(0, y, highway="traffic_signals")
+    d.node(26, 0, highway="traffic_signals")
+    bundle, report = built(d, tmp_path)
+    assert report["osm"]["crossings"]["kept"] == 3
+    lanes = [lane for lane in bundle.road_map.lanes if lane.road.startswith("1001#")]
+    assert max(lane.shape[-1, 0] for lane in lanes) - bundle.road_map.origin[0] < 20.0
+
+
 def test_lane_that_leaves_beside_a_short_road_lies_on_no_other(tmp_path: Path) -> None:
     """It is drawn from where it leaves, and lies on the road beside it to the next fork and beyond."""
     d = Drawing()
@@ -266,6 +293,16 @@ def test_lanes_that_part_slowly_and_end_together_lie_side_by_side(tmp_path: Path
     d.way((0, 0), (-77, 3), (-83, 4), highway="primary", oneway="yes", lanes="2")
     d.way((-83, -100), (-83, 0), (-83, 4), (-83, 100), **STREET)
     d.way((-83, 4), (-200, 4), highway="primary", oneway="yes", lanes="2")
+    _, report = built(d, tmp_path)
+    assert report["osm"]["overlap_square_metres"] < 5
+
+
+def test_carriageways_move_apart_only_where_no_third_road_lies(tmp_path: Path) -> None:
+    d = Drawing()
+    d.way((0, 0), (200, 0), highway="primary", oneway="yes", lanes="2")
+    d.way((200, 3.8), (0, 3.8), highway="primary", oneway="yes", lanes="2")
+    d.way((200, 8.8), (0, 8.8), highway="tertiary", oneway="yes", lanes="1")
+    d.way((0, -100), (0, 0), (0, 3.8), (0, 8.8), (0, 100), **STREET)
     _, report = built(d, tmp_path)
     assert report["osm"]["overlap_square_metres"] < 5
 

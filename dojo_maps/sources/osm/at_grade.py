@@ -40,6 +40,8 @@ def share_nodes(
         for index in range(len(nodes) - 1)
         if not roads[way].layer
     ]
+    if not pieces:
+        return list(runs), []
     ends = np.array([runs[number][1][index : index + 2] for number, index in pieces]).reshape(-1, 2)
     ways = np.array([runs[number][0] for number, _ in pieces])
     oneway = np.array([roads[way].oneway for way in ways.tolist()], dtype=bool)

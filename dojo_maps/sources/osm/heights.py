@@ -4,6 +4,7 @@ import heapq
 import itertools
 import math
 from collections import defaultdict
+from collections.abc import Set as AbstractSet
 from dataclasses import replace
 
 import numpy as np
@@ -14,18 +15,18 @@ from dojo_maps.sources.osm.graph import RoadGraph
 _LEVEL = 5.0
 """Metres from one level to the next, as a truck needs under a bridge."""
 _GRADE, _STEEP = 0.06, 0.15
-"""Of ramps, and at most, where a ramp has to be down before it passes under a bridge."""
+"""Of ramps, and at most, where a ramp ends before it passes under a bridge or above a tunnel."""
 _APART = 15.0
-"""Metres from where a road leaves a bridge, within which it does not pass under it."""
+"""Metres from where a road leaves a bridge or tunnel, within which it does not pass under or above it."""
 
 
 def compute_heights(graph: RoadGraph) -> dict[int, float]:
     """Give each node that is not on the ground its height, metres.
 
     Bridges and tunnels are level; from their ends the roads lead to the ground at a grade of 6 %, or as
-    steep as it takes to pass under a bridge, where they get another node.
+    steep as it takes to pass under a bridge or above a deeper tunnel, where they get another node.
     """
-    low = _nodes_under_bridges(graph)
+    low, deep = _nodes_under_bridges(graph), _nodes_above_tunnels(graph)
     beside: dict[int, list[tuple[int, float]]] = defaultdict(list)
     fixed: dict[int, float] = {}
     for name in sorted(graph.sections):
@@ -49,50 +50,73 @@ def compute_heights(graph: RoadGraph) -> dict[int, float]:
             left = abs(height) - _GRADE * apart
             if left > 0 and other not in heights:
                 heapq.heappush(queue, (-left, other, math.copysign(left, height)))
-    _lower(heights, beside, low, fixed)
+    _level(heights, beside, dict.fromkeys(low, 0.0), fixed, 1)
+    _level(heights, beside, deep, fixed, -1)
     return heights
 
 
-def _lower(
+def _level(
     heights: dict[int, float],
     beside: dict[int, list[tuple[int, float]]],
-    low: set[int],
+    most: dict[int, float],
     fixed: dict[int, float],
+    sign: int,
 ) -> None:
-    """Bring nodes under bridges to the ground, and those around them as far down as it takes."""
-    queue = [(0.0, node) for node in sorted(low)]
+    """Bring nodes as near to the ground as they must be, and those around them as far as it takes.
+
+    Args:
+        heights: of the nodes, metres; corrected in place.
+        beside: the nodes next to each, and the metres to them.
+        most: metres that nodes may be away from the ground.
+        fixed: heights of bridges and tunnels, which are not left.
+        sign: 1 above the ground, -1 below.
+    """
+    queue = [(metres, node) for node, metres in sorted(most.items())]
+    heapq.heapify(queue)
     seen: set[int] = set()
     while queue:
-        most, node = heapq.heappop(queue)
-        if node in seen or node in fixed or heights.get(node, 0.0) < most:
+        metres, node = heapq.heappop(queue)
+        least = max(metres, sign * fixed.get(node, 0.0))
+        if node in seen or sign * heights.get(node, 0.0) < least:
             continue
         seen.add(node)
-        heights[node] = round(most, 2)
+        heights[node] = round(sign * least, 2)
         for other, apart in beside[node]:
-            heapq.heappush(queue, (most + _STEEP * apart, other))
+            heapq.heappush(queue, (least + _STEEP * apart, other))
 
 
 def _nodes_under_bridges(graph: RoadGraph) -> set[int]:
     """Give roads on the ground a node where they pass under a bridge."""
-    names = sorted(name for name, section in graph.sections.items() if section.road.layer > 0)
-    bridges = [shapely.LineString(graph.line(graph.sections[name])) for name in names]
-    tree = shapely.STRtree(bridges)
-    low: set[int] = set()
-    for name, section in sorted(graph.sections.items()):
-        if section.road.layer:
-            continue
-        line = shapely.LineString(graph.line(section))
-        points = []
+    on_ground = {name for name, section in graph.sections.items() if not section.road.layer}
+    bridges = {name for name, section in graph.sections.items() if section.road.layer > 0}
+    passing = _passing(graph, on_ground, bridges)
+    return {_insert(graph, name, place) for name, _, place in passing}
+
+
+def _nodes_above_tunnels(graph: RoadGraph) -> dict[int, float]:
+    """Give tunnels a node where they pass above deeper ones; and how deep they may be there."""
+    layers = {name: section.road.layer for name, section in graph.sections.items() if section.road.layer < 0}
+    passing = _passing(graph, layers.keys(), layers.keys())
+    above = [(name, place) for name, other, place in passing if layers[name] > layers[other]]
+    return {_insert(graph, name, place): -_LEVEL * layers[name] for name, place in above}
+
+
+def _passing(
+    graph: RoadGraph, names: AbstractSet[str], others: AbstractSet[str]
+) -> list[tuple[str, str, tuple[float, float]]]:
+    """List where sections pass over or under others, except near the places where they part."""
+    known = sorted(others)
+    lines = [shapely.LineString(graph.line(graph.sections[name])) for name in known]
+    tree = shapely.STRtree(lines)
+    found = []
+    for name in sorted(names):
+        line = shapely.LineString(graph.line(graph.sections[name]))
         for hit in sorted(tree.query(line, predicate="crosses")):
-            shared = set(section.nodes) & set(graph.sections[names[hit]].nodes)
-            points += [
-                place
-                for place in shapely.get_coordinates(line.intersection(bridges[hit])).tolist()
-                if all(math.dist(place, graph.places[node]) > _APART for node in shared)
-            ]
-        for place in points:
-            low.add(_insert(graph, name, (place[0], place[1])))
-    return low
+            shared = set(graph.sections[name].nodes) & set(graph.sections[known[hit]].nodes)
+            for x, y in shapely.get_coordinates(line.intersection(lines[hit])).tolist():
+                if all(math.dist((x, y), graph.places[node]) > _APART for node in shared):
+                    found.append((name, known[hit], (x, y)))
+    return found
 
 
 def _insert(graph: RoadGraph, name: str, place: tuple[float, float]) -> int:

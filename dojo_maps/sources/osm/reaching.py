@@ -14,35 +14,42 @@ import shapely
 import shapely.ops
 
 from dojo_maps.geometry.polylines import Floats, along
-from dojo_maps.sources.osm.arms import Arm, Layout, ray
+from dojo_maps.sources.osm.arms import Arm, Layout, ray, trim
 from dojo_maps.sources.osm.crossings import MappedCrossing
+from dojo_maps.sources.osm.hosting import CROSSING_WIDTH
 
 _NEAREST, _FARTHEST = 10.0, 45.0
 """Metres from a road's vertex to a crossing inside the junction between which the road goes on to it."""
-_NEARER = 0.7
-"""Share of the way to a crossing that the nearest road from another side must be away from it."""
+_NEARER = 0.5
+"""Share of the way to a crossing that the nearest road from the other side must be away from it."""
+_BESIDE, _BEFORE = 20.0, 15.0
+"""Metres of a road from a side, and before its end, that are kept free."""
 _ASIDE = 0.5
 """Cosine of the angle between roads that arrive from different sides."""
 _AHEAD = 0.8
-"""Cosine of the angle that the way on may make with the road."""
+"""Cosine of the angle that the way to a crossing may make with the road."""
 
 
 def reach_in(layout: Layout) -> bool:
-    """Lead roads on to the crossings ahead of them that found no place near; tell whether any were."""
+    """Lead roads on to the crossings ahead of them that found no place near; tell whether any were.
+
+    Where lanes are mapped one by one, the first of a crossing's pieces is enough.
+    """
     ends, free = layout.graph.ends(), _free_vertices(layout)
     inside = _far_from_place(layout)
-    best: dict[int, tuple[float, int, Arm, Floats]] = {}
-    for vertex, arm in sorted(free.items()) if inside else ():
-        for node, line in _way_on(layout, ends, inside, vertex, arm):
-            length = float(along(line)[-1])
-            if _is_behind(layout, arm, line):
-                continue
-            if node not in best or length < best[node][0]:
-                best[node] = (length, vertex, arm, line)
-    for _, vertex, arm, line in sorted(best.values(), key=lambda found: found[:3]):
-        if free.pop(vertex, None):
+    found = [
+        (float(along(line)[-1]), vertex, arm, line)
+        for vertex, arm in sorted(free.items() if inside else ())
+        for line in _ways_on(layout, ends, inside, vertex, arm)
+        if not _is_in_the_way(layout, arm, line)
+    ]
+    reached: list[Floats] = []
+    for _, vertex, arm, line in sorted(found, key=lambda f: f[:3]):
+        if vertex in free and all(math.dist(line[-1], place) > _NEAREST for place in reached):
+            del free[vertex]
             _lead_on(layout, vertex, arm, line)
-    return bool(best)
+            reached.append(line[-1])
+    return bool(reached)
 
 
 def _free_vertices(layout: Layout) -> dict[int, Arm]:
@@ -68,46 +75,54 @@ def _far_from_place(layout: Layout) -> dict[str, list[MappedCrossing]]:
     return found
 
 
-def _way_on(
+def _ways_on(
     layout: Layout,
     ends: dict[int, list[str]],
     inside: dict[str, list[MappedCrossing]],
     vertex: int,
     arm: Arm,
-) -> Iterator[tuple[int, Floats]]:
-    """Follow the ways straight ahead from an arm's vertex to the first crossing."""
+) -> Iterator[Floats]:
+    """Follow the ways inside a junction from an arm's vertex, each to the first crossing ahead."""
     graph = layout.graph
-    ahead = -ray(graph, arm)[1]
-    line, here, seen = np.array([graph.places[vertex]]), vertex, {arm[0]}
-    while (walked := float(along(line)[-1])) < _FARTHEST:
-        options = []
-        for name in ends[here]:
-            if name in layout.inner and name not in seen:
-                section = graph.sections[name]
-                onward = graph.line(section) if section.start == here else graph.line(section)[::-1]
-                way = onward[-1] - onward[0]
-                options.append((float(way @ ahead) / max(math.hypot(*way), 1e-6), name, onward))
-        straight, name, onward = max(options, key=lambda option: option[:2], default=(0.0, "", line))
-        if straight < _AHEAD:
-            return
-        path = shapely.LineString(onward)
-        found = sorted((path.project(shapely.Point(c.place)), c.node) for c in inside.get(name, ()))
-        if found and walked + found[0][0] < _FARTHEST:
-            cut = shapely.ops.substring(path, 0.0, found[0][0])
-            yield found[0][1], np.vstack([line, shapely.get_coordinates(cut)[1:]])
-            return
-        line = np.vstack([line, onward[1:]])
-        seen.add(name)
-        section = graph.sections[name]
-        here = section.end if section.start == here else section.start
+    start, outward = ray(graph, arm)
+    queue, seen = [(np.array([start]), vertex)], {arm[0]}
+    while queue:
+        line, here = queue.pop()
+        for name in sorted(set(ends[here]) & layout.inner - seen):
+            section = graph.sections[name]
+            onward = graph.line(section) if section.start == here else graph.line(section)[::-1]
+            path = shapely.LineString(onward)
+            found = min((path.project(shapely.Point(c.place)) for c in inside.get(name, ())), default=None)
+            cut = path if found is None else shapely.ops.substring(path, 0.0, found)
+            walked = np.vstack([line, shapely.get_coordinates(cut)[1:]])
+            seen.add(name)
+            straight = (start - walked[-1]) @ outward / max(math.dist(start, walked[-1]), 1e-6)
+            if along(walked)[-1] > _FARTHEST:
+                continue
+            if found is None:
+                queue.append((walked, section.end if section.start == here else section.start))
+            elif straight > _AHEAD:
+                yield walked
 
 
-def _is_behind(layout: Layout, arm: Arm, line: Floats) -> bool:
-    """Tell whether the end of a way from an arm lies nearer to a road from another side."""
-    outward = ray(layout.graph, arm)[1]
-    rays = [ray(layout.graph, other) for other in layout.arms()[layout.junction(arm)]]
+def _is_in_the_way(layout: Layout, arm: Arm, line: Floats) -> bool:
+    """Tell whether a road led on along a line would lie before roads from the sides, or near one ahead."""
+    graph = layout.graph
+    outward = ray(graph, arm)[1]
     farthest = _NEARER * float(along(line)[-1])
-    return any(way @ outward < _ASIDE and math.dist(start, line[-1]) < farthest for start, way in rays)
+    ground = shapely.LineString(trim(line, 0.0, CROSSING_WIDTH / 2)).buffer(
+        layout.half(arm[0]), cap_style="flat"
+    )
+    for other in layout.arms()[layout.junction(arm)]:
+        start, way = ray(graph, other)
+        if way @ outward < -_ASIDE and math.dist(start, line[-1]) < farthest:
+            return True
+        drawn = start + way * layout.cuts.get(other, 0.0)
+        road = shapely.LineString([drawn + way * _BESIDE, drawn - way * _BEFORE])
+        strip = road.buffer(layout.half(other[0]), cap_style="flat")
+        if abs(way @ outward) < _ASIDE and strip.intersects(ground):
+            return True
+    return False
 
 
 def _lead_on(layout: Layout, vertex: int, arm: Arm, line: Floats) -> None:

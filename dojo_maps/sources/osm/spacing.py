@@ -24,6 +24,10 @@ _LEVEL, _ISLAND = 8.0, 1.5
 """Metres between the ends of two arms on one line, and between their borders where people may wait."""
 _LEAST_OVERLAP = 4.0
 """Square metres."""
+_TAKEN_OVER = 0.75
+"""Metres that one carriageway may move for the other; more would lead it away from its own ends."""
+_TRIED = 6
+"""Distances that are tried between none and all that a road should move."""
 _NEAR_SHARE = 0.25
 """Share of the places along a road where another may lie nearer than is made room for: they part slowly."""
 
@@ -41,12 +45,49 @@ def space_carriageways(layout: Layout) -> None:
             section = layout.graph.sections[name]
             width = round(min(section.road.width, max(_NARROWEST, section.road.width * share)), 2)
             layout.graph.sections[name] = replace(section, road=replace(section.road, width=width))
-    for (one, other), (apart, side) in near.items():
-        wanted = (layout.half(one) + layout.half(other) + _GAP - apart) / 2
+    for pair, (apart, sides) in near.items():
+        wanted = layout.half(pair[0]) + layout.half(pair[1]) + _GAP - apart
         if wanted > 0:
-            for name, sign in ((one, -side[0]), (other, -side[1])):
-                moved = layout.asides.get(name, 0.0) + sign * wanted
+            rooms = []
+            for name, side in zip(pair, sides, strict=True):
+                around = tree.query(lines[name], "dwithin", distance=layout.half(name) + wanted)
+                thirds = sorted({names[hit] for hit in around} - {*pair})
+                rooms.append(_room(layout, lines, name, thirds, -side, wanted))
+            for name, side, metres in zip(pair, sides, _share_out(wanted, rooms), strict=True):
+                moved = layout.asides.get(name, 0.0) - side * metres
                 layout.asides[name] = max(-_FARTHEST, min(_FARTHEST, moved))
+
+
+def _share_out(wanted: float, rooms: Sequence[float]) -> tuple[float, float]:
+    """Split the metres by which two roads move apart: half each, or what there is room for on either side."""
+    one = min(wanted / 2, rooms[0])
+    other = min(wanted - one, rooms[1])
+    one = min(wanted - other, rooms[0])
+    rest = (wanted - one - other) / 2
+    if abs(one - other) / 2 > _TAKEN_OVER:
+        return wanted / 2, wanted / 2
+    return one + rest, other + rest
+
+
+def _room(
+    layout: Layout,
+    lines: dict[str, shapely.LineString],
+    name: str,
+    thirds: Sequence[str],
+    side: int,
+    wanted: float,
+) -> float:
+    """Measure how far a road may move to a side, up to what is wanted, before it lies on others."""
+    layer = layout.graph.sections[name].road.layer
+    room = wanted
+    for third in thirds:
+        needed = layout.half(name) + layout.half(third)
+        near, beside = _beside(lines[name], lines[third], needed + wanted)
+        if beside == side and layout.graph.sections[third].road.layer == layer:
+            steps = np.linspace(0.0, wanted, _TRIED)
+            lying = np.maximum(needed + steps[:, None] - near, 0.0).sum(axis=1) * _STEP
+            room = min(room, float(steps[lying < _LEAST_OVERLAP].max(initial=0.0)))
+    return room
 
 
 def side_by_side(layout: Layout, arms: Sequence[Arm]) -> list[list[Arm]]:
