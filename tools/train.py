@@ -15,7 +15,7 @@ from dojo_env.errors import ConfigError
 from dojo_env.rewards import REWARDS
 from dojo_maps.errors import DojoError
 from learning.scenarios import check_scenario
-from learning.settings import AGENTS, ALGORITHMS, CONDITIONS, OBSERVATIONS, Training
+from learning.settings import AGENTS, ALGORITHMS, CONDITIONS, EVERY, OBSERVATIONS, Training
 
 
 def read_size(text: str) -> tuple[int, int]:
@@ -82,7 +82,7 @@ def main() -> int:
     add_arguments(parser)
     parser.add_argument("--out", type=Path, required=True, metavar="FOLDER")
     parser.add_argument("--resume", action="store_true", help="go on from the folder's checkpoint")
-    parser.add_argument("--every", type=int, default=3, help="rounds of episodes between evaluations")
+    parser.add_argument("--every", type=int, default=EVERY, help="rounds of episodes between evaluations")
     parser.add_argument("--tensorboard", action="store_true", help="write its event files, too")
     options = parser.parse_args()
     try:

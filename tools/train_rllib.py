@@ -12,7 +12,7 @@ from dojo_env.errors import ConfigError
 from dojo_maps.errors import DojoError
 from learning.cluster import LOCAL, open_cluster
 from learning.scenarios import check_scenario
-from learning.settings import Training
+from learning.settings import EVERY, Training
 from train import add_arguments, read_arguments
 
 ALGORITHMS = ("ppo", "dqn")
@@ -48,7 +48,7 @@ def main() -> int:
                         help="of a cluster's head; without it, this machine alone")  # fmt: skip
     parser.add_argument("--out", type=Path, required=True, metavar="FOLDER")
     parser.add_argument("--resume", action="store_true", help="go on from the folder's checkpoint")
-    parser.add_argument("--every", type=int, default=5, help="rounds of episodes between evaluations")
+    parser.add_argument("--every", type=int, default=EVERY, help="rounds of episodes between evaluations")
     options = parser.parse_args()
     try:
         training = read_training(options)

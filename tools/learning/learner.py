@@ -12,7 +12,7 @@ from dojo_env.errors import ConfigError
 from .environments import VALIDATION_SEEDS, open_environments, open_evaluation
 from .models import build_model, read_checkpoint, restore_checkpoint
 from .progress import Progress
-from .settings import CHECKPOINT, CURVE, POLICY, SETTINGS, Training, read_training, write_training
+from .settings import CHECKPOINT, CURVE, EVERY, POLICY, SETTINGS, Training, read_training, write_training
 
 
 def check_folder(training: Training, folder: Path, *, resume: bool) -> None:
@@ -60,7 +60,7 @@ def is_trained(training: Training, folder: Path) -> bool:
 
 
 def train(
-    training: Training, folder: Path, *, resume: bool = False, every: int = 3, tensorboard: bool = False
+    training: Training, folder: Path, *, resume: bool = False, every: int = EVERY, tensorboard: bool = False
 ) -> None:
     """Train, and keep the best policy, the curve and a checkpoint in the folder.
 

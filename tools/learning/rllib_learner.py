@@ -23,10 +23,10 @@ from .learner import prepare_folder
 from .models import load, save
 from .progress import Curve
 from .rllib_settings import ENVIRONMENT, FIGURES, build_config
-from .settings import CHECKPOINT, Training
+from .settings import CHECKPOINT, EVERY, Training
 
 
-def train(training: Training, folder: Path, *, resume: bool = False, every: int = 5) -> None:
+def train(training: Training, folder: Path, *, resume: bool = False, every: int = EVERY) -> None:
     """Train on the cluster that is connected, and keep the same files as without one.
 
     Args:

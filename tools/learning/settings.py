@@ -42,6 +42,8 @@ SETTINGS, CURVE, CHECKPOINT, POLICY = "training.json", "curve.csv", "checkpoint.
 """The files of a run's folder."""
 REWARD = {"queue": 0.01, "diff-waiting-time": 0.05}
 """The queue keeps everyone's trip short, the difference of waiting forgets nobody in a side street."""
+EVERY = 3
+"""Rounds of episodes between evaluations."""
 INTERVAL = 5
 """Seconds from decision to decision."""
 

@@ -6,7 +6,7 @@ one-way roads that cross each other: they are the lanes of a junction, drawn one
 """
 
 from collections import defaultdict
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 import shapely
@@ -64,6 +64,11 @@ def share_nodes(
     return [(way, _with(nodes, added.get(number, ()))) for number, (way, nodes) in enumerate(runs)], found
 
 
+def free_number(places: Iterable[int]) -> int:
+    """Number a node that OpenStreetMap does not have: below 0, and below all that there are."""
+    return min(0, *places) - 1
+
+
 def _crossing(lines: Floats, ends: Ints, ways: Ints) -> list[tuple[int, int]]:
     """Pair the straight pieces of two ways that cross each other away from common nodes."""
     one, other = shapely.STRtree(lines).query(lines, predicate="crosses")
@@ -77,7 +82,7 @@ def _node_at(point: Floats, near: Sequence[int], places: dict[int, tuple[float, 
     nodes = np.array([places[node] for node in near])
     apart = np.hypot(*(nodes - point).T)
     best = int(np.argmin(apart))
-    return near[best] if apart[best] < _SAME else min(0, *places) - 1
+    return near[best] if apart[best] < _SAME else free_number(places)
 
 
 def _with(nodes: tuple[int, ...], added: Sequence[tuple[int, float, int]]) -> tuple[int, ...]:

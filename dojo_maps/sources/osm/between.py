@@ -28,8 +28,7 @@ def extend_ends(graph: RoadGraph, crossed: set[int]) -> bool:
         at_end = section.end == vertex
         (x, y), (a, b) = (graph.places[n] for n in (section.nodes[-2:] if at_end else section.nodes[1::-1]))
         share = _BEYOND / max(math.dist((x, y), (a, b)), 1e-3)
-        node = min(0, *graph.places) - 1
-        graph.places[node] = (round(a + (a - x) * share, 3), round(b + (b - y) * share, 3))
+        node = graph.add_node((round(a + (a - x) * share, 3), round(b + (b - y) * share, 3)))
         nodes = (*section.nodes, node) if at_end else (node, *section.nodes)
         ways = (*section.ways, section.ways[-1]) if at_end else (section.ways[0], *section.ways)
         graph.sections[name] = replace(section, nodes=nodes, ways=ways)

@@ -15,7 +15,7 @@ import pyproj
 
 from dojo_maps.errors import SourceError
 from dojo_maps.geometry.polylines import Floats, along
-from dojo_maps.sources.osm.at_grade import share_nodes
+from dojo_maps.sources.osm.at_grade import free_number, share_nodes
 from dojo_maps.sources.osm.country import centre_of, drives_left
 from dojo_maps.sources.osm.data import OsmData
 from dojo_maps.sources.osm.runs import known_runs
@@ -81,6 +81,12 @@ class RoadGraph:
             found[section.start].append(section.id)
             found[section.end].append(section.id)
         return dict(found)
+
+    def add_node(self, place: tuple[float, float]) -> int:
+        """Add a node that OpenStreetMap does not have."""
+        node = free_number(self.places)
+        self.places[node] = place
+        return node
 
     def line(self, section: Section) -> Floats:
         """Give a section's centre line, (n, 2) metres."""

@@ -125,8 +125,7 @@ def _insert(graph: RoadGraph, name: str, place: tuple[float, float]) -> int:
     line = graph.line(section)
     pieces = [shapely.LineString(piece) for piece in itertools.pairwise(line)]
     index = int(np.argmin([piece.distance(shapely.Point(place)) for piece in pieces]))
-    node = min(0, *graph.places) - 1
-    graph.places[node] = place
+    node = graph.add_node(place)
     nodes = (*section.nodes[: index + 1], node, *section.nodes[index + 1 :])
     ways = (*section.ways[: index + 1], *section.ways[index:])
     graph.sections[name] = replace(section, nodes=nodes, ways=ways)

@@ -36,9 +36,8 @@ def split_loops(graph: RoadGraph, junctions: Junctions) -> bool:
         if junctions.of[section.start] != junctions.of[section.end] or is_inner(graph, section):
             continue
         if len(section.nodes) == 2:
-            node = min(0, *graph.places) - 1
             ends = [graph.places[vertex] for vertex in section.nodes]
-            graph.places[node] = ((ends[0][0] + ends[1][0]) / 2, (ends[0][1] + ends[1][1]) / 2)
+            node = graph.add_node(((ends[0][0] + ends[1][0]) / 2, (ends[0][1] + ends[1][1]) / 2))
             nodes = (section.start, node, section.end)
             graph.sections[name] = replace(section, nodes=nodes, ways=section.ways * 2)
         graph.split(name, len(graph.sections[name].nodes) // 2)

@@ -35,13 +35,14 @@ def reach_in(layout: Layout) -> bool:
 
     Where lanes are mapped one by one, the first of a crossing's pieces is enough.
     """
-    ends, free = layout.graph.ends(), _free_vertices(layout)
+    ends, arms = layout.graph.ends(), layout.arms()
+    free = _free_vertices(layout, arms)
     inside = _far_from_place(layout)
     found = [
         (float(along(line)[-1]), vertex, arm, line)
         for vertex, arm in sorted(free.items() if inside else ())
         for line in _ways_on(layout, ends, inside, vertex, arm)
-        if not _is_in_the_way(layout, arm, line)
+        if not _is_in_the_way(layout, arms, arm, line)
     ]
     reached: list[Floats] = []
     for _, vertex, arm, line in sorted(found, key=lambda f: f[:3]):
@@ -52,14 +53,14 @@ def reach_in(layout: Layout) -> bool:
     return bool(reached)
 
 
-def _free_vertices(layout: Layout) -> dict[int, Arm]:
+def _free_vertices(layout: Layout, arms: dict[int, list[Arm]]) -> dict[int, Arm]:
     """Find the vertices of wide junctions where a single road arrives, and that road."""
     arms_at: dict[int, list[Arm]] = defaultdict(list)
-    for arms in layout.arms().values():
-        for arm in arms:
+    for meeting in arms.values():
+        for arm in meeting:
             section = layout.graph.sections[arm[0]]
             arms_at[section.end if arm[1] else section.start].append(arm)
-    return {vertex: arms[0] for vertex, arms in arms_at.items() if len(arms) == 1}
+    return {vertex: there[0] for vertex, there in arms_at.items() if len(there) == 1}
 
 
 def _far_from_place(layout: Layout) -> dict[str, list[MappedCrossing]]:
@@ -105,7 +106,7 @@ def _ways_on(
                 yield walked
 
 
-def _is_in_the_way(layout: Layout, arm: Arm, line: Floats) -> bool:
+def _is_in_the_way(layout: Layout, arms: dict[int, list[Arm]], arm: Arm, line: Floats) -> bool:
     """Tell whether a road led on along a line would lie before roads from the sides, or near one ahead."""
     graph = layout.graph
     outward = ray(graph, arm)[1]
@@ -113,7 +114,7 @@ def _is_in_the_way(layout: Layout, arm: Arm, line: Floats) -> bool:
     ground = shapely.LineString(trim(line, 0.0, CROSSING_WIDTH / 2)).buffer(
         layout.half(arm[0]), cap_style="flat"
     )
-    for other in layout.arms()[layout.junction(arm)]:
+    for other in arms[layout.junction(arm)]:
         start, way = ray(graph, other)
         if way @ outward < -_ASIDE and math.dist(start, line[-1]) < farthest:
             return True
@@ -129,11 +130,7 @@ def _lead_on(layout: Layout, vertex: int, arm: Arm, line: Floats) -> None:
     """Make a road longer, its vertex moved along a line; the ways inside the junction stay tied to it."""
     graph = layout.graph
     section = graph.sections[arm[0]]
-    passed = []
-    for x, y in line[:-1].tolist():
-        node = min(0, *graph.places) - 1
-        graph.places[node] = (x, y)
-        passed.append(node)
+    passed = [graph.add_node((x, y)) for x, y in line[:-1].tolist()]
     graph.places[vertex] = (round(float(line[-1][0]), 3), round(float(line[-1][1]), 3))
     if arm[1]:
         nodes = (*section.nodes[:-1], *passed, vertex)
