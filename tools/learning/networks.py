@@ -53,10 +53,10 @@ class Standard(nn.Module):
         self.register_buffer("running_scale", torch.full(shape, 1 / least))
 
     def forward(self, seen: torch.Tensor) -> torch.Tensor:
-        """Standardize (n, ...)."""
+        """Standardize (n, ...) in place: new memory would cost more than the sums."""
         if self.training:
             self._note(seen[::_THINNED])
-        return torch.sub(seen, self.running_mean).mul_(self.running_scale).clamp_(-_FARTHEST, _FARTHEST)
+        return seen.sub_(self.running_mean).mul_(self.running_scale).clamp_(-_FARTHEST, _FARTHEST)
 
     @torch.no_grad()
     def _note(self, seen: torch.Tensor) -> None:
@@ -87,7 +87,7 @@ class ViewNet(BaseFeaturesExtractor):
         self._views = nn.ModuleList(built * len(shapes) if shared else built)
 
     def forward(self, seen: Any) -> torch.Tensor:
-        """Turn images (n, 3, h, w), 0 to 255, into (n, features)."""
+        """Turn images (n, 3, h, w), 0 to 255, into (n, features); they are not to be used afterwards."""
         images = [seen[name] for name in self._names] if isinstance(seen, dict) else [seen]
         parts = zip(self._views, self._standards, images, strict=True)
         return torch.cat([view(standard(image)) for view, standard, image in parts], dim=1)
@@ -104,4 +104,4 @@ class EncodedNet(BaseFeaturesExtractor):
 
     def forward(self, seen: torch.Tensor) -> torch.Tensor:
         """Standardize (n, features)."""
-        return self._standard(seen)
+        return self._standard(seen.clone())
