@@ -22,12 +22,16 @@ of yellow included.
 OWN_SETTINGS: dict[tuple[str, str], dict[str, Any]] = {("cologne1", "MaxPressure"): {"min_green": 8}}
 MIN_GREEN = {"cologne1": 8}
 """What policies get by scenario, where not 10: what MaxPressure gets there."""
+STEPS = {("cologne1", "PPO-BEV"): 400_000, ("two-way", "PPO-BEV"): 800_000}
+"""Of the rows that learn longer than the others."""
 _ALGORITHMS = ("DQN", "PPO", "A2C")
 _SEEN: dict[str, dict[str, Any]] = {
     "F": {"observation": "features"},
-    "MV": {"observation": "multi_view"},
-    "BEV": {"observation": "bev", "steps": 400_000},
-    "BEV*": {"observation": "bev", "encoder": "efficientnet-lite0", "height": 256, "width": 356},
+    "MV": {"observation": "multi_view", "steps": 100_000},
+    "BEV": {"observation": "bev"},
+    "BEV*": {
+        "observation": "bev", "encoder": "efficientnet-lite0", "height": 256, "width": 356, "steps": 60_000,
+    },
 }
 LEARNED: dict[str, dict[str, Any]] = {
     f"{algorithm}-{seen}": {"algorithm": algorithm.lower(), **settings}
@@ -64,7 +68,10 @@ SCENARIOS = {
 
 def find_training(row: str, scenario: str) -> Training:
     """Tell how a row's policy is trained on a scenario."""
-    return Training(scenario=scenario, min_green=MIN_GREEN.get(scenario, 10), **_ALL[row])
+    settings = {"min_green": MIN_GREEN.get(scenario, 10), **_ALL[row]}
+    if (scenario, row) in STEPS:
+        settings["steps"] = STEPS[scenario, row]
+    return Training(scenario=scenario, **settings)
 
 
 def learns(row: str) -> bool:
