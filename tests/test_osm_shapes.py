@@ -274,6 +274,24 @@ def test_crossing_of_lanes_mapped_one_by_one_is_built_once_where_it_is_mapped(tm
     assert max(lane.shape[-1, 0] for lane in lanes) - bundle.road_map.origin[0] < 20.0
 
 
+def test_lanes_that_part_far_before_a_crossing_are_one_road_up_to_it(tmp_path: Path) -> None:
+    """The ways inside the junction also lead there from behind, and farther."""
+    d = Drawing()
+    d.way((180, 0), (58, 0), highway="primary", oneway="yes", lanes="3")
+    d.way((0, 150), (0, 7), (0, 0), (0, -7), (0, -150), **STREET)
+    d.way((58, 0), (25, 2), (8, 3), (0, 7), highway="primary", oneway="yes")
+    d.way((58, 0), (25, -3), (8, -4), (0, -7), highway="primary", oneway="yes")
+    d.way((25, 2), (8, 0), (0, 0), highway="primary", oneway="yes")
+    for y, beyond in ((3, 7), (0, 0), (-4, -7)):
+        d.node(8, y, highway="crossing", crossing="traffic_signals")
+        d.node(0, beyond, highway="traffic_signals")
+    bundle, report = built(d, tmp_path)
+    assert report["osm"]["crossings"]["kept"] == 3
+    assert {road.id.split("#")[0].lstrip("-") for road in bundle.road_map.roads} == {"1001", "1002"}
+    (road,) = (road for road in bundle.road_map.roads if road.id.startswith("1001#"))
+    assert min(lane.length for lane in bundle.road_map.lanes if lane.id in road.lanes) > 155
+
+
 def test_lane_that_leaves_beside_a_short_road_lies_on_no_other(tmp_path: Path) -> None:
     """It is drawn from where it leaves, and lies on the road beside it to the next fork and beyond."""
     d = Drawing()

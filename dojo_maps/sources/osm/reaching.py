@@ -18,7 +18,7 @@ from dojo_maps.sources.osm.arms import Arm, Layout, ray, trim
 from dojo_maps.sources.osm.crossings import MappedCrossing
 from dojo_maps.sources.osm.hosting import CROSSING_WIDTH
 
-_NEAREST, _FARTHEST = 10.0, 45.0
+_NEAREST, _FARTHEST = 10.0, 100.0
 """Metres from a road's vertex to a crossing inside the junction between which the road goes on to it."""
 _NEARER = 0.5
 """Share of the way to a crossing that the nearest road from the other side must be away from it."""
@@ -27,7 +27,7 @@ _BESIDE, _BEFORE = 20.0, 15.0
 _ASIDE = 0.5
 """Cosine of the angle between roads that arrive from different sides."""
 _AHEAD = 0.8
-"""Cosine of the angle that the way to a crossing may make with the road."""
+"""Metres straight on that each metre of the way to a crossing must bring."""
 
 
 def reach_in(layout: Layout) -> bool:
@@ -83,12 +83,12 @@ def _ways_on(
     vertex: int,
     arm: Arm,
 ) -> Iterator[Floats]:
-    """Follow the ways inside a junction from an arm's vertex, each to the first crossing ahead."""
+    """Follow the ways inside a junction from an arm's vertex, shortest first, to the crossings ahead."""
     graph = layout.graph
     start, outward = ray(graph, arm)
-    queue, seen = [(np.array([start]), vertex)], {arm[0]}
+    queue, seen = [(0.0, np.array([start]), vertex)], {arm[0]}
     while queue:
-        line, here = queue.pop()
+        _, line, here = queue.pop(min(range(len(queue)), key=lambda k: queue[k][0]))
         for name in sorted(set(ends[here]) & layout.inner - seen):
             section = graph.sections[name]
             onward = graph.line(section) if section.start == here else graph.line(section)[::-1]
@@ -97,12 +97,12 @@ def _ways_on(
             cut = path if found is None else shapely.ops.substring(path, 0.0, found)
             walked = np.vstack([line, shapely.get_coordinates(cut)[1:]])
             seen.add(name)
-            straight = (start - walked[-1]) @ outward / max(math.dist(start, walked[-1]), 1e-6)
-            if along(walked)[-1] > _FARTHEST:
+            length = float(along(walked)[-1])
+            if length > _FARTHEST or (start - walked[-1]) @ outward < _AHEAD * length:
                 continue
             if found is None:
-                queue.append((walked, section.end if section.start == here else section.start))
-            elif straight > _AHEAD:
+                queue.append((length, walked, section.end if section.start == here else section.start))
+            else:
                 yield walked
 
 
