@@ -9,6 +9,7 @@ from collections.abc import Iterator
 import shapely
 
 from dojo_maps.description import LaneKind, RoadMap
+from dojo_maps.geometry.polylines import Floats
 from dojo_maps.sources.osm.arms import Layout
 from dojo_maps.sources.osm.plain import Plain
 from dojo_maps.sources.osm.strips import strips
@@ -46,7 +47,12 @@ def _overlapping(road_map: RoadMap) -> Iterator[tuple[str, str]]:
         common = ends[names[a]] & ends[names[b]]
         if a >= b or len(common) != 1:
             continue
-        outline = outlines[common.pop()]
-        border = shapely.convex_hull(shapely.multipoints(outline)).buffer(_BORDER)
+        border = _surround(outlines[common.pop()])
         if shapes[a].intersection(shapes[b]).difference(border).area > _LEAST_OVERLAP:
             yield names[a], names[b]
+
+
+def _surround(outline: Floats) -> shapely.Geometry:
+    """Give a junction's ground and what lies near it, where its roads may touch."""
+    area = shapely.make_valid(shapely.Polygon(outline)) if len(outline) > 2 else shapely.Point()
+    return shapely.union(area, shapely.multipoints(outline)).buffer(_BORDER)
