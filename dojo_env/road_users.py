@@ -1,4 +1,4 @@
-"""Turn SUMO's vehicles and people into a snapshot's arrays. What never changes is asked once per road user.
+"""Turn SUMO's vehicles and people into a snapshot's arrays. What never changes is asked once.
 
 Plain getters, mapped over ids, cost less than subscriptions: libsumo answers one in about 0.2 µs, and a
 subscription spends longer than that on building its dicts.
@@ -55,6 +55,7 @@ class RoadUsers:
         self._signals: tuple[str, ...] = tuple(get.trafficlight_getIDList())
         self._rows: dict[str, int] = {}
         self._looks = np.empty(_SPARE, _LOOK)
+        self._types: dict[str, tuple[Kind, tuple[float, ...]]] = {}
         self._next = 1
 
     def read_snapshot(self, time: float, ids: tuple[str, ...], speeds: list[float]) -> Snapshot:
@@ -116,9 +117,14 @@ class RoadUsers:
         return rows  # type: ignore[return-value]
 
     def _learn(self, key: str) -> None:
-        domain, name = ("person", key[1:]) if key.startswith("\0") else ("vehicle", key)
+        get, on_foot, name = self._get, key.startswith("\0"), key.removeprefix("\0")
+        kind = get.person_getTypeID(name) if on_foot else get.vehicle_getTypeID(name)
+        if kind not in self._types:
+            self._types[kind] = _read_type(get, kind)
+        shape, sizes = self._types[kind]
+        colour = get.person_getColor(name) if on_foot else get.vehicle_getColor(name)
         row = self._rows[key] = len(self._rows)
-        self._looks[row] = (self._next, *_read_look(self._get, domain, name))
+        self._looks[row] = (self._next, Kind.PEDESTRIAN if on_foot else shape, colour[:3], sizes)
         self._next += 1
 
     def _forget(self, present: list[str]) -> None:
@@ -129,17 +135,12 @@ class RoadUsers:
         self._rows, self._looks = {key: row for row, key in enumerate(kept)}, looks
 
 
-def _read_look(get: Any, domain: str, name: str) -> tuple[Any, ...]:
-    def ask(what: str) -> Any:
-        return getattr(get, f"{domain}_get{what}")(name)
-
-    on_foot = domain == "person"
-    colour = tuple(ask("Color")[:3])
-    kind = Kind.PEDESTRIAN
-    if not on_foot:
-        kind = _SHAPES.get(ask("ShapeClass"), _KINDS.get(ask("VehicleClass"), Kind.CAR))
-    sizes = (min(max(ask(side), 0.1), LARGEST_SIZE - 1) for side in ("Length", "Width", "Height"))
-    return kind, colour, tuple(sizes)
+def _read_type(get: Any, name: str) -> tuple[Kind, tuple[float, ...]]:
+    """Read what all vehicles of a type share: whoever differs has a type of its own in SUMO."""
+    usual = _KINDS.get(get.vehicletype_getVehicleClass(name), Kind.CAR)
+    sizes = (get.vehicletype_getLength, get.vehicletype_getWidth, get.vehicletype_getHeight)
+    kind = _SHAPES.get(get.vehicletype_getShapeClass(name), usual)
+    return kind, tuple(min(max(size(name), 0.1), LARGEST_SIZE - 1) for size in sizes)
 
 
 def _tabulate_lights() -> NDArray[np.uint8]:

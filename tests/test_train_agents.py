@@ -44,14 +44,14 @@ def test_features_of_unequal_signals_have_their_places() -> None:
 def test_every_action_is_one_of_a_signals_phases() -> None:
     seen = []
     for surplus in (False, True):
-        env = agents.JointEpisodes(dojo_env.parallel_env(scenario="cologne3", num_seconds=100), 7, 1)
+        env = agents.JointEnv(dojo_env.parallel_env(scenario="cologne3", num_seconds=100))
         with contextlib.closing(env):
             phases = env.action_space.nvec
-            env.reset()
+            env.reset(seed=7)
             own = np.arange(20)[:, None] // 3 % phases
             steps = [env.step(action + surplus * phases) for action in own]
             seen.append(np.stack([step[0] for step in steps]))
-            assert steps[-1][4]["figures"]["violations"] == {}
+            assert env.metrics()["violations"] == {}
             assert steps[0][1].shape == phases.shape
     assert np.array_equal(*seen)
     who = seen[0][:, :, -len(phases) :]

@@ -175,7 +175,7 @@ def _settings() -> str:
 - A decision every {INTERVAL} s, {rules.yellow_time:g} s yellow, {rules.min_green:g} s minimum green (where \
 not, in seconds: {"; ".join(own)}).
 - Trainings: {usual.steps:,} decisions in {usual.processes} environments side by side, episodes of \
-{usual.seconds:,} s, images of {usual.height} x {usual.width} pixels unless a row says otherwise.
+{usual.seconds:,} s, images of {usual.height} x {usual.width} pixels unless a row's settings say otherwise.
 - Reward: {reward}; what is bad counts as negative.
 - Learning rates fall from what is given here to 0 at the end.
 {algorithms}
@@ -186,15 +186,16 @@ not, in seconds: {"; ".join(own)}).
 
 def _commands(kept: Mapping[str, Mapping[str, KeptRow]]) -> str:
     """Give the command of each row, and say which rows were not run."""
-    lines = ["## Make it again", "", _AGAIN, "", _head("scenario", ("row", "command"))]
+    lines = ["## Make it again", "", _AGAIN, "", _head("scenario", ("row", "trained for", "command"))]
     missing = []
     for scenario in [*SCENARIOS, *sorted(set(kept) - set(SCENARIOS))]:
         there = kept.get(scenario, {})
         for name, row in there.items():
-            lines.append(_line(scenario, (name, f"`{row.result['command']}`")))
+            steps = f"{row.result['training']['steps']:,} decisions" if "training" in row.result else ""
+            lines.append(_line(scenario, (name, steps, f"`{row.result['command']}`")))
         for name in (name for name in SCENARIOS.get(scenario, ()) if name not in there):
             words = ["python", "tools/benchmark.py", "--rows", name, "--scenarios", scenario]
-            missing.append(_line(scenario, (name, f"not run: `{shlex.join(words)}`")))
+            missing.append(_line(scenario, (name, "not run", f"`{shlex.join(words)}`")))
     return "\n".join([*lines, *missing, ""])
 
 

@@ -17,17 +17,12 @@ from stable_baselines3.common.vec_env import VecEnv, VecEnvWrapper
 from dojo_env.parallel import TrafficSignalsEnv
 
 
-class JointEpisodes(gymnasium.Env[Any, Any]):
-    """All signals act at once: observations and rewards are stacked, an action is one number each.
+class JointEnv(gymnasium.Env[Any, Any]):
+    """All signals act at once: observations and rewards are stacked, an action is one number each."""
 
-    Each episode begins with the seed that follows, and its figures come with its last step.
-    """
-
-    def __init__(self, env: TrafficSignalsEnv, first: int, stride: int) -> None:
-        """Count seeds from the first in strides."""
-        self._env, self._next, self._stride = env, first, stride
-        self._earned = 0.0
-        self._agents = env.possible_agents
+    def __init__(self, env: TrafficSignalsEnv) -> None:
+        """Take the signals' environment."""
+        self._env, self._agents = env, env.possible_agents
         phases = [int(env.action_space(agent).n) for agent in self._agents]
         self.action_space = spaces.MultiDiscrete(phases)
         shapes = [env.observation_space(agent).shape or () for agent in self._agents]
@@ -38,24 +33,23 @@ class JointEpisodes(gymnasium.Env[Any, Any]):
         else:
             self.observation_space = spaces.Box(0, 255, (len(phases), *shapes[0]), np.uint8)
 
-    def reset(self, **_keywords: Any) -> tuple[NDArray[Any], dict[str, Any]]:
-        """Begin the next episode."""
-        seed, self._next = self._next, self._next + self._stride
+    def reset(self, *, seed: int | None = None, **_options: Any) -> tuple[NDArray[Any], dict[str, Any]]:
+        """Begin an episode."""
         seen, infos = self._env.reset(seed=seed)
-        self._earned = 0.0
         return self._stack(seen), infos[self._agents[0]]
 
     def step(self, action: NDArray[Any]) -> tuple[NDArray[Any], Any, bool, bool, dict[str, Any]]:
-        """Act; at the end of an episode, its figures come with it."""
+        """Act."""
         phases = action % self.action_space.nvec
         asked = {agent: int(phase) for agent, phase in zip(self._agents, phases, strict=True)}
         seen, rewards, _, ended, infos = self._env.step(asked)
-        info, over = infos[self._agents[0]], ended[self._agents[0]]
+        first = self._agents[0]
         paid = np.array([rewards[agent] for agent in self._agents], np.float32)
-        self._earned += float(paid.mean())
-        if over:
-            info["figures"] = {**self._env.metrics(), "reward": self._earned}
-        return self._stack(seen), paid, False, over, info
+        return self._stack(seen), paid, False, ended[first], infos[first]
+
+    def metrics(self) -> dict[str, Any]:
+        """Compute the figures of the episode so far."""
+        return self._env.metrics()
 
     def close(self) -> None:
         """End the simulation."""
@@ -85,7 +79,7 @@ class AgentsVecEnv(VecEnvWrapper):
     """The signals of joint environments side by side: all of the first one, then all of the second."""
 
     def __init__(self, joint: VecEnv) -> None:
-        """Take environments of `JointEpisodes`."""
+        """Take environments that are `JointEnv`s."""
         shape, many = joint.observation_space.shape, joint.observation_space.dtype == np.uint8
         self.phases = tuple(int(count) for count in joint.action_space.nvec)
         self.agents = len(self.phases)

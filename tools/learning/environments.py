@@ -7,13 +7,14 @@ from functools import partial
 from typing import Any
 
 import gymnasium
+import numpy as np
 from gymnasium import spaces
 from stable_baselines3.common.vec_env import SubprocVecEnv, VecEnv, VecTransposeImage
 
 from dojo_env.env import TrafficSignalEnv
 from dojo_env.parallel import TrafficSignalsEnv
 
-from .agents import AgentsVecEnv, JointEpisodes
+from .agents import AgentsVecEnv, JointEnv
 from .settings import Training
 
 FIRST_TRAINING_SEED = 1_000
@@ -28,7 +29,7 @@ class SeededEpisodes(gymnasium.Wrapper[Any, Any, Any, Any]):
     So a run that was interrupted between two episodes goes on with the same traffic.
     """
 
-    def __init__(self, env: TrafficSignalEnv, first: int, stride: int) -> None:
+    def __init__(self, env: gymnasium.Env[Any, Any], first: int, stride: int) -> None:
         """Count from the first seed in strides."""
         super().__init__(env)
         self._next, self._stride, self._earned = first, stride, 0.0
@@ -41,7 +42,7 @@ class SeededEpisodes(gymnasium.Wrapper[Any, Any, Any, Any]):
     def step(self, action: Any) -> tuple[Any, Any, bool, bool, dict[str, Any]]:
         """Act; at the end of an episode, its figures come with it."""
         seen, reward, terminated, truncated, info = self.env.step(action)
-        self._earned += reward
+        self._earned += float(np.mean(reward))
         if truncated:
             info["figures"] = {**self.env.unwrapped.metrics(), "reward": self._earned}
         return seen, reward, terminated, truncated, info
@@ -51,15 +52,14 @@ def open_environments(training: Training, *, done: int = 0) -> VecEnv:
     """Open a run's environments as they are after so many steps."""
     start = _first_seed(training, done)
     makers = [
-        partial(_maker(training), training.environment, start + index, training.processes)
-        for index in range(training.processes)
+        partial(_make, training, start + index, training.processes) for index in range(training.processes)
     ]
     return _adapt(_start(makers), training)
 
 
 def open_evaluation(training: Training, seeds: Sequence[int], **changes: Any) -> VecEnv:
     """Open an environment per seed; every episode of each has the same seed."""
-    makers = [partial(_maker(training), {**training.environment, **changes}, seed, 0) for seed in seeds]
+    makers = [partial(_make, training, seed, 0, **changes) for seed in seeds]
     return _adapt(_start(makers), training)
 
 
@@ -71,9 +71,7 @@ def open_environment(settings: Mapping[str, Any]) -> gymnasium.Env[Any, Any]:
     """
     training: Training = settings["training"]
     start = _first_seed(training, settings["done"])
-    env: gymnasium.Env[Any, Any] = _make(
-        training.environment, start + settings.worker_index - 1, training.processes
-    )
+    env: gymnasium.Env[Any, Any] = _make(training, start + settings.worker_index - 1, training.processes)
     if training.encoder != "none":
         from dojo_env.encoders import load_encoder
         from dojo_env.encoders.wrapper import EncodedObservation
@@ -123,15 +121,9 @@ def _adapt(environments: VecEnv, training: Training) -> VecEnv:
     return EncodedVecEnv(environments, load_encoder(training.encoder))
 
 
-def _maker(training: Training) -> Any:
-    return _make if training.agents == "single" else _make_joint
-
-
-def _make(keywords: dict[str, Any], first: int, stride: int) -> SeededEpisodes:
+def _make(training: Training, first: int, stride: int, **changes: Any) -> SeededEpisodes:
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the learner, which closes us.
-    return SeededEpisodes(TrafficSignalEnv(**keywords), first, stride)
-
-
-def _make_joint(keywords: dict[str, Any], first: int, stride: int) -> JointEpisodes:
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    return JointEpisodes(TrafficSignalsEnv(**keywords), first, stride)
+    keywords = {**training.environment, **changes}
+    single = training.agents == "single"
+    env = TrafficSignalEnv(**keywords) if single else JointEnv(TrafficSignalsEnv(**keywords))
+    return SeededEpisodes(env, first, stride)
