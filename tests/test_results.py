@@ -1,0 +1,33 @@
+"""Results that are kept were made with the settings of now, and the README's figures are theirs."""
+
+import json
+import re
+
+import pytest
+from commands import REPOSITORY, TOOLS
+
+from learning import run_row
+
+RESULTS = TOOLS / "results"
+KEPT = [json.loads(path.read_text(encoding="utf-8")) for path in sorted(RESULTS.glob("*/*/figures.json"))]
+
+
+@pytest.mark.parametrize("kept", KEPT, ids=lambda kept: f"{kept['scenario']}-{kept['row']}")
+def test_kept_row_needs_no_new_run(kept: dict[str, object]) -> None:
+    task = run_row.describe(kept["row"], kept["scenario"], kept["seeds"], kept["seconds"])
+    assert run_row.is_done(task, RESULTS)
+
+
+def test_readme_tells_what_was_measured() -> None:
+    """Travel time and accumulated waiting, published ones in brackets."""
+    text = (REPOSITORY / "README.md").read_text(encoding="utf-8")
+    (header,) = re.findall(r"^\| travel time / waiting \| (.*) \|$", text, re.MULTILINE)
+    scenarios = header.split(" | ")
+    figures = {(kept["scenario"], kept["row"]): kept["figures"] for kept in KEPT}
+    lines = re.findall(r"^\| ([\w*-]+) \| (\d.*) \|$", text, re.MULTILINE)
+    told = {(scenario, row): cell for row, cells in lines
+            for scenario, cell in zip(scenarios, cells.split(" | "), strict=True)}  # fmt: skip
+    assert len(told) >= 10
+    for key, cell in told.items():
+        travel, waiting = (figures[key][name]["mean"] for name in ("travel_time", "accumulated_waiting"))
+        assert cell.split(" (")[0] == f"{travel:.1f} / {waiting:.0f}", key
