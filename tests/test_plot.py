@@ -73,7 +73,9 @@ def test_report_is_made_whole_from_the_rows(results: Path) -> None:
         assert (results / name).is_file()
     assert text.count("](pictures/") == len(KINDS)
     assert "| two-way | PPO-BEV* | not run | `python tools/benchmark.py --rows 'PPO-BEV*'" in text
-    assert "| two-way | Cycle | `python tools/benchmark.py --rows Cycle --scenarios two-way --seeds 2" in text
+    assert (
+        "| two-way | Cycle |  | `python tools/benchmark.py --rows Cycle --scenarios two-way --seeds 2" in text
+    )
     assert run_tool("report", "--results", results, "--paper", results / "paper.json").returncode == 0
     assert (results / "README.md").read_text() == text
 
