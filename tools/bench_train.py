@@ -41,10 +41,11 @@ def measure(settings: dict[str, object], rounds: int, warm_up: int) -> dict[str,
         }
         for model in models.values():
             model.learn(warm_up, log_interval=None)
-        return {
-            name: [time_learning(model, runs[name].round_steps) for _ in range(rounds)]
-            for name, model in models.items()
-        }
+        pace: dict[str, list[float]] = {name: [] for name in models}
+        for _ in range(rounds):
+            for name, model in models.items():
+                pace[name].append(time_learning(model, runs[name].round_steps))
+        return pace
 
 
 def main() -> int:
