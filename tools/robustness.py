@@ -47,7 +47,8 @@ DETECTORS: dict[str, dict[str, Any]] = {
 _TEXT = """## Under other conditions
 
 Policies as they were trained, evaluated under conditions that most of them never met: travel time / \
-accumulated waiting, in seconds. Rows named *random* learned in conditions drawn anew for each episode.
+accumulated waiting, in seconds. A short travel time beside thousands of seconds of waiting is a jam: only \
+the first trips end. Rows named *random* learned in conditions drawn anew for each episode.
 """
 
 
