@@ -140,8 +140,8 @@ def read_action(action: Any) -> Any:
     Raises:
         ConfigError: it is none.
     """
-    if type(action) is int:
-        return action
+    if type(action) in (int, np.int64):  # What learners hand over, at every decision.
+        return int(action)
     array = np.asarray(action)
     if array.size != 1 or array.dtype.kind not in "iuf" or not np.isfinite(array).all():
         raise ConfigError(f"action {action!r}: expected one whole number")

@@ -118,13 +118,13 @@ class RoadUsers:
 
     def _learn(self, key: str) -> None:
         get, on_foot, name = self._get, key.startswith("\0"), key.removeprefix("\0")
-        kind = get.person_getTypeID(name) if on_foot else get.vehicle_getTypeID(name)
-        if kind not in self._types:
-            self._types[kind] = _read_type(get, kind)
-        shape, sizes = self._types[kind]
+        type_id = get.person_getTypeID(name) if on_foot else get.vehicle_getTypeID(name)
+        if type_id not in self._types:
+            self._types[type_id] = _read_type(get, type_id)
+        kind, sizes = self._types[type_id]
         colour = get.person_getColor(name) if on_foot else get.vehicle_getColor(name)
         row = self._rows[key] = len(self._rows)
-        self._looks[row] = (self._next, Kind.PEDESTRIAN if on_foot else shape, colour[:3], sizes)
+        self._looks[row] = (self._next, Kind.PEDESTRIAN if on_foot else kind, colour[:3], sizes)
         self._next += 1
 
     def _forget(self, present: list[str]) -> None:

@@ -75,8 +75,8 @@ SCENARIOS = {
 
 def find_training(row: str, scenario: str) -> Training:
     """Tell how a row's policy is trained on a scenario."""
-    settings = {"min_green": MIN_GREEN.get(scenario, 10), **_ALL[row]}
-    return Training(scenario=scenario, **{**settings, **OWN_SETTINGS.get((scenario, row), {})})
+    own = OWN_SETTINGS.get((scenario, row), {})
+    return Training(scenario=scenario, **{"min_green": MIN_GREEN.get(scenario, 10), **_ALL[row], **own})
 
 
 def learns(row: str) -> bool:

@@ -4,6 +4,7 @@ Where a turning lane leaves far before a junction's middle, the vertex there is 
 crossing lies behind it. Its road goes on to the crossing; what lies beside it there is the junction's ground.
 """
 
+import heapq
 import math
 from collections import defaultdict
 from collections.abc import Iterator
@@ -86,9 +87,9 @@ def _ways_on(
     """Follow the ways inside a junction from an arm's vertex, shortest first, to the crossings ahead."""
     graph = layout.graph
     start, outward = ray(graph, arm)
-    queue, seen = [(0.0, np.array([start]), vertex)], {arm[0]}
+    queue, seen = [(0.0, 0, np.array([start]), vertex)], {arm[0]}
     while queue:
-        _, line, here = queue.pop(min(range(len(queue)), key=lambda k: queue[k][0]))
+        _, _, line, here = heapq.heappop(queue)
         for name in sorted(set(ends[here]) & layout.inner - seen):
             section = graph.sections[name]
             onward = graph.line(section) if section.start == here else graph.line(section)[::-1]
@@ -101,7 +102,8 @@ def _ways_on(
             if length > _FARTHEST or (start - walked[-1]) @ outward < _AHEAD * length:
                 continue
             if found is None:
-                queue.append((length, walked, section.end if section.start == here else section.start))
+                beyond = section.end if section.start == here else section.start
+                heapq.heappush(queue, (length, len(seen), walked, beyond))  # No two have seen as many.
             else:
                 yield walked
 
