@@ -10,10 +10,10 @@ import sys
 import time
 from contextlib import closing
 
-import torch
 from stable_baselines3.common.base_class import BaseAlgorithm
 
 from learning.environments import open_environments
+from learning.machine import prepare_process
 from learning.models import build_model
 from learning.settings import ALGORITHMS, Training
 
@@ -57,7 +57,7 @@ def main() -> int:
     parser.add_argument("--rounds", type=int, default=3, help="of an episode in each environment")
     parser.add_argument("--warm-up", type=int, default=20_000, help="steps before anything is measured")
     options = parser.parse_args()
-    torch.set_num_threads(1)
+    prepare_process()
     for algorithm in options.algorithms:
         settings = {"scenario": options.scenario, "processes": options.processes, "algorithm": algorithm}
         pace = measure(settings, options.rounds, options.warm_up)

@@ -6,12 +6,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import torch
 from stable_baselines3.common.policies import BasePolicy
 from stable_baselines3.common.vec_env import VecEnv, VecTransposeImage
 
 from .environments import open_evaluation
 from .independent import Policies
+from .machine import prepare_process
 from .models import build_policies, load_policy
 from .settings import POLICY, Training
 
@@ -43,7 +43,7 @@ def run_policy(
     Returns:
         What `evaluate` does.
     """
-    torch.set_num_threads(1)
+    prepare_process()
     environments = open_evaluation(training, seeds, **changes)
     with closing(VecTransposeImage(environments) if training.sees else environments) as environments:
         policy = build_policies(training, environments)

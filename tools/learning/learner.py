@@ -4,12 +4,12 @@ import csv
 from contextlib import ExitStack, closing
 from pathlib import Path
 
-import torch
 from stable_baselines3.common.logger import Logger, TensorBoardOutputFormat
 
 from dojo_env.errors import ConfigError
 
 from .environments import VALIDATION_SEEDS, open_environments, open_evaluation
+from .machine import prepare_process
 from .models import build_model, read_checkpoint, restore_checkpoint
 from .progress import Progress
 from .settings import CHECKPOINT, CURVE, EVERY, POLICY, SETTINGS, Training, read_training, write_training
@@ -72,8 +72,7 @@ def train(
         tensorboard: write its event files, too.
     """
     prepare_folder(training, folder, resume=resume)
-    torch.set_num_threads(1)
-    torch.use_deterministic_algorithms(True)
+    prepare_process()
     known = read_checkpoint(folder / CHECKPOINT) if resume else None
     done = known["known"]["rows"][-1]["steps"] if known else 0
     with ExitStack() as stack:

@@ -8,7 +8,6 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-import torch
 from ray.rllib.algorithms.algorithm import Algorithm
 from ray.rllib.core import DEFAULT_MODULE_ID
 from ray.rllib.core.learner.learner import Learner
@@ -20,6 +19,7 @@ from dojo_env.errors import ConfigError
 
 from .environments import VALIDATION_SEEDS, open_environment, open_evaluation
 from .learner import prepare_folder
+from .machine import prepare_process
 from .models import load, save
 from .progress import Curve
 from .rllib_settings import ENVIRONMENT, FIGURES, build_config
@@ -37,7 +37,7 @@ def train(training: Training, folder: Path, *, resume: bool = False, every: int 
     """
     prepare_folder(training, folder, resume=resume)
     known = read_checkpoint(folder / CHECKPOINT) if resume else {"steps": 0}
-    torch.set_num_threads(1)
+    prepare_process()
     curve, begun = Curve(training, folder), known["steps"]
     with (
         closing(open_evaluation(training, VALIDATION_SEEDS)) as validation,
