@@ -11,6 +11,7 @@ from typing import Any
 
 from dojo_maps.errors import DojoError
 from dojo_maps.interruption import leave_pipe
+from dojo_maps.whole_file import replaced
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -129,6 +130,12 @@ def _run(options: argparse.Namespace) -> int:
         return 2
 
     def tell(figures: dict[str, Any]) -> None:
+        if not figures["departed"] + figures["backlogged"]:
+            print(
+                f"dojo-env: {options.scenario}: seed {figures['seed']}: no vehicle in the whole episode; "
+                "let it begin when the demand does (<begin> of a .sumocfg), or give it --seconds",
+                file=sys.stderr,
+            )
         if sys.stderr.isatty():
             print(f"seed {figures['seed']}: travel time {figures['travel_time']:.2f} s", file=sys.stderr)
 
@@ -158,7 +165,8 @@ def _run(options: argparse.Namespace) -> int:
             "summary": summary,
             "episodes": figures,
         }
-        options.json.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
+        with replaced(options.json) as fresh:
+            fresh.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
     return 0
 
 

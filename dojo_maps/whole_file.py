@@ -9,7 +9,14 @@ from pathlib import Path
 
 @contextlib.contextmanager
 def replaced(path: Path) -> Iterator[Path]:
-    """Give a new file to write, and put it in the place of `path` only once it is whole."""
+    """Give a new file to write, and put it in the place of `path` only once it is whole.
+
+    What a link names is replaced, not the link; a pipe or a device, as /dev/stdout, is written as it is.
+    """
+    if path.exists() and not (path.is_file() and path.parent != Path("/dev")):
+        yield path
+        return
+    path = path.resolve()
     handle, name = tempfile.mkstemp(prefix=f".{path.name}.", dir=path.parent)
     os.close(handle)
     fresh = Path(name)

@@ -11,6 +11,7 @@ from conftest import command_environment
 
 from dojo_env.cli import main
 from dojo_env.controllers import CONTROLLERS
+from dojo_env.scenario import packaged_scenario
 
 
 @pytest.mark.parametrize("controller", CONTROLLERS)
@@ -43,6 +44,20 @@ def test_scenarios_lists_signals_demand_and_licence(capsys: pytest.CaptureFixtur
     assert lines["cologne1"][1:4] == ["1", "2015", "25200"]
     assert lines["ingolstadt21"][1] == "21"
     assert "GPL-3.0" in lines["ingolstadt21"]
+
+
+def test_a_demand_that_begins_after_the_end_is_told(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A .sumocfg that forgets <begin> simulates hours in which nobody is there."""
+    cologne = packaged_scenario("cologne1")
+    path = tmp_path / "late.sumocfg"
+    path.write_text(
+        f'<configuration><input><net-file value="{cologne.map}"/>'
+        f'<route-files value="{cologne.routes[0]}"/></input></configuration>'
+    )
+    assert main(["run", "--scenario", str(path), "--controller", "random", "--seconds", "60"]) == 0
+    assert "no vehicle" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(
