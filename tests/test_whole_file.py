@@ -19,7 +19,7 @@ def test_what_was_there_stays_until_all_is_written(tmp_path: Path) -> None:
         fresh.write_text("new")
         assert path.read_text() == "old"
     assert path.read_text() == "new"
-    assert os.listdir(tmp_path) == ["a.json"]
+    assert list(tmp_path.iterdir()) == [path]
 
 
 def test_a_link_stays_a_link(tmp_path: Path) -> None:
