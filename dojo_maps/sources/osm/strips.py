@@ -6,13 +6,13 @@ from collections.abc import Iterable
 import shapely
 
 from dojo_maps.description import RoadMap
+from dojo_maps.geometry.pieces import lane_strips
 
 
 def strips(road_map: RoadMap, kinds: Iterable[str]) -> dict[str, shapely.Geometry]:
     """Outline each road's lanes of some kinds."""
-    lanes: dict[str, list[shapely.Geometry]] = defaultdict(list)
-    for lane in road_map.lanes:
-        if lane.kind in kinds:
-            line = shapely.LineString(lane.shape[:, :2])
-            lanes[lane.road].append(line.buffer(lane.width / 2, cap_style="flat", join_style="mitre"))
-    return {road: shapely.union_all(shapely.make_valid(shapes)) for road, shapes in lanes.items()}
+    lanes = [lane for lane in road_map.lanes if lane.kind in kinds]
+    roads: dict[str, list[shapely.Geometry]] = defaultdict(list)
+    for lane, strip in zip(lanes, lane_strips(lanes), strict=True):
+        roads[lane.road].append(strip)
+    return {road: shapely.union_all(shapely.make_valid(found)) for road, found in roads.items()}
