@@ -10,6 +10,7 @@ import sys
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from statistics import median
+from typing import Any
 
 from dojo_env.config import SignalConfig
 from dojo_env.metrics import SIX
@@ -169,14 +170,13 @@ def _settings() -> str:
         f"- {name.upper()}: {', '.join(f'{key} {value:g}' for key, value in settings.items())}."
         for name, settings in ALGORITHMS.items()
     )
-    reward = " + ".join(f"{weight:g} x {name}" for name, weight in REWARD.items())
     return f"""## Settings
 
 - A decision every {INTERVAL} s, {rules.yellow_time:g} s yellow, {rules.min_green:g} s minimum green (where \
 not, in seconds: {"; ".join(own)}).
 - Trainings: {usual.steps:,} decisions in {usual.processes} environments side by side, episodes of \
 {usual.seconds:,} s, images of {usual.height} x {usual.width} pixels unless a row's settings say otherwise.
-- Reward: {reward}; what is bad counts as negative.
+- Reward, unless a row has its own: {_tell_reward(REWARD)}; what is bad counts as negative.
 - Learning rates fall from what is given here to 0 at the end.
 {algorithms}
 - Each row's folder holds all of its settings and the versions that it ran on, in `figures.json`, and in \
@@ -191,12 +191,24 @@ def _commands(kept: Mapping[str, Mapping[str, KeptRow]]) -> str:
     for scenario in [*SCENARIOS, *sorted(set(kept) - set(SCENARIOS))]:
         there = kept.get(scenario, {})
         for name, row in there.items():
-            steps = f"{row.result['training']['steps']:,} decisions" if "training" in row.result else ""
-            lines.append(_line(scenario, (name, steps, f"`{row.result['command']}`")))
+            trained = _tell_training(row.result.get("training"))
+            lines.append(_line(scenario, (name, trained, f"`{row.result['command']}`")))
         for name in (name for name in SCENARIOS.get(scenario, ()) if name not in there):
             words = ["python", "tools/benchmark.py", "--rows", name, "--scenarios", scenario]
             missing.append(_line(scenario, (name, "not run", f"`{shlex.join(words)}`")))
     return "\n".join([*lines, *missing, ""])
+
+
+def _tell_training(training: Mapping[str, Any] | None) -> str:
+    """Tell how long a row's policy learned, and from which reward if not from the usual one."""
+    if training is None:
+        return ""
+    reward = "" if training["reward"] == REWARD else f", reward {_tell_reward(training['reward'])}"
+    return f"{training['steps']:,} decisions{reward}"
+
+
+def _tell_reward(reward: Mapping[str, float]) -> str:
+    return " + ".join(f"{weight:g} x {name}" for name, weight in reward.items())
 
 
 def _head(first: str, others: Iterable[str]) -> str:
