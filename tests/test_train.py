@@ -65,12 +65,16 @@ def test_bad_arguments_are_one_line_before_any_work(tmp_path: Path) -> None:
     kept = tmp_path / "kept"
     done = train(*QUICK["ppo"], "--processes", 1, "--seconds", 300, "--steps", 60, "--out", kept)
     assert done.returncode == 0, done.stderr
+    broken, pictures = tmp_path / "broken.onnx", ["--observation", "bev", "--processes", 1]
+    broken.write_text("no network")
     wrong: list[tuple[str, list[object]]] = [
         ("nowhere", ["--scenario", "nowhere", "--out", tmp_path / "a"]),
         ("n_steps=7", [*QUICK["ppo"], "--set", "n_steps=7", "--out", tmp_path / "a"]),
         ("wings", [*QUICK["ppo"], "--set", "wings=2", "--out", tmp_path / "a"]),
         ("beauty", [*QUICK["ppo"], "--reward", "beauty=1", "--out", tmp_path / "a"]),
         ("needs images", [*QUICK["ppo"], "--encoder", "efficientnet-lite0", "--out", tmp_path / "a"]),
+        ("no such file", [*pictures, "--encoder", tmp_path / "none.onnx", "--out", tmp_path / "a"]),
+        ("cannot read it", [*pictures, "--encoder", broken, "--out", tmp_path / "a"]),
         ("holds a run already", [*QUICK["ppo"], "--out", kept]),
         ("another run's settings", [*QUICK["bev"], "--out", kept, "--resume"]),
         ("not the settings", [*QUICK["ppo"], "--out", tmp_path / "a", "--resume"]),

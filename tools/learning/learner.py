@@ -71,7 +71,7 @@ def train(
         every: rounds of episodes between evaluations and checkpoints.
         tensorboard: write its event files, too.
     """
-    prepare_folder(training, folder, resume=resume)
+    check_folder(training, folder, resume=resume)
     prepare_process()
     known = read_checkpoint(folder / CHECKPOINT) if resume else None
     done = known["known"]["rows"][-1]["steps"] if known else 0
@@ -79,6 +79,7 @@ def train(
         environments = stack.enter_context(closing(open_environments(training, done=done)))
         validation = stack.enter_context(closing(open_evaluation(training, VALIDATION_SEEDS)))
         model = build_model(training, environments)
+        prepare_folder(training, folder, resume=resume)  # All that may be wrong has been opened.
         model.set_logger(Logger(str(folder), [TensorBoardOutputFormat(str(folder))] if tensorboard else []))
         agents = environments.num_envs // training.processes if training.agents == "shared" else 1
         progress = Progress(training, folder, validation, every=every, agents=agents)

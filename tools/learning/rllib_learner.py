@@ -18,7 +18,7 @@ from ray.tune.trainable import trainable
 from dojo_env.errors import ConfigError
 
 from .environments import VALIDATION_SEEDS, open_environment, open_evaluation
-from .learner import prepare_folder
+from .learner import check_folder, prepare_folder
 from .machine import prepare_process
 from .models import load, save
 from .progress import Curve
@@ -35,15 +35,16 @@ def train(training: Training, folder: Path, *, resume: bool = False, every: int 
         resume: go on from the folder's checkpoint.
         every: rounds of episodes between evaluations and checkpoints.
     """
-    prepare_folder(training, folder, resume=resume)
+    check_folder(training, folder, resume=resume)
     known = read_checkpoint(folder / CHECKPOINT) if resume else {"steps": 0}
     prepare_process()
-    curve, begun = Curve(training, folder), known["steps"]
+    begun = known["steps"]
     with (
         closing(open_evaluation(training, VALIDATION_SEEDS)) as validation,
         _open_algorithm(training, begun) as algorithm,
     ):
-        learner = algorithm.learner_group._learner
+        prepare_folder(training, folder, resume=resume)  # All that may be wrong has been opened.
+        curve, learner = Curve(training, folder), algorithm.learner_group._learner
         if resume:
             curve.resume(known["known"])
             restore(algorithm, known, folder / CHECKPOINT)
