@@ -216,10 +216,10 @@ def _read_sumocfg(path: Path) -> Scenario:
     if not network:
         raise ConfigError(f"{path}: names no net-file; add <net-file value='...'/>")
     try:
-        begin = float(options.get("begin") or options.get("b") or 0)
-        end = float(options.get("end") or options.get("e") or -1)
+        begin = _read_time(options.get("begin") or options.get("b") or "0")
+        end = _read_time(options.get("end") or options.get("e") or "-1")
     except ValueError:
-        raise ConfigError(f"{path}: begin and end must be numbers of seconds") from None
+        raise ConfigError(f"{path}: begin and end must be seconds, h:m:s or d:h:m:s") from None
     additional = options.get("additional-files") or options.get("additional") or options.get("a") or ""
     return Scenario(
         map=path.parent / network,
@@ -229,6 +229,14 @@ def _read_sumocfg(path: Path) -> Scenario:
         config=path,
         name=path.name.split(".")[0],
     )
+
+
+def _read_time(text: str) -> float:
+    """Read a time as SUMO does: seconds, hours:minutes:seconds, or days before these."""
+    parts = [float(part) for part in text.split(":")]
+    if len(parts) not in {1, 3, 4}:
+        raise ValueError(text)
+    return sum(part * unit for part, unit in zip(reversed(parts), (1, 60, 3600, 86400), strict=False))
 
 
 def _read_options(path: Path) -> dict[str, str]:

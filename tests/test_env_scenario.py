@@ -7,9 +7,13 @@ from pathlib import Path
 
 import pytest
 from conftest import command_environment
+from networks import build_rail_crossing
 
+import dojo_maps
+from dojo_env.config import SignalConfig
 from dojo_env.demand import build_two_way_demand
 from dojo_env.errors import ConfigError
+from dojo_env.managers.map import MapManager
 from dojo_env.scenario import PACKAGED, Scenario, find_scenario, open_map, packaged_scenario
 from dojo_maps.description import RoadMap
 from dojo_maps.sources.sumo_net import read_network
@@ -51,7 +55,11 @@ def test_the_cached_bundle_holds_the_network_byte_for_byte() -> None:
     ("text", "words"),
     [
         ("<configuration/>", "net-file"),
-        ("<configuration><net-file value='a.net.xml'/><begin value='soon'/></configuration>", "numbers"),
+        (
+            "<configuration><net-file value='a.net.xml'/><begin value='soon'/></configuration>",
+            "begin and end",
+        ),
+        ("<configuration><net-file value='a.net.xml'/><begin value='7:00'/></configuration>", "h:m:s"),
         ("<!DOCTYPE x [<!ENTITY a 'b'>]><configuration/>", "unsafe"),
         ("<configuration>", "not a file that SUMO can read"),
     ],
@@ -61,6 +69,31 @@ def test_bad_configurations_get_one_clear_error(tmp_path: Path, text: str, words
     path.write_text(text, encoding="utf-8")
     with pytest.raises(ConfigError, match=words):
         find_scenario(path)
+
+
+@pytest.mark.parametrize(
+    ("begin", "end", "seconds"),
+    [("15:0:0", "16:00:30", (54000, 57630)), ("1:0:0:5", "90000.5", (86405, 90000.5))],
+)
+def test_times_are_read_as_sumo_reads_them(
+    tmp_path: Path, begin: str, end: str, seconds: tuple[float, float]
+) -> None:
+    path = tmp_path / "noon.sumocfg"
+    (tmp_path / "a.net.xml").touch()
+    path.write_text(
+        f"<configuration><net-file value='a.net.xml'/><begin value='{begin}'/>"
+        f"<end value='{end}'/></configuration>"
+    )
+    scenario = find_scenario(path)
+    assert (scenario.begin, scenario.end) == seconds
+
+
+def test_signals_of_railways_are_left_to_sumo(tmp_path: Path) -> None:
+    bundle, _ = dojo_maps.convert(build_rail_crossing(tmp_path), tmp_path / "rail.dojo")
+    signals = [signal.id for signal in bundle.road_map.signals]
+    assert signals
+    with pytest.raises(ConfigError, match="no signals to control"):
+        MapManager(bundle, SignalConfig())
 
 
 def test_a_map_alone_is_no_scenario(tmp_path: Path) -> None:

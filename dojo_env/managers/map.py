@@ -10,6 +10,7 @@ from dojo_env.signals.plan import SignalPlan, build_plan
 from dojo_env.signals.programs import add_programs
 from dojo_maps.bundle import Bundle
 from dojo_maps.description import LinkKind, Signal
+from dojo_maps.railways import street_signals
 
 
 class MapManager(Manager):
@@ -36,7 +37,7 @@ class MapManager(Manager):
 def _choose_signals(bundle: Bundle, ids: tuple[str, ...] | None) -> list[Signal]:
     usable = {
         signal.id: signal
-        for signal in bundle.road_map.signals
+        for signal in street_signals(bundle.road_map)
         if any(link.kind is LinkKind.VEHICLE for link in signal.links)
     }
     name = bundle.road_map.name

@@ -25,13 +25,13 @@ from dojo_maps.description import (
 from dojo_maps.geometry.pieces import lane_strips
 from dojo_maps.geometry.polylines import Floats, Ints, Shapes, lift
 from dojo_maps.meshes.mesh import Mesh
+from dojo_maps.railways import street_signals
 
 DRIVABLE = (LaneKind.DRIVING, LaneKind.BUS)
 _LOOK = 15.0
 """Metres of a road that tell where it leads at a junction."""
 _BACK_DEG = 160.0
 """A road that leaves at more than this from straight on leads back."""
-_RAILWAY = ("rail_signal", "rail_crossing")
 
 
 class Facts:
@@ -87,15 +87,7 @@ class Facts:
     @cached_property
     def signals(self) -> tuple[Signal, ...]:
         """The signals of the street: those that control railways only are left out."""
-        return tuple(signal for signal in self.map.signals if not self._is_of_railway(signal))
-
-    def _is_of_railway(self, signal: Signal) -> bool:
-        if any(program.kind.startswith("rail") for program in signal.programs):
-            return True
-        if signal.junctions and all(self.kind(id_) in _RAILWAY for id_ in signal.junctions):
-            return True
-        lanes = [self.lanes[link.from_id] for link in signal.links if link.from_id in self.lanes]
-        return bool(lanes) and all(lane.kind is LaneKind.RAIL for lane in lanes)
+        return street_signals(self.map)
 
     def kind(self, junction: str) -> str:
         """Name a junction's type; an unknown junction has none."""
