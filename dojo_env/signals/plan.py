@@ -77,7 +77,8 @@ def build_plan(road_map: RoadMap, signal: Signal, config: SignalConfig) -> Signa
         phases=phases,
         conflicts=conflicts,
         is_crossing=crossings,
-        yellow=np.array([_yellow(speeds[k], config) if k in speeds else 0.0 for k in range(count)]),
+        # A letter that no lane heeds is shown like the others: with yellow.
+        yellow=np.where(crossings, 0.0, [_yellow(speeds.get(k, 0.0), config) for k in range(count)]),
         clearance=_clearances(road_map, signal, count, config.walking_speed),
         lanes=lanes,
         out_lanes=tuple(dict.fromkeys(target for _, _, target in links)),
