@@ -10,7 +10,6 @@ import sys
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from statistics import median
-from typing import Any
 
 from dojo_env.config import SignalConfig
 from dojo_env.metrics import SIX
@@ -191,20 +190,21 @@ def _commands(kept: Mapping[str, Mapping[str, KeptRow]]) -> str:
     for scenario in [*SCENARIOS, *sorted(set(kept) - set(SCENARIOS))]:
         there = kept.get(scenario, {})
         for name, row in there.items():
-            trained = _tell_training(row.result.get("training"))
-            lines.append(_line(scenario, (name, trained, f"`{row.result['command']}`")))
+            cells = (name, _tell_training(row), f"`{row.result['command']}`")
+            lines.append(_line(scenario, cells))
         for name in (name for name in SCENARIOS.get(scenario, ()) if name not in there):
             words = ["python", "tools/benchmark.py", "--rows", name, "--scenarios", scenario]
             missing.append(_line(scenario, (name, "not run", f"`{shlex.join(words)}`")))
     return "\n".join([*lines, *missing, ""])
 
 
-def _tell_training(training: Mapping[str, Any] | None) -> str:
+def _tell_training(row: KeptRow) -> str:
     """Tell how long a row's policy learned, and from which reward if not from the usual one."""
-    if training is None:
+    if not row.learned:
         return ""
-    reward = "" if training["reward"] == REWARD else f", reward {_tell_reward(training['reward'])}"
-    return f"{training['steps']:,} decisions{reward}"
+    training = Training(**row.result["training"])
+    reward = "" if training.reward == REWARD else f", reward {_tell_reward(training.reward)}"
+    return f"{training.steps:,} decisions{reward}"
 
 
 def _tell_reward(reward: Mapping[str, float]) -> str:
