@@ -54,13 +54,13 @@ def open_environments(training: Training, *, done: int = 0) -> VecEnv:
     makers = [
         partial(_make, training, start + index, training.processes) for index in range(training.processes)
     ]
-    return _adapt(_start(makers), training)
+    return _start(makers, training)
 
 
 def open_evaluation(training: Training, seeds: Sequence[int], **changes: Any) -> VecEnv:
     """Open an environment per seed; every episode of each has the same seed."""
     makers = [partial(_make, training, seed, 0, **changes) for seed in seeds]
-    return _adapt(_start(makers), training)
+    return _start(makers, training)
 
 
 def open_environment(settings: Mapping[str, Any]) -> gymnasium.Env[Any, Any]:
@@ -104,21 +104,19 @@ def _first_seed(training: Training, done: int) -> int:
     return FIRST_TRAINING_SEED + training.seed * _SEEDS_PER_RUN + done // training.decisions
 
 
-def _start(makers: list[Any]) -> VecEnv:
+def _start(makers: list[Any], training: Training) -> VecEnv:
     """Start an environment per maker, in processes that share what is loaded once."""
+    encoder = None
+    if training.encoder != "none":  # First, since it may not be there.
+        from dojo_env.encoders import load_encoder
+        from dojo_env.encoders.vectorised import EncodedVecEnv
+
+        encoder = load_encoder(training.encoder)
     multiprocessing.set_forkserver_preload([__name__])
-    return SubprocVecEnv(makers, start_method="forkserver")
-
-
-def _adapt(environments: VecEnv, training: Training) -> VecEnv:
+    environments: VecEnv = SubprocVecEnv(makers, start_method="forkserver")
     if training.agents != "single":
         environments = AgentsVecEnv(environments)
-    if training.encoder == "none":
-        return environments
-    from dojo_env.encoders import load_encoder
-    from dojo_env.encoders.vectorised import EncodedVecEnv
-
-    return EncodedVecEnv(environments, load_encoder(training.encoder))
+    return environments if encoder is None else EncodedVecEnv(environments, encoder)
 
 
 def _make(training: Training, first: int, stride: int, **changes: Any) -> SeededEpisodes:
