@@ -1,7 +1,6 @@
 """The command `dojo-env`. Results go to standard output, everything else to standard error."""
 
 import argparse
-import json
 import signal
 import sys
 from collections.abc import Sequence
@@ -11,7 +10,7 @@ from typing import Any
 
 from dojo_maps.errors import DojoError
 from dojo_maps.interruption import leave_pipe
-from dojo_maps.whole_file import replaced
+from dojo_maps.whole_file import write_json
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -165,8 +164,7 @@ def _run(options: argparse.Namespace) -> int:
             "summary": summary,
             "episodes": figures,
         }
-        with replaced(options.json) as fresh:
-            fresh.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
+        write_json(options.json, content)
     return 0
 
 

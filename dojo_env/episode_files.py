@@ -1,9 +1,10 @@
 """A CSV and a JSON file per episode; none is lost and none is overwritten."""
 
 import csv
-import json
 from pathlib import Path
 from typing import Any
+
+from dojo_maps.whole_file import write_json
 
 
 class EpisodeFiles:
@@ -38,7 +39,7 @@ class EpisodeFiles:
             writer = csv.DictWriter(file, fieldnames=list(rows[0]))
             writer.writeheader()
             writer.writerows(rows)
-        path.with_suffix(".json").write_text(json.dumps(figures, indent=1) + "\n", encoding="utf-8")
+        write_json(path.with_suffix(".json"), figures)
 
     def _claim(self) -> Path:
         """Take the first label that no environment, in whatever process, has taken with this stem."""

@@ -1,10 +1,12 @@
 """Files that are there whole or not at all."""
 
 import contextlib
+import json
 import os
 import tempfile
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 
 @contextlib.contextmanager
@@ -13,7 +15,7 @@ def replaced(path: Path) -> Iterator[Path]:
 
     What a link names is replaced, not the link; a pipe or a device, as /dev/stdout, is written as it is.
     """
-    if path.exists() and not (path.is_file() and path.parent != Path("/dev")):
+    if path.exists() and (path.parent == Path("/dev") or not path.is_file()):
         yield path
         return
     path = path.resolve()
@@ -26,6 +28,12 @@ def replaced(path: Path) -> Iterator[Path]:
         fresh.replace(path)
     finally:
         fresh.unlink(missing_ok=True)
+
+
+def write_json(path: Path, value: Any) -> None:
+    """Write a value as JSON that people can read, whole or not at all."""
+    with replaced(path) as fresh:
+        fresh.write_text(json.dumps(value, indent=1) + "\n", encoding="utf-8")
 
 
 def _umask() -> int:

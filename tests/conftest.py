@@ -23,7 +23,7 @@ REPOSITORY = Path(__file__).resolve().parents[1]
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
 NO_GENERATED = "--no-generated"
-_LONG = ("test_train", "test_learned_rows", "test_benchmark", "test_env_encoders")
+_LONG = ("test_train", "test_learned_rows", "test_benchmark", "test_robustness", "test_env_encoders")
 """Files of the tests that train policies or load encoders."""
 
 

@@ -22,7 +22,7 @@ from dojo_env.metrics import SIX
 from dojo_env.runs import summarize
 from dojo_env.sensor_observations import Detector
 from dojo_maps.errors import DojoError
-from dojo_maps.whole_file import replaced
+from dojo_maps.whole_file import write_json
 from learning.kept import KeptRow, read_kept
 from learning.settings import CONDITIONS, IMAGES, POLICY, SETTINGS, list_versions, read_training
 
@@ -77,8 +77,7 @@ def run_under(row: KeptRow, names: Sequence[str], seeds: int, seconds: int) -> N
         figures = {key: value for key, value in summarize(episodes).items() if key in SIX}
         done = {**done, name: {"changes": told, "figures": figures}}
         result = {**basis, "command": shlex.join(words), "versions": list_versions(), "under": done}
-        with replaced(path) as fresh:
-            fresh.write_text(json.dumps(result, indent=1) + "\n", encoding="utf-8")
+        write_json(path, result)
         print(f"{training.scenario}: {row.name} under {name}", file=sys.stderr, flush=True)
 
 

@@ -31,16 +31,10 @@ def check_folder(training: Training, folder: Path, *, resume: bool) -> None:
         raise ConfigError(f"{folder} holds a run already; --resume goes on with it, or name another --out")
 
 
-def prepare_folder(training: Training, folder: Path, *, resume: bool) -> None:
-    """Make the folder of a run, or see that it is this run's.
-
-    Raises:
-        ConfigError: it holds a run already, or none, or another one's.
-    """
-    check_folder(training, folder, resume=resume)
-    if not resume:
-        folder.mkdir(parents=True, exist_ok=True)
-        write_training(training, folder / SETTINGS)
+def prepare_folder(training: Training, folder: Path) -> None:
+    """Make the folder of a new run; `check_folder` has seen that it is free."""
+    folder.mkdir(parents=True, exist_ok=True)
+    write_training(training, folder / SETTINGS)
 
 
 def is_trained(training: Training, folder: Path) -> bool:
@@ -79,7 +73,8 @@ def train(
         environments = stack.enter_context(closing(open_environments(training, done=done)))
         validation = stack.enter_context(closing(open_evaluation(training, VALIDATION_SEEDS)))
         model = build_model(training, environments)
-        prepare_folder(training, folder, resume=resume)  # All that may be wrong has been opened.
+        if not resume:
+            prepare_folder(training, folder)  # Not before: all that may be wrong has been opened.
         model.set_logger(Logger(str(folder), [TensorBoardOutputFormat(str(folder))] if tensorboard else []))
         agents = environments.num_envs // training.processes if training.agents == "shared" else 1
         progress = Progress(training, folder, validation, every=every, agents=agents)

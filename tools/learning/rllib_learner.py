@@ -43,7 +43,8 @@ def train(training: Training, folder: Path, *, resume: bool = False, every: int 
         closing(open_evaluation(training, VALIDATION_SEEDS)) as validation,
         _open_algorithm(training, begun) as algorithm,
     ):
-        prepare_folder(training, folder, resume=resume)  # All that may be wrong has been opened.
+        if not resume:
+            prepare_folder(training, folder)  # Not before: all that may be wrong has been opened.
         curve, learner = Curve(training, folder), algorithm.learner_group._learner
         if resume:
             curve.resume(known["known"])

@@ -24,7 +24,7 @@ GENTLE = {name: weight / 10 for name, weight in REWARD.items()}
 OWN_SETTINGS: dict[tuple[str, str], dict[str, Any]] = {
     ("cologne1", "MaxPressure"): {"min_green": 8},
     ("cologne1", "PPO-BEV"): {"steps": 400_000},
-    ("two-way", "PPO-BEV"): {"steps": 1_600_000, "reward": {"queue": 0.01, "diff-waiting-time": 0.1}},
+    ("two-way", "PPO-BEV"): {"steps": 1_600_000, "reward": {**REWARD, "diff-waiting-time": 0.1}},
     ("two-way", "PPO-MV"): {"steps": 300_000, "reward": GENTLE},
     ("two-way", "PPO-BEV*"): {"steps": 100_000, "reward": GENTLE},
 }

@@ -10,7 +10,7 @@ from typing import Any
 
 from dojo_env.metrics import SIX
 from dojo_env.runs import run_controller, summarize
-from dojo_maps.whole_file import replaced
+from dojo_maps.whole_file import write_json
 
 from .rows import CONTROLLERS, OWN_SETTINGS, find_training, learns
 from .settings import Training, list_versions
@@ -71,8 +71,7 @@ def run_row(task: Mapping[str, Any], results: Path) -> None:
         "figures": {name: value for name, value in summarize(episodes).items() if name in KEPT},
         "episodes": [{name: episode[name] for name in KEPT} for episode in episodes],
     }
-    with replaced(folder / FIGURES) as fresh:
-        fresh.write_text(json.dumps(result, indent=1) + "\n", encoding="utf-8")
+    write_json(folder / FIGURES, result)
 
 
 Outcome = tuple[list[dict[str, Any]], list[dict[str, Any]]]

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from dojo_env.errors import ConfigError
+from dojo_maps.whole_file import write_json
 
 ALGORITHMS: dict[str, dict[str, Any]] = {
     "ppo": {"n_steps": 90, "batch_size": 180, "n_epochs": 3, "learning_rate": 5e-4, "gamma": 0.97,
@@ -170,7 +171,7 @@ def read_training(path: Path) -> Training:
 def write_training(training: Training, path: Path) -> None:
     """Write a run's settings, and the versions of what it ran on."""
     known = {"training": dataclasses.asdict(training), "versions": list_versions()}
-    path.write_text(json.dumps(known, indent=1) + "\n", encoding="utf-8")
+    write_json(path, known)
 
 
 def list_versions() -> dict[str, str]:
