@@ -39,7 +39,7 @@ def run_controller(
         SimulationError: SUMO refuses the scenario.
     """
     controller = make_controller(name)
-    config = build_config(**{**keywords, **controller.settings})
+    config = build_config(**{"show_links": video is not None, **keywords, **controller.settings})
     figures = []
     with ExitStack() as stack:
         film = stack.enter_context(Video(video)) if video is not None else None

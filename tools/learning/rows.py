@@ -25,8 +25,8 @@ OWN_SETTINGS: dict[tuple[str, str], dict[str, Any]] = {
     ("cologne1", "MaxPressure"): {"min_green": 8},
     ("cologne1", "PPO-BEV"): {"steps": 400_000},
     ("two-way", "PPO-BEV"): {"steps": 1_600_000, "reward": {**REWARD, "diff-waiting-time": 0.1}},
-    ("two-way", "PPO-MV"): {"steps": 300_000, "reward": GENTLE},
-    ("two-way", "PPO-BEV*"): {"steps": 100_000, "reward": GENTLE},
+    ("two-way", "PPO-MV"): {"steps": 600_000, "reward": GENTLE},
+    ("two-way", "PPO-BEV*"): {"steps": 300_000, "reward": GENTLE},
 }
 """What sets a row apart on one scenario; pictures tell all they can after more steps than the others get."""
 MIN_GREEN = {"cologne1": 8}
