@@ -18,13 +18,13 @@ pytest.importorskip("stable_baselines3")
 
 TRAIN = [sys.executable, str(TOOLS / "train.py")]
 QUICK = {
-    "ppo": ["--scenario", "two-way", "--algorithm", "ppo", "--set", "n_steps=60", "batch_size=60"],
+    "ppo": ["--scenario", "two-way", "--algorithm", "ppo", "--set", "n_steps=24", "batch_size=24"],
     "bev": ["--scenario", "two-way", "--algorithm", "dqn", "--observation", "bev", "--size", "36x48",
-            "--set", "learning_starts=100", "gradient_steps=1"],
+            "--set", "learning_starts=40", "gradient_steps=1"],
     "encoded": ["--scenario", "two-way", "--algorithm", "a2c", "--observation", "bev", "--size", "84x84",
                 "--encoder", "efficientnet-lite0"],
 }  # fmt: skip
-SIZE = ["--processes", "2", "--seconds", "300", "--steps", "360", "--every", "1"]
+SIZE = ["--processes", "2", "--seconds", "120", "--steps", "144", "--every", "1"]
 
 
 train = partial(run_tool, "train")
@@ -63,7 +63,7 @@ def test_interrupted_run_goes_on_to_the_same_result(kind: str, tmp_path: Path) -
 
 def test_bad_arguments_are_one_line_before_any_work(tmp_path: Path) -> None:
     kept = tmp_path / "kept"
-    done = train(*QUICK["ppo"], "--processes", 1, "--seconds", 300, "--steps", 60, "--out", kept)
+    done = train(*QUICK["ppo"], "--processes", 1, "--seconds", 120, "--steps", 24, "--out", kept)
     assert done.returncode == 0, done.stderr
     broken, pictures = tmp_path / "broken.onnx", ["--observation", "bev", "--processes", 1]
     broken.write_text("no network")
