@@ -9,6 +9,7 @@ from commands import run_tool
 
 from dojo_env.metrics import SIX
 from dojo_env.runs import run_controller
+from learning.rows import CONTROLLERS
 
 benchmark = partial(run_tool, "benchmark")
 
@@ -41,3 +42,10 @@ def test_bad_input_is_one_line_and_a_status(tmp_path: Path) -> None:
         done = benchmark("--rows", "Cycle", "--results", tmp_path, *arguments)
         assert done.returncode == 3
         assert len(done.stderr.strip().splitlines()) == 1, done.stderr
+
+
+def test_all_that_does_not_learn_has_a_short_name(tmp_path: Path) -> None:
+    done = benchmark("--controllers", "--scenarios", "two-way", "--seeds", 1, "--seconds", 10,
+                     "--results", tmp_path)  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    assert {folder.name for folder in (tmp_path / "two-way").iterdir()} == set(CONTROLLERS)

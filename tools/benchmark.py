@@ -39,9 +39,11 @@ def main() -> int:
     """Run what is asked for and write the tables."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument(
-        "--rows", nargs="*", default=[], choices=(*ROWS, *GROUPS), metavar="ROW",
+        "--rows", nargs="*", action="extend", default=[], choices=(*ROWS, *GROUPS), metavar="ROW",
         help=f"{', '.join(ROWS)}; or {', '.join(GROUPS)}; without any, only the tables are written",
     )  # fmt: skip
+    parser.add_argument("--controllers", action="append_const", const="controllers", dest="rows",
+                        help="short for --rows controllers")  # fmt: skip
     parser.add_argument("--scenarios", nargs="+", default=["two-way", "cologne1"], metavar="NAME")
     parser.add_argument("--seeds", type=int, default=5, help="episodes a row, seeds 0 to N-1")
     parser.add_argument("--seconds", type=int, default=3600, help="simulated seconds an episode")
