@@ -1,5 +1,6 @@
 """Training: an interrupted run goes on to the same result; errors are told before any work."""
 
+import argparse
 import csv
 import os
 import signal
@@ -12,6 +13,8 @@ from pathlib import Path
 import pytest
 from commands import TOOLS, run_tool
 from conftest import command_environment
+
+from train import add_arguments, read_arguments
 
 torch = pytest.importorskip("torch")
 pytest.importorskip("stable_baselines3")
@@ -85,3 +88,20 @@ def test_bad_arguments_are_one_line_before_any_work(tmp_path: Path) -> None:
         assert words in done.stderr
         assert len(done.stderr.strip().splitlines()) == 1, done.stderr
     assert not (tmp_path / "a").exists()
+
+
+@pytest.mark.parametrize(
+    ("given", "named"),
+    [
+        ([], "runs/cologne1-ppo-features-seed0"),
+        (["--scenario", "maps/my.dojo", "--observation", "bev", "--encoder", "my.onnx", "--seed", "3"],
+         "runs/my-ppo-bev-my-seed3"),
+        (["--out", "here"], "here"),
+    ],
+)  # fmt: skip
+def test_run_is_named_by_what_it_learns(given: list[str], named: str) -> None:
+    parser = argparse.ArgumentParser()
+    add_arguments(parser)
+    options = parser.parse_args(given)
+    read_arguments(options)
+    assert options.out == Path(named)

@@ -18,6 +18,7 @@ from dojo_env.errors import ConfigError
 from dojo_env.scenario import find_scenario, open_map
 from dojo_maps.errors import DojoError
 from learning import cluster_rows
+from learning.cluster import LOCAL
 from learning.rows import GROUPS, ROWS
 from learning.run_row import describe, is_done, run_row
 from learning.scenarios import check_scenario
@@ -48,8 +49,8 @@ def main() -> int:
     parser.add_argument("--seeds", type=int, default=5, help="episodes a row, seeds 0 to N-1")
     parser.add_argument("--seconds", type=int, default=3600, help="simulated seconds an episode")
     parser.add_argument("--jobs", type=int, default=2, help="rows at once")
-    parser.add_argument("--ray", metavar="ADDRESS", help="run rows on a Ray cluster: HOST:PORT of its "
-                        "head, or `local` for one of this machine")  # fmt: skip
+    parser.add_argument("--ray", nargs="?", const=LOCAL, metavar="ADDRESS", help="run rows on a Ray "
+                        "cluster: HOST:PORT of its head; without it, one of this machine")  # fmt: skip
     parser.add_argument("--results", type=Path, default=Path(__file__).parent / "results", metavar="FOLDER")
     parser.add_argument("--paper", type=Path, metavar="FILE", help="JSON of published figures")
     options = parser.parse_args()

@@ -55,10 +55,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--set", nargs="+", dest="hyperparameters", metavar="NAME=VALUE", help="the algorithm's own settings"
     )
+    parser.add_argument("--out", type=Path, metavar="FOLDER", help="default: one in runs, by what is learned")
+    parser.add_argument("--resume", action="store_true", help="go on from the folder's checkpoint")
+    parser.add_argument("--every", type=int, default=EVERY, help="rounds of episodes between evaluations")
 
 
 def read_arguments(options: argparse.Namespace) -> Training:
-    """Turn arguments into settings.
+    """Turn arguments into settings, and name the run's folder where that was not given.
 
     Raises:
         ConfigError: a value cannot work.
@@ -71,7 +74,12 @@ def read_arguments(options: argparse.Namespace) -> Training:
         raise ConfigError(f"--reward {', '.join(unknown)}: expected {', '.join(REWARDS)}")
     if options.size:
         given["height"], given["width"] = options.size
-    return Training(**given)
+    training = Training(**given)
+    if options.out is None:
+        named = (training.scenario, training.algorithm, training.observation, training.encoder)
+        parts = [Path(part).stem for part in named if part != "none"]
+        options.out = Path("runs", "-".join([*parts, f"seed{training.seed}"]))
+    return training
 
 
 def main() -> int:
@@ -80,9 +88,6 @@ def main() -> int:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     add_arguments(parser)
-    parser.add_argument("--out", type=Path, required=True, metavar="FOLDER")
-    parser.add_argument("--resume", action="store_true", help="go on from the folder's checkpoint")
-    parser.add_argument("--every", type=int, default=EVERY, help="rounds of episodes between evaluations")
     parser.add_argument("--tensorboard", action="store_true", help="write its event files, too")
     options = parser.parse_args()
     try:
@@ -93,6 +98,7 @@ def main() -> int:
         train(
             training, options.out, resume=options.resume, every=options.every, tensorboard=options.tensorboard
         )
+        print(options.out)
     except (DojoError, OSError) as error:
         print(f"train: {error}", file=sys.stderr)
         return 3

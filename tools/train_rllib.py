@@ -6,13 +6,12 @@ A runner whose node is lost is started again where there is room, and the others
 
 import argparse
 import sys
-from pathlib import Path
 
 from dojo_env.errors import ConfigError
 from dojo_maps.errors import DojoError
 from learning.cluster import LOCAL, open_cluster
 from learning.scenarios import check_scenario
-from learning.settings import EVERY, Training
+from learning.settings import Training
 from train import add_arguments, read_arguments
 
 ALGORITHMS = ("ppo", "dqn")
@@ -46,9 +45,6 @@ def main() -> int:
     )
     parser.add_argument("--address", default=LOCAL, metavar="HOST:PORT",
                         help="of a cluster's head; without it, this machine alone")  # fmt: skip
-    parser.add_argument("--out", type=Path, required=True, metavar="FOLDER")
-    parser.add_argument("--resume", action="store_true", help="go on from the folder's checkpoint")
-    parser.add_argument("--every", type=int, default=EVERY, help="rounds of episodes between evaluations")
     options = parser.parse_args()
     try:
         training = read_training(options)
@@ -59,6 +55,7 @@ def main() -> int:
             from learning.rllib_learner import train
 
             train(training, options.out, resume=options.resume, every=options.every)
+        print(options.out)
     except (DojoError, OSError) as error:
         print(f"train_rllib: {error}", file=sys.stderr)
         return 3
