@@ -14,7 +14,7 @@ import pytest
 from commands import TOOLS, run_tool
 from conftest import command_environment
 
-from train import add_arguments, read_arguments
+from train import add_arguments, choose_folder, read_arguments
 
 torch = pytest.importorskip("torch")
 pytest.importorskip("stable_baselines3")
@@ -103,5 +103,4 @@ def test_run_is_named_by_what_it_learns(given: list[str], named: str) -> None:
     parser = argparse.ArgumentParser()
     add_arguments(parser)
     options = parser.parse_args(given)
-    read_arguments(options)
-    assert options.out == Path(named)
+    assert choose_folder(options, read_arguments(options)) == Path(named)

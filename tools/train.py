@@ -61,7 +61,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def read_arguments(options: argparse.Namespace) -> Training:
-    """Turn arguments into settings, and name the run's folder where that was not given.
+    """Turn arguments into settings.
 
     Raises:
         ConfigError: a value cannot work.
@@ -74,12 +74,14 @@ def read_arguments(options: argparse.Namespace) -> Training:
         raise ConfigError(f"--reward {', '.join(unknown)}: expected {', '.join(REWARDS)}")
     if options.size:
         given["height"], given["width"] = options.size
-    training = Training(**given)
-    if options.out is None:
-        named = (training.scenario, training.algorithm, training.observation, training.encoder)
-        parts = [Path(part).stem for part in named if part != "none"]
-        options.out = Path("runs", "-".join([*parts, f"seed{training.seed}"]))
-    return training
+    return Training(**given)
+
+
+def choose_folder(options: argparse.Namespace, training: Training) -> Path:
+    """Take the folder that was given, or name one by what is learned."""
+    named = (training.scenario, training.algorithm, training.observation, training.encoder)
+    parts = [Path(part).stem for part in named if part != "none"]
+    return options.out or Path("runs", "-".join([*parts, f"seed{training.seed}"]))
 
 
 def main() -> int:
@@ -92,6 +94,7 @@ def main() -> int:
     options = parser.parse_args()
     try:
         training = read_arguments(options)
+        options.out = choose_folder(options, training)
         check_scenario(training)
         from learning.learner import train  # Bad settings are told before torch is loaded.
 

@@ -12,7 +12,7 @@ from dojo_maps.errors import DojoError
 from learning.cluster import LOCAL, open_cluster
 from learning.scenarios import check_scenario
 from learning.settings import Training
-from train import add_arguments, read_arguments
+from train import add_arguments, choose_folder, read_arguments
 
 ALGORITHMS = ("ppo", "dqn")
 
@@ -48,6 +48,7 @@ def main() -> int:
     options = parser.parse_args()
     try:
         training = read_training(options)
+        options.out = choose_folder(options, training)
         from learning.learner import check_folder  # Bad settings are told before torch is loaded.
 
         check_folder(training, options.out, resume=options.resume)
