@@ -4,6 +4,7 @@ import json
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 from conftest import REPOSITORY, command_environment
 
@@ -17,7 +18,7 @@ from learning.run_row import run_row
 if __name__ == "__main__":
     run_row(json.loads(sys.argv[2]), Path(sys.argv[3]))
 """
-SHORT = {"steps": 60, "seconds": 300, "processes": 1}
+SHORT: dict[str, Any] = {"steps": 60, "seconds": 300, "processes": 1}
 """A training of a single short episode."""
 
 

@@ -5,8 +5,8 @@ import json
 from pathlib import Path
 from typing import Any
 
-import commands  # noqa: F401 - puts the tools' modules on the path
 import pytest
+from commands import SHORT
 
 from dojo_env.errors import ConfigError
 
@@ -16,8 +16,6 @@ from learning.evaluation import run_policy
 from learning.rows import LEARNED, find_training
 from learning.run_row import describe, find_folder, is_done, run_row
 from learning.settings import Training
-
-SHORT: dict[str, Any] = {"seconds": 300, "steps": 60, "processes": 1}
 
 
 def short_task(row: str) -> dict[str, Any]:

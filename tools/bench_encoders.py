@@ -7,7 +7,6 @@ same network with random weights. Times are the fastest of many, since others ma
 """
 
 import argparse
-import json
 import time
 from pathlib import Path
 from typing import Any
@@ -21,6 +20,7 @@ from dojo_env.encoders.base import Encoder
 from dojo_env.encoders.efficientnet import SCALING, build_network, read_weights
 from dojo_env.encoders.onnx_file import OnnxEncoder
 from dojo_env.env import TrafficSignalEnv
+from dojo_maps.whole_file import write_json
 
 Array = NDArray[Any]
 EPISODES = ("cycle", "max-pressure", "random", "webster")
@@ -113,7 +113,7 @@ def main() -> None:
         rows.append(measure(name, recorded))
         print(f"{name:20} {rows[-1]['size']:5} values {rows[-1]['ms']:6} ms", rows[-1]["r2"], flush=True)
     if options.json:
-        options.json.write_text(json.dumps(rows, indent=1) + "\n")
+        write_json(options.json, rows)
 
 
 if __name__ == "__main__":

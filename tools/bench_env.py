@@ -20,6 +20,7 @@ from dojo_env.config import build_config
 from dojo_env.scenario import find_scenario, open_map
 from dojo_env.signals.switching import SignalSwitch
 from dojo_env.world import World
+from dojo_maps.whole_file import write_json
 
 SECONDS, INTERVAL, HOLD = 3600, 5, 3
 """An episode, a decision interval, and how many decisions a phase stays."""
@@ -195,7 +196,7 @@ def main() -> int:
             word = "holds" if row["of_bare"] >= goal else "MISSED"
             print(f"{word:8}{row['scenario']}, {row['variant']}: {row['of_bare']:.2f} of bare, goal {goal}")
     if options.json:
-        options.json.write_text(json.dumps(rows, indent=1) + "\n", encoding="utf-8")
+        write_json(options.json, rows)
     return 0
 
 

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dojo_env.errors import ConfigError
+from dojo_maps.whole_file import write_json
 
 Floats = NDArray[np.float64]
 
@@ -128,9 +129,9 @@ def _distort(level: Floats, distortion: tuple[float, ...]) -> Floats:
 
 
 def write_cameras(cameras: Iterable[Camera], path: Path | str) -> None:
-    """Save cameras as JSON."""
+    """Save cameras as JSON, whole or not at all."""
     value = {"format": "dojo-cameras", "version": 1, "cameras": [asdict(camera) for camera in cameras]}
-    Path(path).write_text(json.dumps(value, indent=1) + "\n", encoding="utf-8")
+    write_json(Path(path), value)
 
 
 def read_cameras(path: Path | str) -> tuple[Camera, ...]:
