@@ -1,5 +1,6 @@
 """What an agent is paid: a function of a signal and the instants before and after a decision interval."""
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
@@ -73,12 +74,22 @@ def _build_reward(wanted: Any) -> Reward:
     if isinstance(wanted, str) and wanted in REWARDS:
         return REWARDS[wanted]
     if isinstance(wanted, Mapping) and wanted and set(wanted) <= set(REWARDS):
-        return _Weighted({name: float(weight) for name, weight in wanted.items()})
+        return _Weighted({name: _read_weight(name, weight) for name, weight in wanted.items()})
     if callable(wanted):
         return wanted
     raise ConfigError(
         f"reward_fn={wanted!r}: expected one of {known}, a callable, or a dict of these and weights"
     )
+
+
+def _read_weight(name: str, weight: Any) -> float:
+    try:
+        value = float(weight)
+    except (TypeError, ValueError):
+        value = math.nan
+    if not math.isfinite(value):
+        raise ConfigError(f"reward_fn: the weight of {name!r} is {weight!r}; expected a finite number")
+    return value
 
 
 class _Weighted:

@@ -211,6 +211,8 @@ def test_vector_environments_run_in_processes() -> None:
         ({"delta_time": 0}, "delta_time=0"),
         ({"num_seconds": 101}, "no multiple"),
         ({"reward_fn": "luck"}, "reward_fn='luck'"),
+        ({"reward_fn": {"queue": float("nan")}}, "weight of 'queue' is nan"),
+        ({"reward_fn": {"queue": "much"}}, "expected a finite number"),
         ({"observation": "smell"}, "observation='smell'"),
         ({"render_mode": "print"}, "render_mode='print'"),
         ({"use_gui": True}, 'backend="traci"'),

@@ -14,7 +14,9 @@ import pytest
 from commands import TOOLS, run_tool
 from conftest import command_environment
 
-from train import add_arguments, choose_folder, read_arguments
+from dojo_env.errors import ConfigError
+from learning.settings import Training
+from train import add_arguments, choose_folder, read_arguments, read_pairs
 
 torch = pytest.importorskip("torch")
 pytest.importorskip("stable_baselines3")
@@ -74,7 +76,11 @@ def test_bad_arguments_are_one_line_before_any_work(tmp_path: Path) -> None:
         ("nowhere", ["--scenario", "nowhere", "--out", tmp_path / "a"]),
         ("n_steps=7", [*QUICK["ppo"], "--set", "n_steps=7", "--out", tmp_path / "a"]),
         ("wings", [*QUICK["ppo"], "--set", "wings=2", "--out", tmp_path / "a"]),
+        ("buffer_size=100000000", [*QUICK["bev"], "buffer_size=100000000", "--out", tmp_path / "a"]),
         ("beauty", [*QUICK["ppo"], "--reward", "beauty=1", "--out", tmp_path / "a"]),
+        ("finite number", [*QUICK["ppo"], "--reward", "queue=NaN", "--out", tmp_path / "a"]),
+        ("seed=-5", [*QUICK["ppo"], "--seed", "-5", "--out", tmp_path / "a"]),
+        ("1 to 8192 pixels", [*QUICK["bev"], "--size", "0x48", "--out", tmp_path / "a"]),
         ("needs images", [*QUICK["ppo"], "--encoder", "efficientnet-lite0", "--out", tmp_path / "a"]),
         ("no such file", [*pictures, "--encoder", tmp_path / "none.onnx", "--out", tmp_path / "a"]),
         ("cannot read it", [*pictures, "--encoder", broken, "--out", tmp_path / "a"]),
@@ -88,6 +94,19 @@ def test_bad_arguments_are_one_line_before_any_work(tmp_path: Path) -> None:
         assert words in done.stderr
         assert len(done.stderr.strip().splitlines()) == 1, done.stderr
     assert not (tmp_path / "a").exists()
+
+
+@pytest.mark.parametrize("value", ['"fast"', "-1", "true", "NaN", "Infinity", "null", "[1]"])
+@pytest.mark.parametrize("setting", ["learning_rate", "buffer_size", "learning_starts"])
+def test_setting_that_is_no_usable_number_is_refused(setting: str, value: str) -> None:
+    with pytest.raises(ConfigError, match=f"{setting}="):
+        Training(algorithm="dqn", hyperparameters=read_pairs([f"{setting}={value}"]))
+
+
+@pytest.mark.parametrize("setting", ["buffer_size=0", "batch_size=0", "batch_size=2.5", "train_freq=0"])
+def test_count_is_whole_and_at_least_one(setting: str) -> None:
+    with pytest.raises(ConfigError, match=setting):
+        Training(algorithm="dqn", hyperparameters=read_pairs([setting]))
 
 
 @pytest.mark.parametrize(

@@ -1,5 +1,7 @@
 """Stable-Baselines3's algorithms over our networks; policies and checkpoints without pickled code."""
 
+import math
+import os
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -39,6 +41,8 @@ def build_model(training: Training, environments: VecEnv) -> BaseAlgorithm | Ind
     name, settings = describe_policy(training, environments.observation_space)
     known = dict(training.hyperparameters)
     rate = known.pop("learning_rate")
+    if training.algorithm == "dqn":
+        _check_memory(known["buffer_size"], environments.observation_space)
     return CLASSES[training.algorithm](
         name,
         environments,
@@ -48,6 +52,18 @@ def build_model(training: Training, environments: VecEnv) -> BaseAlgorithm | Ind
         learning_rate=partial(_fall, rate),
         **known,
     )
+
+
+def _check_memory(steps: int, observed: spaces.Space[Any]) -> None:
+    """See that a replay buffer fits: memory fills while a run learns, and the system would end it then."""
+    parts = observed.spaces.values() if isinstance(observed, spaces.Dict) else [observed]
+    needed = 2 * steps * sum(math.prod(part.shape) * part.dtype.itemsize for part in parts) / 2**30
+    there = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") / 2**30
+    if needed > there:
+        raise ConfigError(
+            f"buffer_size={steps}: so many observations need {needed:,.0f} GiB, and this machine has "
+            f"{there:,.0f}; keep fewer, or smaller images"
+        )
 
 
 def _fall(rate: float, left: float) -> float:

@@ -1,21 +1,24 @@
-"""Whether a scenario can be learned, seen before anything heavy is loaded."""
+"""Whether a run's environment can be made, seen before anything heavy is loaded."""
 
-from dojo_env.config import SignalConfig
+from contextlib import closing
+
+from dojo_env.config import build_config
 from dojo_env.errors import ConfigError
-from dojo_env.managers.map import MapManager
-from dojo_env.scenario import find_scenario, open_map
+from dojo_env.world import World
 
 from .settings import Training
 
 
 def check_scenario(training: Training) -> None:
-    """Open the map, converted on first use, and count its signals.
+    """Open all that an environment of the run is made from, but SUMO; the map is converted on first use.
 
     Raises:
-        ConfigError: there is no such scenario, or it has several signals and the settings have one agent.
+        ConfigError: there is no such scenario, a setting of the environment cannot work, or the scenario has
+            several signals and the settings have one agent.
     """
-    signals = MapManager(open_map(find_scenario(training.scenario)), SignalConfig()).plans
-    if training.agents == "single" and len(signals) > 1:
+    with closing(World(build_config(**training.environment))) as world:
+        count = len(world.signals)
+    if training.agents == "single" and count > 1:
         raise ConfigError(
-            f"agents='single': {training.scenario} has {len(signals)} signals; choose shared or independent"
+            f"agents='single': {training.scenario} has {count} signals; choose shared or independent"
         )

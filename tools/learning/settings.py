@@ -2,6 +2,7 @@
 
 import dataclasses
 import json
+import math
 import platform
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -43,6 +44,7 @@ SETTINGS, CURVE, CHECKPOINT, POLICY = "training.json", "curve.csv", "checkpoint.
 """The files of a run's folder."""
 REWARD = {"queue": 0.01, "diff-waiting-time": 0.05}
 """The queue keeps everyone's trip short, the difference of waiting forgets nobody in a side street."""
+_SEEDS = 2**32
 EVERY = 3
 """Rounds of episodes between evaluations."""
 INTERVAL = 5
@@ -104,17 +106,13 @@ class Training:
         for name in ("steps", "processes", "seconds", "min_green"):
             if getattr(self, name) < 1:
                 raise ConfigError(f"{name}={getattr(self, name)}: expected at least 1")
+        if not 0 <= self.seed < _SEEDS:
+            raise ConfigError(f"seed={self.seed}: expected 0 to {_SEEDS - 1}")
         if self.encoder != "none" and self.observation not in IMAGES:
             raise ConfigError(f"encoder={self.encoder!r} needs images; observe {' or '.join(IMAGES)}")
         if self.agents != "single" and self.observation == "multi_view":
             raise ConfigError("several signals have different numbers of views; observe features or bev")
-        unknown = set(self.hyperparameters) - set(ALGORITHMS[self.algorithm])
-        if unknown:
-            raise ConfigError(
-                f"{self.algorithm} has no setting {', '.join(sorted(unknown))} here; "
-                f"known are {', '.join(ALGORITHMS[self.algorithm])}"
-            )
-        known = {**ALGORITHMS[self.algorithm], **self.hyperparameters}
+        known = _complete(self.algorithm, self.hyperparameters)
         object.__setattr__(self, "hyperparameters", known)
         for name in ("n_steps", "train_freq"):
             if self.decisions % known.get(name, 1):
@@ -154,6 +152,27 @@ class Training:
         if CONDITIONS[self.conditions]:
             keywords["conditions"] = CONDITIONS[self.conditions]
         return {**keywords, "reward_fn": dict(self.reward)}
+
+
+def _complete(algorithm: str, given: Mapping[str, Any]) -> dict[str, Any]:
+    """Add an algorithm's usual settings to those that are given.
+
+    Raises:
+        ConfigError: it has no such setting, or the value cannot take the usual one's place: counts are whole
+            numbers, and none is negative.
+    """
+    usual = ALGORITHMS[algorithm]
+    if unknown := set(given) - set(usual):
+        names = ", ".join(sorted(unknown))
+        raise ConfigError(f"{algorithm} has no setting {names} here; known are {', '.join(usual)}")
+    for name, value in given.items():
+        is_count = isinstance(usual[name], int)
+        kinds = int if is_count else (int, float)
+        if not isinstance(value, kinds) or isinstance(value, bool) or not 0 <= value < math.inf:
+            raise ConfigError(f"{name}={value!r}: expected a number such as {usual[name]}")
+        if value == 0 and is_count and name != "learning_starts":
+            raise ConfigError(f"{name}={value}: expected at least 1")
+    return {**usual, **given}
 
 
 def read_training(path: Path) -> Training:
