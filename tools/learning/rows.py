@@ -24,9 +24,16 @@ GENTLE = {name: weight / 10 for name, weight in REWARD.items()}
 OWN_SETTINGS: dict[tuple[str, str], dict[str, Any]] = {
     ("cologne1", "MaxPressure"): {"min_green": 8},
     ("cologne1", "PPO-BEV"): {"steps": 400_000},
+    ("cologne1", "DQN-MV"): {"steps": 50_000},
     ("two-way", "PPO-BEV"): {"steps": 1_600_000, "reward": {**REWARD, "diff-waiting-time": 0.1}},
-    ("two-way", "PPO-MV"): {"steps": 600_000, "reward": GENTLE},
+    ("two-way", "PPO-MV"): {"steps": 1_000_000, "reward": {**GENTLE, "diff-waiting-time": 0.01}},
     ("two-way", "PPO-BEV*"): {"steps": 300_000, "reward": GENTLE},
+    ("two-way", "A2C-BEV*"): {"steps": 120_000, "reward": GENTLE},
+    ("two-way", "DQN-BEV"): {"steps": 300_000, "reward": GENTLE},
+    ("two-way", "DQN-MV"): {"steps": 80_000, "reward": GENTLE},
+    ("two-way", "DQN-BEV*"): {"steps": 80_000, "reward": GENTLE},
+    ("cologne3", "PPO-BEV shared"): {"steps": 60_000},
+    ("grid4x4", "PPO-F shared"): {"steps": 60_000},
 }
 """What sets a row apart on one scenario; pictures tell all they can after more steps than the others get."""
 MIN_GREEN = {"cologne1": 8}
@@ -50,6 +57,7 @@ LEARNED: dict[str, dict[str, Any]] = {
     for seen, settings in _SEEN.items()
 }
 """What sets each row that learns apart from `Training`'s defaults."""
+LEARNED["DQN-MV"]["hyperparameters"] = {"buffer_size": 20_000}  # Of four views each: some 3.4 GB.
 SEVERAL: dict[str, dict[str, Any]] = {
     f"PPO-{seen} {agents}": {**LEARNED[f"PPO-{seen}"], "agents": agents}
     for seen in ("F", "BEV")
