@@ -32,7 +32,6 @@ OWN_SETTINGS: dict[tuple[str, str], dict[str, Any]] = {
     ("two-way", "DQN-BEV"): {"steps": 300_000, "reward": GENTLE},
     ("two-way", "DQN-MV"): {"steps": 80_000, "reward": GENTLE},
     ("two-way", "DQN-BEV*"): {"steps": 80_000, "reward": GENTLE},
-    ("cologne3", "PPO-BEV shared"): {"steps": 60_000},
     ("grid4x4", "PPO-F shared"): {"steps": 60_000},
 }
 """What sets a row apart on one scenario; pictures tell all they can after more steps than the others get."""
