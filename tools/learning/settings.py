@@ -45,6 +45,7 @@ SETTINGS, CURVE, CHECKPOINT, POLICY = "training.json", "curve.csv", "checkpoint.
 REWARD = {"queue": 0.01, "diff-waiting-time": 0.05}
 """The queue keeps everyone's trip short, the difference of waiting forgets nobody in a side street."""
 _SEEDS = 2**32
+"""As many as numpy's and Stable-Baselines3's generators take."""
 EVERY = 3
 """Rounds of episodes between evaluations."""
 INTERVAL = 5
