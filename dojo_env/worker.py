@@ -2,18 +2,23 @@
 
 import contextlib
 import multiprocessing
+import sys
 from collections.abc import Mapping
 from multiprocessing.connection import Connection
 from multiprocessing.context import SpawnProcess
+from multiprocessing.reduction import ForkingPickler
+from pickle import PicklingError
+from types import ModuleType
 from typing import Any
 
 from dojo_env.config import EnvConfig
-from dojo_env.errors import SimulationError
+from dojo_env.errors import ConfigError, SimulationError
 from dojo_env.watching.views import Frame
 from dojo_env.world import Answer, World
 
 _PATIENCE = 10.0
 """Seconds that a process gets to end by itself."""
+_DIED = "the simulation's process has died; make a new environment"
 
 
 def open_world(config: EnvConfig, *, own_process: bool) -> Any:
@@ -25,16 +30,24 @@ class WorldProcess:
     """Stands in for a world and hands every call on to its process."""
 
     def __init__(self, config: EnvConfig) -> None:
-        """Start the process; it opens the map."""
+        """Start the process; it opens the map.
+
+        Raises:
+            ConfigError: it cannot get a setting, such as a lambda.
+            SimulationError: it ends before that, as it does when it needs a script that has no guard.
+        """
         context = multiprocessing.get_context("spawn")
         self._pipe, theirs = context.Pipe()
         self._process: SpawnProcess | None = context.Process(
             target=_serve, args=(theirs, config), daemon=True
         )
-        self._process.start()
+        _start(self._process, config)
         theirs.close()
         try:
-            self.signals: tuple[str, ...] = self._receive()
+            self.signals: tuple[str, ...] = self._receive(
+                "the simulation's process has died at its start; a script whose functions an environment in "
+                'a process of its own needs opens it under `if __name__ == "__main__":`'
+            )
         except BaseException:
             self.close()
             raise
@@ -92,17 +105,38 @@ class WorldProcess:
         try:
             self._pipe.send((name, arguments))
         except OSError as error:
-            raise SimulationError("the simulation's process has died; make a new environment") from error
-        return self._receive()
+            raise SimulationError(_DIED) from error
+        return self._receive(_DIED)
 
-    def _receive(self) -> Any:
+    def _receive(self, died: str) -> Any:
         try:
             error, value = self._pipe.recv()
         except (EOFError, OSError) as problem:
-            raise SimulationError("the simulation's process has died; make a new environment") from problem
+            raise SimulationError(died) from problem
         if error is not None:
             raise error
         return value
+
+
+def _start(process: SpawnProcess, config: EnvConfig) -> None:
+    """Start a process that reads this one's script only where the settings name something of it.
+
+    So a script needs no guard against being read twice, and what it imports is not imported again.
+    """
+    script = sys.modules["__main__"]
+    try:
+        sent = bytes(ForkingPickler.dumps(config))
+    except (PicklingError, AttributeError, TypeError) as error:
+        raise ConfigError(
+            f"the settings cannot be handed to a process of its own ({error}); give functions that a module "
+            "defines by name, not lambdas or local ones"
+        ) from error
+    if b"__main__" not in sent:
+        sys.modules["__main__"] = ModuleType("__main__")
+    try:
+        process.start()
+    finally:
+        sys.modules["__main__"] = script
 
 
 def _answer(world: World, name: str, arguments: tuple[Any, ...]) -> tuple[Exception | None, Any]:

@@ -152,6 +152,34 @@ def test_own_process_gives_the_same_and_leaves_nothing_running(make: Make) -> No
     assert not process.is_alive()
 
 
+SCRIPT = """
+import dojo_env
+def paid(signal, before, now): return 1.0
+print("read")
+env = dojo_env.parallel_env(scenario="two-way", num_seconds=60, own_process=True, reward_fn={reward})
+env.reset(seed=1)
+print(env.step(dict.fromkeys(env.agents, 0))[1])
+env.close()
+"""
+
+
+def test_an_own_process_reads_a_script_only_where_it_needs_it(tmp_path: Path) -> None:
+    script = tmp_path / "script.py"
+    for reward, needs in (("'queue'", False), ("paid", True)):
+        script.write_text(SCRIPT.format(reward=reward))
+        done = subprocess.run(
+            [sys.executable, script], capture_output=True, text=True, timeout=120, check=False
+        )
+        assert done.stdout.count("read") == 1 + needs
+        assert done.returncode == needs
+        assert ('opens it under `if __name__ == "__main__":`' in done.stderr) == needs
+
+
+def test_an_own_process_refuses_what_it_cannot_get(make: Make) -> None:
+    with pytest.raises(ConfigError, match="not lambdas"):
+        make("two-way", own_process=True, reward_fn=lambda _signal, _before, _now: 1.0)
+
+
 def test_a_second_simulation_in_the_process_is_refused(make: Make) -> None:
     first, second = make("two-way"), make("cologne1")
     first.reset(seed=1)

@@ -5,13 +5,18 @@ import json
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from commands import SHORT
+from gymnasium import spaces
 
 from dojo_env.errors import ConfigError
 
 pytest.importorskip("stable_baselines3")
 
+from stable_baselines3.common.buffers import NStepReplayBuffer
+
+from learning.buffers import NStepDictReplayBuffer
 from learning.evaluation import run_policy
 from learning.rows import LEARNED, find_training
 from learning.run_row import describe, find_folder, is_done, run_row
@@ -63,3 +68,35 @@ def test_every_row_of_the_table_has_settings() -> None:
     for row in LEARNED:
         for scenario in ("two-way", "cologne1"):
             assert find_training(row, scenario).environment["scenario"] == scenario
+
+
+def sample_from(buffer: Any) -> Any:
+    np.random.seed(1)  # noqa: NPY002 - Stable-Baselines3 draws from it
+    return buffer.sample(200)
+
+
+@pytest.mark.parametrize("written", [7, 12, 31])
+def test_dqns_memory_of_several_pictures_gives_what_the_buffer_of_one_picture_gives(written: int) -> None:
+    seen = spaces.Box(0, 255, (3, 4, 4), np.uint8)
+    known = {"action_space": spaces.Discrete(3), "n_envs": 2, "n_steps": 4, "gamma": 0.9}
+    one = NStepReplayBuffer(24, seen, **known, handle_timeout_termination=True)
+    many = NStepDictReplayBuffer(
+        24, spaces.Dict(left=seen, right=seen), **known, handle_timeout_termination=True
+    )
+    draw = np.random.default_rng(0)
+    for step in range(written):
+        before, after = draw.integers(0, 255, (2, 2, 3, 4, 4), np.uint8)
+        actions, rewards = draw.integers(0, 3, 2), draw.normal(size=2)
+        done = np.array([step % 5 == 4, step % 9 == 8])
+        infos = [{"TimeLimit.truncated": bool(done[0])}, {}]
+        one.add(before, after, actions, rewards, done, infos)
+        many.add(
+            {"left": before, "right": 255 - before},
+            {"left": after, "right": 255 - after}, actions, rewards, done, infos,
+        )  # fmt: skip
+    expected, found = (sample_from(buffer) for buffer in (one, many))
+    for name in ("actions", "dones", "rewards", "discounts"):
+        np.testing.assert_allclose(getattr(found, name), getattr(expected, name), rtol=1e-6)
+    for name in ("observations", "next_observations"):
+        np.testing.assert_array_equal(getattr(found, name)["left"], getattr(expected, name))
+        np.testing.assert_array_equal(255 - getattr(found, name)["right"], getattr(expected, name))

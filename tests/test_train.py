@@ -25,7 +25,7 @@ TRAIN = [sys.executable, str(TOOLS / "train.py")]
 QUICK = {
     "ppo": ["--scenario", "two-way", "--algorithm", "ppo", "--set", "n_steps=24", "batch_size=24"],
     "bev": ["--scenario", "two-way", "--algorithm", "dqn", "--observation", "bev", "--size", "36x48",
-            "--set", "learning_starts=40", "gradient_steps=1"],
+            "--set", "learning_starts=40", "n_steps=3"],
     "encoded": ["--scenario", "two-way", "--algorithm", "a2c", "--observation", "bev", "--size", "84x84",
                 "--encoder", "efficientnet-lite0"],
 }  # fmt: skip

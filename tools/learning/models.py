@@ -18,6 +18,7 @@ from stable_baselines3.common.vec_env import VecEnv
 from dojo_env.errors import ConfigError
 from dojo_maps.whole_file import replaced
 
+from .buffers import NStepDictReplayBuffer
 from .independent import Independent, Policies
 from .networks import EncodedNet, ViewNet
 from .settings import Training
@@ -43,6 +44,9 @@ def build_model(training: Training, environments: VecEnv) -> BaseAlgorithm | Ind
     rate = known.pop("learning_rate")
     if training.algorithm == "dqn":
         _check_memory(known["buffer_size"], environments.observation_space)
+        if isinstance(environments.observation_space, spaces.Dict) and known["n_steps"] > 1:
+            known["replay_buffer_class"] = NStepDictReplayBuffer
+            known["replay_buffer_kwargs"] = {"n_steps": known.pop("n_steps"), "gamma": known["gamma"]}
     return CLASSES[training.algorithm](
         name,
         environments,

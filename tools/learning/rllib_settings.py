@@ -73,7 +73,8 @@ def _describe_dqn(training: Training, done: int) -> tuple[AlgorithmConfig, dict[
         target_network_update_freq=known["target_update_interval"],
         training_intensity=intensity,
         epsilon=epsilon,
-        double_q=False, dueling=False, num_atoms=1, n_step=1, td_error_loss_fn="huber", grad_clip=10.0,
+        n_step=known["n_steps"],
+        double_q=False, dueling=False, num_atoms=1, td_error_loss_fn="huber", grad_clip=10.0,
         grad_clip_by="global_norm",
     )  # fmt: skip
     config.env_runners(rollout_fragment_length=_PACKET * known["train_freq"])

@@ -19,7 +19,7 @@ ALGORITHMS: dict[str, dict[str, Any]] = {
     "a2c": {"n_steps": 12, "learning_rate": 7e-4, "gamma": 0.97, "gae_lambda": 0.9, "ent_coef": 0.005},
     "dqn": {"buffer_size": 50_000, "learning_starts": 5_760, "batch_size": 64, "learning_rate": 5e-4,
             "gamma": 0.97, "train_freq": 1, "gradient_steps": 1, "target_update_interval": 500,
-            "exploration_fraction": 0.3, "exploration_final_eps": 0.02},
+            "exploration_fraction": 0.3, "exploration_final_eps": 0.02, "n_steps": 1},
 }  # fmt: skip
 """The algorithms and what their settings are unless said otherwise; the names are Stable-Baselines3's.
 
@@ -115,9 +115,11 @@ class Training:
             raise ConfigError("several signals have different numbers of views; observe features or bev")
         known = _complete(self.algorithm, self.hyperparameters)
         object.__setattr__(self, "hyperparameters", known)
-        for name in ("n_steps", "train_freq"):
-            if self.decisions % known.get(name, 1):
-                raise ConfigError(f"{name}={known[name]}: expected a divisor of {self.decisions}, an episode")
+        rollout = "train_freq" if self.algorithm == "dqn" else "n_steps"
+        if self.decisions % known[rollout]:
+            raise ConfigError(
+                f"{rollout}={known[rollout]}: expected a divisor of {self.decisions}, an episode"
+            )
 
     @property
     def decisions(self) -> int:
