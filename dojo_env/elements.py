@@ -10,8 +10,8 @@ from dojo_env.errors import ConfigError
 _PIECE = 1 << 20
 
 
-def read_elements(path: Path, visit: Callable[[str, dict[str, str]], None]) -> None:
-    """Call `visit` with the name and the attributes of each element, in their order; gzip is unpacked.
+def read_elements(path: Path, visit: Callable[[str, dict[str, str]], None] | None = None) -> None:
+    """Call `visit`, if any, with name and attributes of each element, in their order; gzip is unpacked.
 
     Raises:
         ConfigError: the file cannot be read, is no XML, or has a document type.

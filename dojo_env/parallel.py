@@ -14,6 +14,9 @@ from dojo_env.instant import Instant
 from dojo_env.worker import open_world
 from dojo_env.world import SIGNAL_FIGURES, World
 
+_SHARED = ("step", "system_", "agents_", "safety_")
+"""How the names of figures begin that are the same for all agents."""
+
 
 class TrafficSignalsEnv(ParallelEnv):  # type: ignore[misc]
     """Every signal of a scenario, or those named in `ts_ids`; see `config` for the keywords."""
@@ -125,7 +128,7 @@ class TrafficSignalsEnv(ParallelEnv):  # type: ignore[misc]
 
     def _infos(self, info: dict[str, Any]) -> dict[str, dict[str, Any]]:
         """Give each agent the figures of all and its own."""
-        shared = {key: value for key, value in info.items() if key.startswith(("step", "system_", "agents_"))}
+        shared = {key: value for key, value in info.items() if key.startswith(_SHARED)}
         return {
             agent: {**shared, **{f"{agent}_{name}": info[f"{agent}_{name}"] for name in SIGNAL_FIGURES}}
             for agent in self.possible_agents

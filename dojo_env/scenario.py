@@ -220,6 +220,8 @@ def _read_sumocfg(path: Path) -> Scenario:
         end = _read_time(options.get("end") or options.get("e") or "-1")
     except ValueError:
         raise ConfigError(f"{path}: begin and end must be seconds, h:m:s or d:h:m:s") from None
+    for file in _paths(options.get("route-files") or options.get("r") or ""):
+        read_elements(path.parent / file)
     additional = options.get("additional-files") or options.get("additional") or options.get("a") or ""
     return Scenario(
         map=path.parent / network,

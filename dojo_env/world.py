@@ -45,7 +45,7 @@ class World:
         self.map = MapManager(bundle, config.signals, additional=config.scenario.additional)
         self.signals: tuple[str, ...] = tuple(self.map.plans)
         self.simulation = Simulation(bundle.network, config.scenario, config.traffic, begin=config.begin)
-        traffic = TrafficManager(self.simulation)
+        traffic = TrafficManager(self.simulation, config.scenario.routes)
         self.control = SignalManager(
             self.simulation, self.map.plans, config.signals, interval=config.episode.delta_time
         )

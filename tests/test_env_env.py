@@ -281,11 +281,36 @@ def bad_routes(tmp_path: Path, kind: str) -> Path:
     path = tmp_path / "bad.rou.xml"
     if kind == "other_map":
         return packaged_scenario("ingolstadt1").routes[0]
-    path.write_bytes(good[:30000] if kind == "cut_short" else b"\x00\x01 no routes")
+    entities = b'<!DOCTYPE routes [<!ENTITY a "b">]>' + good[good.index(b"<routes") :]
+    made = {
+        "cut_short": good[:-300],
+        "binary": b"\x00\x01 no routes",
+        "entities": entities,
+        "unknown_edge": good.replace(b'from="28198821#3"', b'from="nowhere"', 1),
+    }
+    path.write_bytes(made[kind])
     return path
 
 
-@pytest.mark.parametrize("kind", ["other_map", "cut_short", "binary"])
+@pytest.mark.parametrize("kind", ["cut_short", "binary", "entities"])
+def test_routes_that_are_no_whole_xml_are_refused_before_any_work(
+    make: Make, tmp_path: Path, kind: str
+) -> None:
+    routes = bad_routes(tmp_path, kind)
+    with pytest.raises(ConfigError, match=r"bad\.rou\.xml") as caught:
+        make(dojo_env.Scenario(map=packaged_scenario("cologne1").map, routes=routes))
+    assert "\n" not in str(caught.value)
+    config = tmp_path / "bad.sumocfg"
+    network = packaged_scenario("cologne1").map
+    config.write_text(
+        f'<configuration><net-file value="{network}"/><route-files value="bad.rou.xml"/></configuration>',
+        encoding="utf-8",
+    )
+    with pytest.raises(ConfigError, match=r"bad\.rou\.xml"):
+        make(str(config))
+
+
+@pytest.mark.parametrize("kind", ["other_map", "unknown_edge"])
 def test_bad_routes_end_in_sumos_own_words_and_the_environment_recovers(
     make: Make, tmp_path: Path, kind: str
 ) -> None:

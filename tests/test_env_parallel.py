@@ -49,6 +49,7 @@ def test_a_chosen_set_of_signals_acts_and_the_others_run_their_own_program() -> 
     assert not any(terminations.values())
     assert set(observations) == set(rewards) == set(chosen)
     assert env.metrics()["violations"] == {}
+    assert [info["safety_violations"] for info in infos.values()] == [0] * len(chosen)
     with pytest.raises(EpisodeOverError):
         env.step({})
     env.close()

@@ -1,5 +1,9 @@
 """The traffic of the episode: SUMO, started, stepped and ended."""
 
+from collections.abc import Iterable
+from pathlib import Path
+
+from dojo_env.elements import read_elements
 from dojo_env.managers.base import Manager, Turn
 from dojo_env.simulation import Simulation
 
@@ -7,8 +11,16 @@ from dojo_env.simulation import Simulation
 class TrafficManager(Manager):
     """Runs the simulation."""
 
-    def __init__(self, simulation: Simulation) -> None:
-        """Take the simulation to run."""
+    def __init__(self, simulation: Simulation, routes: Iterable[Path]) -> None:
+        """Take the simulation to run.
+
+        SUMO reads its route files piece by piece; what is wrong at their end would end an episode late.
+
+        Raises:
+            ConfigError: a route file is cut short, no XML, or unsafe to read.
+        """
+        for path in routes:
+            read_elements(path)
         self._simulation = simulation
 
     def before_reset(self, turn: Turn) -> None:
