@@ -153,8 +153,22 @@ def _paint(target: Target, background: Background) -> NDArray[np.uint8]:
 
 
 def _averaged(fine: NDArray[np.uint8], height: int, width: int) -> NDArray[np.uint8]:
-    blocks = fine.reshape(height, SAMPLES, width, SAMPLES, 3).sum(axis=(1, 3), dtype=np.uint32)
-    return ((blocks + SAMPLES**2 // 2) // SAMPLES**2).astype(np.uint8)
+    picture = np.empty((height, width, 3), np.uint8)
+    _average(fine, picture)
+    return picture
+
+
+@kernel
+def _average(fine, picture):
+    """Give each pixel the mean of its block of samples."""
+    for row in range(picture.shape[0]):
+        for column in range(picture.shape[1]):
+            for c in range(3):
+                total = SAMPLES**2 // 2
+                for i in range(SAMPLES):
+                    for j in range(SAMPLES):
+                        total += fine[row * SAMPLES + i, column * SAMPLES + j, c]
+                picture[row, column, c] = total // SAMPLES**2
 
 
 @kernel
