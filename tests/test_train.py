@@ -16,7 +16,7 @@ from conftest import command_environment
 
 from dojo_env.errors import ConfigError
 from learning.settings import Training
-from train import add_arguments, choose_folder, read_arguments, read_pairs
+from train import add_arguments, choose_folder, main, read_arguments, read_pairs
 
 torch = pytest.importorskip("torch")
 pytest.importorskip("stable_baselines3")
@@ -66,7 +66,9 @@ def test_interrupted_run_goes_on_to_the_same_result(kind: str, tmp_path: Path) -
     assert parts.count("validation") == 3
 
 
-def test_bad_arguments_are_one_line_before_any_work(tmp_path: Path) -> None:
+def test_bad_arguments_are_one_line_before_any_work(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
     kept = tmp_path / "kept"
     done = train(*QUICK["ppo"], "--processes", 1, "--seconds", 120, "--steps", 24, "--out", kept)
     assert done.returncode == 0, done.stderr
@@ -89,10 +91,11 @@ def test_bad_arguments_are_one_line_before_any_work(tmp_path: Path) -> None:
         ("not the settings", [*QUICK["ppo"], "--out", tmp_path / "a", "--resume"]),
     ]
     for words, arguments in wrong:
-        done = train(*arguments)
-        assert done.returncode == 3, arguments
-        assert words in done.stderr
-        assert len(done.stderr.strip().splitlines()) == 1, done.stderr
+        monkeypatch.setattr(sys, "argv", ["train", *map(str, arguments)])
+        assert main() == 3, arguments
+        told = capsys.readouterr().err
+        assert words in told
+        assert len(told.strip().splitlines()) == 1, told
     assert not (tmp_path / "a").exists()
 
 
