@@ -32,6 +32,7 @@ OWN_SETTINGS: dict[tuple[str, str], dict[str, Any]] = {
     ("two-way", "PPO-BEV*"): {"steps": 300_000, "reward": GENTLE},
     ("two-way", "A2C-MV"): {"steps": 400_000, "reward": PATIENT},
     ("two-way", "A2C-BEV*"): {"steps": 120_000, "reward": GENTLE},
+    ("two-way", "DQN-F"): {"reward": GENTLE, "hyperparameters": {"n_steps": 6}},
     ("two-way", "DQN-BEV"): {"steps": 300_000, "reward": GENTLE, "hyperparameters": {"n_steps": 6}},
     ("two-way", "DQN-MV"): {"steps": 80_000, "reward": GENTLE},
     ("two-way", "DQN-BEV*"): {"steps": 80_000, "reward": GENTLE},
