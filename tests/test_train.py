@@ -67,7 +67,7 @@ def test_interrupted_run_goes_on_to_the_same_result(kind: str, tmp_path: Path) -
 
 
 def test_bad_arguments_are_one_line_before_any_work(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
     kept = tmp_path / "kept"
     done = train(*QUICK["ppo"], "--processes", 1, "--seconds", 120, "--steps", 24, "--out", kept)
@@ -93,7 +93,7 @@ def test_bad_arguments_are_one_line_before_any_work(
     for words, arguments in wrong:
         monkeypatch.setattr(sys, "argv", ["train", *map(str, arguments)])
         assert main() == 3, arguments
-        told = capsys.readouterr().err
+        told = capfd.readouterr().err
         assert words in told
         assert len(told.strip().splitlines()) == 1, told
     assert not (tmp_path / "a").exists()

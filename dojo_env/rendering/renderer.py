@@ -107,8 +107,7 @@ class Renderer:
         made: dict[str, Any] = {}
         if "rgb" in wanted and self.smooth:
             eye, target = self._draw(snapshot, users, camera, SAMPLES)
-            fine = _paint(target, eye.background)
-            made["rgb"] = _averaged(fine, camera.height, camera.width)
+            made["rgb"] = _averaged(_paint(target, eye.background))
         if wanted - made.keys():
             eye, target = self._draw(snapshot, users, camera, 1)
             if "rgb" in wanted and not self.smooth:
@@ -152,15 +151,10 @@ def _paint(target: Target, background: Background) -> NDArray[np.uint8]:
     return picture
 
 
-def _averaged(fine: NDArray[np.uint8], height: int, width: int) -> NDArray[np.uint8]:
-    picture = np.empty((height, width, 3), np.uint8)
-    _average(fine, picture)
-    return picture
-
-
 @kernel
-def _average(fine, picture):
+def _averaged(fine):
     """Give each pixel the mean of its block of samples."""
+    picture = np.empty((fine.shape[0] // SAMPLES, fine.shape[1] // SAMPLES, 3), np.uint8)
     for row in range(picture.shape[0]):
         for column in range(picture.shape[1]):
             for c in range(3):
@@ -169,6 +163,7 @@ def _average(fine, picture):
                     for j in range(SAMPLES):
                         total += fine[row * SAMPLES + i, column * SAMPLES + j, c]
                 picture[row, column, c] = total // SAMPLES**2
+    return picture
 
 
 @kernel
