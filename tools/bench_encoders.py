@@ -1,8 +1,8 @@
 """What frozen encoders tell of the queues, and how long they take.
 
 Episodes of several controllers are seen from above. From some of them a linear probe (ridge regression)
-learns the queue of each approach, of which a lane counts at most six vehicles, as no more are in the picture.
-It is scored on an episode of another controller and seed: R2, the mean over approaches. The control is the
+learns the queue of each lane, at most six vehicles, as no more are in the picture. It is scored on an episode
+of another controller and seed: R2, the mean over the lanes that had a queue. The control is the
 same network with random weights. Times are the fastest of many, since others may use the machine.
 """
 
@@ -32,7 +32,7 @@ TIMED = 40
 
 
 def record(scenario: str, controller: str, seed: int, frames: int) -> tuple[Array, Array]:
-    """Run an hour: pictures (frames, h, w, 3) and queues (frames, approaches), evenly over the hour."""
+    """Run an hour: pictures (frames, h, w, 3) and queues (frames, lanes), evenly over the hour."""
     env = TrafficSignalEnv(scenario=scenario, observation="bev", num_seconds=3600)
     chooser = make_controller(controller)
     chooser.reset(seed)
@@ -46,21 +46,20 @@ def record(scenario: str, controller: str, seed: int, frames: int) -> tuple[Arra
             view = env.instant.signals[env.signal]
             pictures.append(seen)
             queues.append(np.minimum(view.lanes.halting, MOST_IN_LANE))
-    roads = [lane.rpartition("_")[0] for lane in view.plan.lanes]
     env.close()
-    member = np.array([[road == each for each in dict.fromkeys(roads)] for road in roads])
-    return np.array(pictures), np.array(queues) @ member
+    return np.array(pictures), np.array(queues)
 
 
 def probe(features: list[Array], queues: list[Array]) -> float:
-    """Fit on all episodes but the last; R2 there, the mean over approaches."""
+    """Fit on all episodes but the last; R2 there, the mean over lanes that had a queue."""
     x, wanted = np.concatenate(features[:-1]).astype(float), np.concatenate(queues[:-1])
     centre, spread, mean = x.mean(0), x.std(0) + 1e-6, wanted.mean(0)
     x, held_out = ((each - centre) / spread / np.sqrt(x.shape[1]) for each in (x, features[-1]))
     weights = np.linalg.solve(x @ x.T + PENALTY * np.eye(len(x)), wanted - mean)
     missed = held_out @ x.T @ weights + mean - queues[-1]
     variance = ((queues[-1] - queues[-1].mean(0)) ** 2).mean(0)
-    return float((1 - (missed**2).mean(0) / variance).mean())
+    queued = variance > 0
+    return float((1 - (missed**2).mean(0)[queued] / variance[queued]).mean())
 
 
 def open_random(seed: int = 0) -> Encoder:
