@@ -43,8 +43,11 @@ def make():
         env.close()
 
 
-@pytest.mark.parametrize("scenario", ["two-way", "ingolstadt1"])
-@pytest.mark.parametrize("observation", ["bev", "multi_view", "detector", NAMED], ids=str)
+@pytest.mark.parametrize(
+    ("scenario", "observation"),
+    [("two-way", "bev"), ("ingolstadt1", "multi_view"), ("two-way", "detector"), ("ingolstadt1", NAMED)],
+    ids=str,
+)
 def test_gymnasium_accepts_every_observation(scenario, observation):
     env = gymnasium.make(
         "dojo_env/TrafficSignal-v0", scenario=scenario, observation=observation, num_seconds=30

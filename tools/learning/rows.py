@@ -90,8 +90,10 @@ SCENARIOS = {
 
 def find_training(row: str, scenario: str) -> Training:
     """Tell how a row's policy is trained on a scenario."""
-    own = OWN_SETTINGS.get((scenario, row), {})
-    return Training(scenario=scenario, **{"min_green": MIN_GREEN.get(scenario, 10), **_ALL[row], **own})
+    usual, own = _ALL[row], OWN_SETTINGS.get((scenario, row), {})
+    hyperparameters = {**usual.get("hyperparameters", {}), **own.get("hyperparameters", {})}
+    settings = {"min_green": MIN_GREEN.get(scenario, 10), **usual, **own, "hyperparameters": hyperparameters}
+    return Training(scenario=scenario, **settings)
 
 
 def learns(row: str) -> bool:
