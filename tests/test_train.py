@@ -10,6 +10,7 @@ import time
 from functools import partial
 from pathlib import Path
 
+import numpy as np
 import pytest
 from commands import TOOLS, run_tool
 from conftest import command_environment
@@ -20,6 +21,7 @@ from train import add_arguments, choose_folder, main, read_arguments, read_pairs
 
 torch = pytest.importorskip("torch")
 pytest.importorskip("stable_baselines3")
+environments = pytest.importorskip("learning.environments")
 
 TRAIN = [sys.executable, str(TOOLS / "train.py")]
 QUICK = {
@@ -64,6 +66,20 @@ def test_interrupted_run_goes_on_to_the_same_result(kind: str, tmp_path: Path) -
     with (whole / "curve.csv").open() as file:
         parts = [row["part"] for row in csv.DictReader(file)]
     assert parts.count("validation") == 3
+
+
+@pytest.mark.parametrize("answered", [0, 1, 2])
+def test_processes_end_wherever_a_step_was_interrupted(answered: int) -> None:
+    running = environments.open_environments(
+        Training(scenario="two-way", algorithm="a2c", processes=2, seconds=60)
+    )
+    running.reset()
+    running.step_async(np.zeros(2, int))
+    for remote in running.remotes[:answered]:
+        assert remote.poll(60)
+        os.read(remote.fileno(), 3 if answered == 2 else 1 << 20)
+    running.close()
+    assert not any(process.is_alive() for process in running.processes)
 
 
 def test_bad_arguments_are_one_line_before_any_work(

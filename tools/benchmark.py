@@ -9,9 +9,13 @@ is given.
 import argparse
 import json
 import multiprocessing
+import os
+import signal
 import sys
 from concurrent.futures import ProcessPoolExecutor, as_completed
+from multiprocessing.connection import wait
 from pathlib import Path
+from threading import Thread
 from typing import Any
 
 from dojo_env.errors import ConfigError
@@ -28,12 +32,38 @@ from result_table import write_tables
 
 def run_rows(tasks: list[dict[str, Any]], results: Path, jobs: int) -> None:
     """Run rows in processes of their own: libsumo holds one simulation per process."""
-    with ProcessPoolExecutor(jobs, mp_context=multiprocessing.get_context("spawn")) as pool:
-        running = {pool.submit(run_row, task, results): task for task in tasks}
-        for done in as_completed(running):
-            done.result()
-            task = running[done]
-            print(f"{task['scenario']}: {task['row']}", file=sys.stderr)
+    spawn = multiprocessing.get_context("spawn")
+    with ProcessPoolExecutor(jobs, mp_context=spawn, initializer=_prepare_to_end) as pool:
+        running = {pool.submit(_run, task, results): task for task in tasks}
+        try:
+            for done in as_completed(running):
+                done.result()
+                task = running[done]
+                print(f"{task['scenario']}: {task['row']}", file=sys.stderr)
+        except KeyboardInterrupt:
+            for worker in multiprocessing.active_children():
+                worker.terminate()
+            raise
+
+
+def _run(task: dict[str, Any], results: Path) -> None:
+    try:
+        run_row(task, results)
+    except KeyboardInterrupt:
+        os._exit(130)  # Back in the pool, it would begin with the next row.
+
+
+def _prepare_to_end() -> None:
+    """Let a row end in order when the benchmark says so, or is there no more."""
+    parent = multiprocessing.parent_process()
+
+    def watch() -> None:
+        wait([parent.sentinel])
+        os.kill(os.getpid(), signal.SIGTERM)
+
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    Thread(target=watch, daemon=True).start()
 
 
 def main() -> int:
@@ -78,6 +108,9 @@ def main() -> int:
     except (DojoError, OSError, ValueError, KeyError) as error:
         print(f"benchmark: {error}", file=sys.stderr)
         return 3
+    except KeyboardInterrupt:
+        print("benchmark: interrupted; the same command goes on from the last checkpoints", file=sys.stderr)
+        return 130
     return 0
 
 

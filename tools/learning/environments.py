@@ -1,6 +1,8 @@
 """The environments a policy learns in: each episode has a seed of its own, and tells its figures."""
 
+import contextlib
 import multiprocessing
+import os
 import signal
 from collections.abc import Mapping, Sequence
 from functools import partial
@@ -21,6 +23,7 @@ FIRST_TRAINING_SEED = 1_000
 """The seeds below are for evaluation: the benchmark's, and from 500 those that choose the best policy."""
 VALIDATION_SEEDS = (500, 501, 502, 503)
 _SEEDS_PER_RUN = 1_000_000
+_PIECE = 1 << 16
 
 
 class SeededEpisodes(gymnasium.Wrapper[Any, Any, Any, Any]):
@@ -46,6 +49,30 @@ class SeededEpisodes(gymnasium.Wrapper[Any, Any, Any, Any]):
         if truncated:
             info["figures"] = {**self.env.unwrapped.metrics(), "reward": self._earned}
         return seen, reward, terminated, truncated, info
+
+
+class Processes(SubprocVecEnv):
+    """Environments in processes that end whatever they were doing.
+
+    Where a step was interrupted, Stable-Baselines3 waits for an answer of each; of one that has answered
+    already it waits forever.
+    """
+
+    def close(self) -> None:
+        """Let each finish what it does, and end."""
+        if self.closed:
+            return
+        for remote in self.remotes:
+            with contextlib.suppress(BrokenPipeError):
+                remote.send(("close", None))
+        for remote, process in zip(self.remotes, self.processes, strict=True):
+            # As bytes: an answer may have been read in part.
+            with contextlib.suppress(ConnectionResetError):
+                while os.read(remote.fileno(), _PIECE):
+                    pass
+            process.join()
+            remote.close()
+        self.closed = True
 
 
 def open_environments(training: Training, *, done: int = 0) -> VecEnv:
@@ -113,7 +140,7 @@ def _start(makers: list[Any], training: Training) -> VecEnv:
 
         encoder = load_encoder(training.encoder)
     multiprocessing.set_forkserver_preload([__name__])
-    environments: VecEnv = SubprocVecEnv(makers, start_method="forkserver")
+    environments: VecEnv = Processes(makers, start_method="forkserver")
     if training.agents != "single":
         environments = AgentsVecEnv(environments)
     return environments if encoder is None else EncodedVecEnv(environments, encoder)
