@@ -2,10 +2,16 @@
 
 import csv
 import json
+import os
+import subprocess
+import sys
+import time
 from functools import partial
 from pathlib import Path
 
-from commands import run_tool
+import pytest
+from commands import TOOLS, run_tool
+from conftest import command_environment
 
 from dojo_env.metrics import SIX
 from dojo_env.runs import run_controller
@@ -49,3 +55,22 @@ def test_all_that_does_not_learn_has_a_short_name(tmp_path: Path) -> None:
                      "--results", tmp_path)  # fmt: skip
     assert done.returncode == 0, done.stderr
     assert {folder.name for folder in (tmp_path / "two-way").iterdir()} == set(CONTROLLERS)
+
+
+def test_rows_end_with_a_benchmark_that_is_killed(tmp_path: Path) -> None:
+    pytest.importorskip("stable_baselines3")
+    command = [sys.executable, TOOLS / "benchmark.py", "--rows", "A2C-F", "--scenarios", "two-way",
+               "--results", tmp_path]  # fmt: skip
+    running = subprocess.Popen(
+        command, env=command_environment(), stderr=subprocess.DEVNULL, start_new_session=True
+    )
+    while not (tmp_path / "two-way" / "A2C-F" / "training.json").exists():
+        assert running.poll() is None
+        time.sleep(0.05)
+    running.kill()
+    running.wait()
+    end = time.monotonic() + 60
+    with pytest.raises(ProcessLookupError):
+        while time.monotonic() < end:
+            os.killpg(running.pid, 0)
+            time.sleep(0.1)
