@@ -24,6 +24,7 @@ FIRST_TRAINING_SEED = 1_000
 VALIDATION_SEEDS = (500, 501, 502, 503)
 _SEEDS_PER_RUN = 1_000_000
 _PIECE = 1 << 16
+"""Bytes that are read at once of an answer that nobody waits for."""
 
 
 class SeededEpisodes(gymnasium.Wrapper[Any, Any, Any, Any]):
