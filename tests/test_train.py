@@ -82,6 +82,24 @@ def test_processes_end_wherever_a_step_was_interrupted(answered: int) -> None:
     assert not any(process.is_alive() for process in running.processes)
 
 
+def test_processes_start_with_what_takes_long_to_import() -> None:
+    script = """
+import multiprocessing
+from learning.environments import LOADED_ONCE, open_environments
+from learning.settings import Training
+
+if __name__ == "__main__":
+    open_environments(Training(algorithm="a2c", processes=1, seconds=60)).close()
+    child = f"import sys; sys.exit(len(set({LOADED_ONCE}) - set(sys.modules)))"
+    process = multiprocessing.get_context("forkserver").Process(target=exec, args=(child,))
+    process.start()
+    process.join()
+    raise SystemExit(process.exitcode)
+"""
+    done = subprocess.run([sys.executable, "-c", script], check=False, cwd=TOOLS, env=command_environment())
+    assert done.returncode == 0
+
+
 def test_bad_arguments_are_one_line_before_any_work(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:

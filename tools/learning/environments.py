@@ -23,6 +23,8 @@ FIRST_TRAINING_SEED = 1_000
 """The seeds below are for evaluation: the benchmark's, and from 500 those that choose the best policy."""
 VALIDATION_SEEDS = (500, 501, 502, 503)
 _SEEDS_PER_RUN = 1_000_000
+LOADED_ONCE = ["stable_baselines3", "libsumo", "dojo_env.parallel", "dojo_env.sensor_observations"]
+"""What takes seconds to import; processes are forks of one that has. It finds installed packages only."""
 _PIECE = 1 << 16
 """Bytes that are read at once of an answer that nobody waits for."""
 
@@ -140,7 +142,7 @@ def _start(makers: list[Any], training: Training) -> VecEnv:
         from dojo_env.encoders.vectorised import EncodedVecEnv
 
         encoder = load_encoder(training.encoder)
-    multiprocessing.set_forkserver_preload([__name__])
+    multiprocessing.set_forkserver_preload(LOADED_ONCE)
     environments: VecEnv = Processes(makers, start_method="forkserver")
     if training.agents != "single":
         environments = AgentsVecEnv(environments)

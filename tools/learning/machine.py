@@ -16,7 +16,7 @@ def prepare_process() -> None:
     """Compute on one thread, deterministically, and keep freed memory for the next batch."""
     os.environ.setdefault("CUBLAS_WORKSPACE_CONFIG", ":4096:8")  # Without, CUDA refuses to be deterministic.
     torch.set_num_threads(1)
-    torch.use_deterministic_algorithms(True)
+    torch.set_deterministic_debug_mode("error")  # As use_deterministic_algorithms, but starts no compiler.
     torch.utils.deterministic.fill_uninitialized_memory = False  # It would only show what was never written.
     _keep_memory()
 

@@ -10,13 +10,17 @@ from .settings import Training
 
 
 def check_scenario(training: Training) -> None:
-    """Open all that an environment of the run is made from, but SUMO; the map is converted on first use.
+    """Begin an episode as the run's environments will.
+
+    What the first use makes is then made once, not in each process: the converted map, compiled kernels.
 
     Raises:
         ConfigError: there is no such scenario, a setting of the environment cannot work, or the scenario has
             several signals and the settings have one agent.
+        SimulationError: SUMO refuses the input.
     """
     with closing(World(build_config(**training.environment))) as world:
+        world.reset(seed=0)
         count = len(world.signals)
     if training.agents == "single" and count > 1:
         raise ConfigError(
