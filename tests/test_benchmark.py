@@ -3,6 +3,7 @@
 import csv
 import json
 import os
+import signal
 import subprocess
 import sys
 import time
@@ -57,20 +58,43 @@ def test_all_that_does_not_learn_has_a_short_name(tmp_path: Path) -> None:
     assert {folder.name for folder in (tmp_path / "two-way").iterdir()} == set(CONTROLLERS)
 
 
-def test_rows_end_with_a_benchmark_that_is_killed(tmp_path: Path) -> None:
-    pytest.importorskip("stable_baselines3")
+def start_row(results: Path) -> subprocess.Popen[str]:
+    """Run a benchmark in a group of its own until its row trains."""
     command = [sys.executable, TOOLS / "benchmark.py", "--rows", "A2C-F", "--scenarios", "two-way",
-               "--results", tmp_path]  # fmt: skip
+               "--results", results]  # fmt: skip
     running = subprocess.Popen(
-        command, env=command_environment(), stderr=subprocess.DEVNULL, start_new_session=True
+        command, env=command_environment(), stderr=subprocess.PIPE, text=True, start_new_session=True
     )
-    while not (tmp_path / "two-way" / "A2C-F" / "training.json").exists():
+    while not (results / "two-way" / "A2C-F" / "training.json").exists():
         assert running.poll() is None
         time.sleep(0.05)
-    running.kill()
-    running.wait()
+    return running
+
+
+def wait_for_end_of_group(group: int) -> None:
     end = time.monotonic() + 60
     with pytest.raises(ProcessLookupError):
         while time.monotonic() < end:
-            os.killpg(running.pid, 0)
+            os.killpg(group, 0)
             time.sleep(0.1)
+
+
+def test_rows_end_with_a_benchmark_that_is_killed(tmp_path: Path) -> None:
+    pytest.importorskip("stable_baselines3")
+    running = start_row(tmp_path)
+    running.kill()
+    running.communicate()
+    wait_for_end_of_group(running.pid)
+
+
+def test_row_that_is_killed_is_one_line(tmp_path: Path) -> None:
+    pytest.importorskip("stable_baselines3")
+    running = start_row(tmp_path)
+    children = Path(f"/proc/{running.pid}/task/{running.pid}/children").read_text().split()
+    (row,) = (pid for pid in children if b"spawn_main" in Path(f"/proc/{pid}/cmdline").read_bytes())
+    os.kill(int(row), signal.SIGKILL)
+    _, told = running.communicate(timeout=60)
+    assert running.returncode == 3
+    assert told.splitlines()[-1].startswith("benchmark: a row's process was killed")
+    assert "BrokenProcessPool" not in told
+    wait_for_end_of_group(running.pid)

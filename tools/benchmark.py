@@ -13,6 +13,7 @@ import os
 import signal
 import sys
 from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures.process import BrokenProcessPool
 from multiprocessing.connection import wait
 from pathlib import Path
 from threading import Thread
@@ -107,6 +108,10 @@ def main() -> int:
         print(write_tables(options.results, ROWS, published))
     except (DojoError, OSError, ValueError, KeyError) as error:
         print(f"benchmark: {error}", file=sys.stderr)
+        return 3
+    except BrokenProcessPool:
+        print("benchmark: a row's process was killed, perhaps for want of memory; the same command goes on "
+              "from the last checkpoints, and fewer --jobs need less", file=sys.stderr)  # fmt: skip
         return 3
     except KeyboardInterrupt:
         print("benchmark: interrupted; the same command goes on from the last checkpoints", file=sys.stderr)
