@@ -95,6 +95,6 @@ def test_row_that_is_killed_is_one_line(tmp_path: Path) -> None:
     os.kill(int(row), signal.SIGKILL)
     _, told = running.communicate(timeout=60)
     assert running.returncode == 3
-    assert told.splitlines()[-1].startswith("benchmark: a row's process was killed")
+    assert "benchmark: a row's process was killed" in told  # Its environments may speak after it.
     assert "BrokenProcessPool" not in told
     wait_for_end_of_group(running.pid)
