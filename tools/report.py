@@ -15,7 +15,7 @@ from dojo_env.config import SignalConfig
 from dojo_env.metrics import SIX
 from dojo_maps.errors import DojoError
 from learning.kept import KeptRow, read_kept
-from learning.rows import MIN_GREEN, OWN_SETTINGS, ROWS, SCENARIOS
+from learning.rows import OWN_SETTINGS, ROWS, SCENARIOS
 from learning.settings import ALGORITHMS, INTERVAL, REWARD, Training
 from plot import TITLES, WINDOW, Published, draw_all, read_published
 from result_table import write_tables
@@ -159,10 +159,9 @@ def _show(results: Path, pictures: Iterable[Path]) -> str:
 def _settings() -> str:
     """Tell what all trainings have in common, and the algorithms' own settings."""
     usual, rules = Training(), SignalConfig()
-    own = [f"{scenario}: all learned rows {least}" for scenario, least in MIN_GREEN.items()]
-    own += [
-        f"{scenario}: {row} {settings['min_green']}"
-        for (scenario, row), settings in OWN_SETTINGS.items()
+    own = [
+        f"{settings['min_green']} for {rows} on {scenario}"
+        for (scenario, rows), settings in OWN_SETTINGS.items()
         if "min_green" in settings
     ]
     algorithms = "\n".join(
@@ -171,8 +170,8 @@ def _settings() -> str:
     )
     return f"""## Settings
 
-- A decision every {INTERVAL} s, {rules.yellow_time:g} s yellow, {rules.min_green:g} s minimum green (where \
-not, in seconds: {"; ".join(own)}).
+- A decision every {INTERVAL} s, {rules.yellow_time:g} s yellow, {rules.min_green:g} s minimum green (but \
+{", ".join(own)}).
 - Trainings: {usual.steps:,} decisions in {usual.processes} environments side by side, episodes of \
 {usual.seconds:,} s, images of {usual.height} x {usual.width} pixels unless a row's settings say otherwise.
 - Reward, unless a row has its own: {_tell_reward(REWARD)}; what is bad counts as negative.

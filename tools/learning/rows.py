@@ -27,6 +27,7 @@ BOLD = {"learning_rate": 0.002, "ent_coef": 0.0005}
 """For A2C: rewards are a tenth, so the bonus for trying things must be, too."""
 OWN_SETTINGS: dict[tuple[str, str], dict[str, Any]] = {
     ("cologne1", "MaxPressure"): {"min_green": 8},
+    ("cologne1", "learned"): {"min_green": 8},
     ("cologne1", "PPO-BEV"): {"steps": 400_000},
     ("cologne1", "DQN-MV"): {"steps": 50_000},
     ("cologne1", "PPO-BEV*"): {"steps": 100_000},
@@ -41,15 +42,17 @@ OWN_SETTINGS: dict[tuple[str, str], dict[str, Any]] = {
     ("two-way", "A2C-BEV"): {"steps": 300_000, "reward": PATIENT, "hyperparameters": BOLD},
     ("two-way", "A2C-MV"): {"steps": 400_000, "reward": PATIENT},
     ("two-way", "A2C-BEV*"): {"steps": 200_000, "reward": PATIENT, "hyperparameters": BOLD},
-    ("two-way", "DQN-F"): {"reward": GENTLE, "hyperparameters": {"n_steps": 6}},
-    ("two-way", "DQN-BEV"): {"steps": 300_000, "reward": GENTLE, "hyperparameters": {"n_steps": 6}},
-    ("two-way", "DQN-MV"): {"steps": 80_000, "reward": GENTLE},
-    ("two-way", "DQN-BEV*"): {"steps": 200_000, "reward": GENTLE, "hyperparameters": {"n_steps": 6}},
+    ("two-way", "DQN"): {"reward": GENTLE, "hyperparameters": {"n_steps": 6}},
+    ("two-way", "DQN-BEV"): {"steps": 300_000},
+    ("two-way", "DQN-MV"): {"steps": 80_000, "hyperparameters": {"n_steps": 1}},
+    ("two-way", "DQN-BEV*"): {"steps": 200_000},
+    ("cologne3", "PPO-BEV shared"): {"steps": 80_000},
     ("grid4x4", "PPO-F shared"): {"steps": 60_000},
 }
-"""What sets a row apart on one scenario; pictures tell all they can after more steps than the others get."""
-MIN_GREEN = {"cologne1": 8}
-"""What policies get by scenario, where not 10: what MaxPressure gets there."""
+"""What sets rows apart on one scenario: all that learn, an algorithm's, or one.
+
+Pictures tell all they can after more steps than the others get.
+"""
 _ALGORITHMS = ("DQN", "PPO", "A2C")
 _SEEN: dict[str, dict[str, Any]] = {
     "F": {"observation": "features"},
@@ -97,12 +100,19 @@ SCENARIOS = {
 """The benchmark's scenarios and the rows that make sense on them."""
 
 
+def find_settings(row: str, scenario: str) -> dict[str, Any]:
+    """Tell a row's settings on a scenario; where they meet, those that fewer rows share win."""
+    groups = ("learned", row.partition("-")[0], row) if learns(row) else (row,)
+    settings = dict(_ALL[row] if learns(row) else CONTROLLERS[row][1])
+    for group in groups:
+        for name, value in OWN_SETTINGS.get((scenario, group), {}).items():
+            settings[name] = {**settings.get(name, {}), **value} if name == "hyperparameters" else value
+    return settings
+
+
 def find_training(row: str, scenario: str) -> Training:
     """Tell how a row's policy is trained on a scenario."""
-    usual, own = _ALL[row], OWN_SETTINGS.get((scenario, row), {})
-    hyperparameters = {**usual.get("hyperparameters", {}), **own.get("hyperparameters", {})}
-    settings = {"min_green": MIN_GREEN.get(scenario, 10), **usual, **own, "hyperparameters": hyperparameters}
-    return Training(scenario=scenario, **settings)
+    return Training(scenario=scenario, **find_settings(row, scenario))
 
 
 def learns(row: str) -> bool:

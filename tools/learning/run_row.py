@@ -12,7 +12,7 @@ from dojo_env.metrics import SIX
 from dojo_env.runs import run_controller, summarize
 from dojo_maps.whole_file import write_json
 
-from .rows import CONTROLLERS, OWN_SETTINGS, find_training, learns
+from .rows import CONTROLLERS, find_settings, find_training, learns
 from .settings import Training, list_versions
 
 FIGURES, SERIES = "figures.json", "series.csv"
@@ -34,12 +34,7 @@ def describe(row: str, scenario: str, seeds: int, seconds: int) -> dict[str, Any
     task: dict[str, Any] = {"row": row, "scenario": scenario, "seeds": seeds, "seconds": seconds}
     if learns(row):
         return {**task, "training": asdict(find_training(row, scenario))}
-    controller, settings = CONTROLLERS[row]
-    return {
-        **task,
-        "controller": controller,
-        "settings": {**settings, **OWN_SETTINGS.get((scenario, row), {})},
-    }
+    return {**task, "controller": CONTROLLERS[row][0], "settings": find_settings(row, scenario)}
 
 
 def is_done(task: Mapping[str, Any], results: Path) -> bool:
