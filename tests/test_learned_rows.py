@@ -70,6 +70,22 @@ def test_every_row_of_the_table_has_settings() -> None:
             assert find_training(row, scenario).environment["scenario"] == scenario
 
 
+def test_settings_that_fewer_rows_share_win(monkeypatch: pytest.MonkeyPatch) -> None:
+    own = {
+        ("two-way", "learned"): {"steps": 1, "min_green": 7, "hyperparameters": {"batch_size": 1}},
+        ("two-way", "DQN"): {"steps": 2, "hyperparameters": {"batch_size": 2, "n_steps": 4}},
+        ("two-way", "DQN-MV"): {"steps": 3, "hyperparameters": {"batch_size": 3}},
+    }
+    monkeypatch.setattr("learning.rows.OWN_SETTINGS", own)
+    found = {row: find_training(row, "two-way") for row in ("PPO-MV", "DQN-F", "DQN-MV")}
+    assert {row: (each.steps, each.min_green) for row, each in found.items()} == {
+        "PPO-MV": (1, 7), "DQN-F": (2, 7), "DQN-MV": (3, 7)
+    }  # fmt: skip
+    used = found["DQN-MV"].hyperparameters
+    assert [used[name] for name in ("batch_size", "n_steps", "buffer_size")] == [3, 4, 20_000]
+    assert describe("SOTL", "two-way", 5, 3600)["settings"] == {"min_green": 8}
+
+
 def sample_from(buffer: Any) -> Any:
     np.random.seed(1)  # noqa: NPY002 - Stable-Baselines3 draws from it
     return buffer.sample(200)
