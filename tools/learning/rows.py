@@ -47,7 +47,9 @@ OWN_SETTINGS: dict[tuple[str, str], dict[str, Any]] = {
     ("two-way", "DQN-MV"): {"steps": 80_000, "hyperparameters": {"n_steps": 1}},
     ("two-way", "DQN-BEV*"): {"steps": 200_000},
     ("cologne3", "PPO-BEV shared"): {"steps": 80_000},
+    ("cologne3", "PPO-BEV independent"): {"steps": 40_000},
     ("grid4x4", "PPO-F shared"): {"steps": 60_000},
+    ("grid4x4", "PPO-BEV shared"): {"steps": 20_000},
 }
 """What sets rows apart on one scenario: all that learn, an algorithm's, or one.
 
