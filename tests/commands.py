@@ -5,11 +5,12 @@ import importlib
 import io
 import subprocess
 import sys
+import time
 from pathlib import Path
 from typing import Any
 from unittest import mock
 
-from conftest import REPOSITORY
+from conftest import REPOSITORY, command_environment
 
 TOOLS = REPOSITORY / "tools"
 sys.path.insert(0, str(TOOLS))  # Their modules import each other as scripts do.
@@ -30,6 +31,20 @@ def run_tool(name: str, *arguments: object) -> subprocess.CompletedProcess[str]:
         except SystemExit as exit_:
             code = exit_.code
     return subprocess.CompletedProcess(command, code, out.getvalue(), err.getvalue())
+
+
+def start_tool(name: str, *arguments: object) -> subprocess.Popen[str]:
+    """Start a tool's command in a group of processes of its own."""
+    return subprocess.Popen(
+        [sys.executable, str(TOOLS / f"{name}.py"), *map(str, arguments)], env=command_environment(),
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True,
+    )  # fmt: skip
+
+
+def wait_for_file(path: Path, running: subprocess.Popen[str]) -> None:
+    while not path.exists():
+        assert running.poll() is None
+        time.sleep(0.05)
 
 
 def make_row(results: Path, row: str, **settings: object) -> None:

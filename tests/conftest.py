@@ -32,7 +32,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
         "--all-networks", action="store_true", help="convert every installed network, the slow ones too"
     )
     parser.addoption("--all-mutants", action="store_true", help="plant every defect in every network")
-    parser.addoption("--fuzz", type=int, default=20, help="how many damaged copies of a network to convert")
+    parser.addoption("--fuzz", type=int, default=30, help="how many damaged copies of a network to convert")
 
 
 def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:

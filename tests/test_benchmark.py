@@ -5,14 +5,12 @@ import json
 import os
 import signal
 import subprocess
-import sys
 import time
 from functools import partial
 from pathlib import Path
 
 import pytest
-from commands import TOOLS, run_tool
-from conftest import command_environment
+from commands import run_tool, start_tool, wait_for_file
 
 from dojo_env.metrics import SIX
 from dojo_env.runs import run_controller
@@ -59,15 +57,9 @@ def test_all_that_does_not_learn_has_a_short_name(tmp_path: Path) -> None:
 
 
 def start_row(results: Path) -> subprocess.Popen[str]:
-    """Run a benchmark in a group of its own until its row trains."""
-    command = [sys.executable, TOOLS / "benchmark.py", "--rows", "A2C-F", "--scenarios", "two-way",
-               "--results", results]  # fmt: skip
-    running = subprocess.Popen(
-        command, env=command_environment(), stderr=subprocess.PIPE, text=True, start_new_session=True
-    )
-    while not (results / "two-way" / "A2C-F" / "training.json").exists():
-        assert running.poll() is None
-        time.sleep(0.05)
+    """Run a benchmark until its row trains."""
+    running = start_tool("benchmark", "--rows", "A2C-F", "--scenarios", "two-way", "--results", results)
+    wait_for_file(results / "two-way" / "A2C-F" / "training.json", running)
     return running
 
 

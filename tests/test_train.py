@@ -6,13 +6,12 @@ import os
 import signal
 import subprocess
 import sys
-import time
 from functools import partial
 from pathlib import Path
 
 import numpy as np
 import pytest
-from commands import TOOLS, run_tool
+from commands import TOOLS, run_tool, start_tool, wait_for_file
 from conftest import command_environment
 
 from dojo_env.errors import ConfigError
@@ -23,7 +22,6 @@ torch = pytest.importorskip("torch")
 pytest.importorskip("stable_baselines3")
 environments = pytest.importorskip("learning.environments")
 
-TRAIN = [sys.executable, str(TOOLS / "train.py")]
 QUICK = {
     "ppo": ["--scenario", "two-way", "--algorithm", "ppo", "--set", "n_steps=24", "batch_size=24"],
     "bev": ["--scenario", "two-way", "--algorithm", "dqn", "--observation", "bev", "--size", "36x48",
@@ -39,15 +37,10 @@ train = partial(run_tool, "train")
 
 def interrupt(folder: Path, *arguments: object) -> None:
     """Kill a run hard, with all of its processes, once it has written a checkpoint."""
-    running = subprocess.Popen(
-        [*TRAIN, *map(str, arguments), "--out", str(folder)], env=command_environment(),
-        stderr=subprocess.DEVNULL, start_new_session=True,
-    )  # fmt: skip
-    while not (folder / "checkpoint.pt").exists():
-        assert running.poll() is None
-        time.sleep(0.05)
+    running = start_tool("train", *arguments, "--out", folder)
+    wait_for_file(folder / "checkpoint.pt", running)
     os.killpg(running.pid, signal.SIGKILL)
-    running.wait()
+    running.communicate()
 
 
 @pytest.mark.parametrize("kind", QUICK)

@@ -6,7 +6,6 @@ import os
 import signal
 import socket
 import subprocess
-import sys
 import time
 from collections.abc import Iterator
 from contextlib import ExitStack
@@ -14,14 +13,13 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from conftest import REPOSITORY, command_environment
+from commands import start_tool
 
 pytest.importorskip("stable_baselines3")
 cluster_utils = pytest.importorskip("ray.cluster_utils")
 torch = pytest.importorskip("torch")
 
-TOOLS = REPOSITORY / "tools"
-TRAIN = ("train_rllib.py", "--scenario", "two-way", "--seconds", 300, "--set", "n_steps=30", "batch_size=60",
+TRAIN = ("train_rllib", "--scenario", "two-way", "--seconds", 300, "--set", "n_steps=30", "batch_size=60",
          "--runners", 2, "--every", 1)  # fmt: skip
 NODE = {
     "RAY_USAGE_STATS_ENABLED": "0",
@@ -31,20 +29,12 @@ NODE = {
 }
 ROUND = 120
 """Steps of an episode in each of two environments."""
-BENCHMARK = ("benchmark.py", "--rows", "MaxPressure", "Cycle", "--scenarios", "two-way", "--seeds", 1,
+BENCHMARK = ("benchmark", "--rows", "MaxPressure", "Cycle", "--scenarios", "two-way", "--seeds", 1,
              "--seconds", 300)  # fmt: skip
 
 
-def start(script: str, *arguments: object) -> subprocess.Popen[str]:
-    return subprocess.Popen(
-        [sys.executable, str(TOOLS / script), *map(str, arguments)], env=command_environment(), text=True,
-        stdout=subprocess.PIPE, stderr=subprocess.PIPE, start_new_session=True,
-    )  # fmt: skip
-
-
-def run(script: str, *arguments: object) -> tuple[int, str]:
-    running = start(script, *arguments)
-    return wait(running)
+def run(tool: str, *arguments: object) -> tuple[int, str]:
+    return wait(start_tool(tool, *arguments))
 
 
 def wait(running: subprocess.Popen[str], seconds: float = 300) -> tuple[int, str]:
@@ -115,7 +105,7 @@ def test_training_goes_on_when_it_is_interrupted_and_when_a_node_is_lost(
 ) -> None:
     folder, steps = tmp_path / "run", 6 * ROUND
     command = (*TRAIN, "--steps", steps, "--address", cluster.address, "--out", folder)
-    running = start(*command)
+    running = start_tool(*command)
     written = wait_for_checkpoint(folder, running)
     os.killpg(running.pid, signal.SIGINT)
     status, errors = wait(running, 60)
@@ -124,7 +114,7 @@ def test_training_goes_on_when_it_is_interrupted_and_when_a_node_is_lost(
     assert "Traceback" not in errors
     before = read_curve(folder)
 
-    running = start(*command, "--resume")
+    running = start_tool(*command, "--resume")
     wait_for_checkpoint(folder, running, written)
     cluster.remove_node(next(iter(cluster.worker_nodes)), allow_graceful=False)
     status, errors = wait(running)
@@ -140,13 +130,13 @@ def test_training_goes_on_when_it_is_interrupted_and_when_a_node_is_lost(
 
 def test_bad_arguments_are_one_line_before_any_work(tmp_path: Path) -> None:
     wrong: list[tuple[str, str, tuple[object, ...]]] = [
-        ("RLlib has no a2c", "train_rllib.py", ("--algorithm", "a2c", "--out", tmp_path / "a")),
-        ("nowhere", "train_rllib.py", ("--scenario", "nowhere", "--out", tmp_path / "a")),
-        ("not the settings", "train_rllib.py", ("--resume", "--out", tmp_path / "a")),
-        ("no Ray cluster answers", "train_rllib.py", ("--address", "127.0.0.1:1", "--out", tmp_path / "a")),
+        ("RLlib has no a2c", "train_rllib", ("--algorithm", "a2c", "--out", tmp_path / "a")),
+        ("nowhere", "train_rllib", ("--scenario", "nowhere", "--out", tmp_path / "a")),
+        ("not the settings", "train_rllib", ("--resume", "--out", tmp_path / "a")),
+        ("no Ray cluster answers", "train_rllib", ("--address", "127.0.0.1:1", "--out", tmp_path / "a")),
         (
             "no Ray cluster answers",
-            "benchmark.py",
+            "benchmark",
             (*BENCHMARK[1:], "--ray", "127.0.0.1:1", "--results", tmp_path),
         ),
     ]

@@ -20,9 +20,9 @@ def check_scenario(training: Training) -> None:
         SimulationError: SUMO refuses the input.
     """
     with closing(World(build_config(**training.environment))) as world:
-        world.reset(seed=0)
         count = len(world.signals)
-    if training.agents == "single" and count > 1:
-        raise ConfigError(
-            f"agents='single': {training.scenario} has {count} signals; choose shared or independent"
-        )
+        if training.agents == "single" and count > 1:
+            raise ConfigError(
+                f"agents='single': {training.scenario} has {count} signals; choose shared or independent"
+            )
+        world.reset(seed=0)
