@@ -68,7 +68,7 @@ class Canvas:
 def _draw(users, lamps, paths, models, light, sun, view, clean, target):
     """Draw all that moves: one call, since handing arrays over costs as much as drawing a few cars."""
     restore(target, clean)
-    count = draw_flat(paths, view, target, 0)
+    count = draw_flat(paths, view, target)
     near = users_in_view(users, view)
     draw_shadows(near, users, sun, view, target)
     if light[WEATHER, 0] > 0.0:

@@ -98,8 +98,8 @@ def draw_users(near, users, models, light, view, target, count):
         model = users.models[k]
         first, last = models.spans[model, detail, 0], models.spans[model, detail, 1]
         away = _see(models.vertices, first, last, users, k, view, seen)
-        is_ahead = project(seen, last - first, view, screen)
-        touch(screen, last - first, is_ahead, target)
+        is_ahead = project(seen[: last - first], view, screen)
+        touch(screen[: last - first], is_ahead, target)
         _look_from_inside(users, k, view, light, inside)
         veil = 1.0 - exp(-light[WEATHER, 2] * away)
         for face in range(models.spans[model, detail, 2], models.spans[model, detail, 3]):
@@ -173,8 +173,8 @@ def draw_shadows(near, users, sun, view, target):
             turn(held, view, seen)
             for axis in range(3):
                 cast[v, axis] = seen[axis]
-        is_ahead = project(cast, 8, view, screen)
-        touch(screen, 8, is_ahead, target)
+        is_ahead = project(cast, view, screen)
+        touch(screen, is_ahead, target)
         for side in (0, 4 if ahead > 0.0 else 2, 8 if left > 0.0 else 6):
             for face in range(side, side + 2):
                 _draw(_BOX, face, cast, screen, is_ahead, corners, view, SHADED, SHADOW, target)
@@ -191,7 +191,7 @@ def count_alone(whose, users, models, light, view, target):
         detail, model = _detail(users, k, view), users.models[k]
         first, last = models.spans[model, detail, 0], models.spans[model, detail, 1]
         _see(models.vertices, first, last, users, k, view, seen)
-        is_ahead = project(seen, last - first, view, screen)
+        is_ahead = project(seen[: last - first], view, screen)
         _look_from_inside(users, k, view, light, inside)
         for face in range(models.spans[model, detail, 2], models.spans[model, detail, 3]):
             if _shows_front(models.planes, face, inside):

@@ -44,7 +44,7 @@ def draw_beams(near, users, view, target):
                     ground[axis] = users.places[k, axis] + frame[axis, 0] * ahead + frame[axis, 1] * aside
                 turn(ground, view, seen)
                 rim[corner] = seen
-            touch(screen, _BEAM_CORNERS, project(rim, _BEAM_CORNERS, view, screen), target)
+            touch(screen, project(rim, view, screen), target)
             for second in range(1, _BEAM_CORNERS - 1):
                 corners[0], corners[1], corners[2] = rim[0], rim[second], rim[second + 1]
                 draw_face(corners, view.lens, SHADED - 1 - step, SHADOW, target.depths, target.tags)
@@ -73,19 +73,18 @@ def draw_lamps(lamps, view, target, count):
 
 
 @kernel
-def draw_flat(paths, view, target, count):
+def draw_flat(paths, view, target):
     """Draw triangles in plain colours, from both sides; returns the number of faces in the target."""
     corners, screen, seen = np.empty((3, 3)), np.empty((3, 3)), np.empty(3)
     for k in range(len(paths.triangles)):
         for c in range(3):
             turn(paths.triangles[k, c], view, seen)
             corners[c] = seen
-        touch(screen, 3, project(corners, 3, view, screen), target)
-        if draw_face(corners, view.lens, count, NEARER, target.depths, target.tags):
-            _plain(paths.colours[k], target.shades[count])
-            target.owners[count] = PATH
-            count += 1
-    return count
+        touch(screen, project(corners, view, screen), target)
+        draw_face(corners, view.lens, k, NEARER, target.depths, target.tags)
+        _plain(paths.colours[k], target.shades[k])
+        target.owners[k] = PATH
+    return len(paths.triangles)
 
 
 @kernel
@@ -108,7 +107,7 @@ def _draw_disc(centre, direction, corners, view, tag, target):
         turn(place, view, seen)
         corners[min(k, 2)] = seen
         if k >= 2:
-            touch(screen, 3, project(corners, 3, view, screen), target)
+            touch(screen, project(corners, view, screen), target)
             changed += draw_face(corners, view.lens, tag, NEARER, target.depths, target.tags)
             corners[1] = corners[2]
     return changed

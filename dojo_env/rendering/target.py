@@ -39,13 +39,13 @@ def restore(target, clean):
 
 
 @inner
-def touch(screen, count, is_ahead, target):
+def touch(screen, is_ahead, target):
     """Note that a shape with these corners on the screen may change what lies within them."""
     height, width = target.tags.shape
     left, top, right, bottom = 0.0, 0.0, float(width), float(height)
     if is_ahead:
         left, top, right, bottom = width, height, 0.0, 0.0
-        for k in range(count):
+        for k in range(len(screen)):
             left, right = min(left, screen[k, 0]), max(right, screen[k, 0])
             top, bottom = min(top, screen[k, 1]), max(bottom, screen[k, 1])
     first, last = int(max(0.0, left)), int(min(float(width), right + 1.0))
@@ -55,10 +55,10 @@ def touch(screen, count, is_ahead, target):
 
 
 @inner
-def project(seen, count, view, screen):
+def project(seen, view, screen):
     """Project corners to pixels and inverse depths; tells whether all lie before the near plane."""
     is_ahead = True
-    for k in range(count):
+    for k in range(len(seen)):
         if seen[k, 2] < view.lens[3]:
             is_ahead = False
             break
