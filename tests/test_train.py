@@ -30,6 +30,7 @@ QUICK = {
                 "--encoder", "efficientnet-lite0"],
 }  # fmt: skip
 SIZE = ["--processes", "2", "--seconds", "120", "--steps", "144", "--every", "1"]
+ONE = ["--processes", "1", "--seconds", "120", "--steps", "24"]
 
 
 train = partial(run_tool, "train")
@@ -97,7 +98,7 @@ def test_bad_arguments_are_one_line_before_any_work(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
     kept = tmp_path / "kept"
-    done = train(*QUICK["ppo"], "--processes", 1, "--seconds", 120, "--steps", 24, "--out", kept)
+    done = train(*QUICK["ppo"], *ONE, "--out", kept)
     assert done.returncode == 0, done.stderr
     broken, pictures = tmp_path / "broken.onnx", ["--observation", "bev", "--processes", 1]
     broken.write_text("no network")
@@ -108,6 +109,7 @@ def test_bad_arguments_are_one_line_before_any_work(
         ("buffer_size=100000000", [*QUICK["bev"], "buffer_size=100000000", "--out", tmp_path / "a"]),
         ("beauty", [*QUICK["ppo"], "--reward", "beauty=1", "--out", tmp_path / "a"]),
         ("finite number", [*QUICK["ppo"], "--reward", "queue=NaN", "--out", tmp_path / "a"]),
+        ("every=0", [*QUICK["ppo"], "--every", 0, "--out", tmp_path / "a"]),
         ("seed=-5", [*QUICK["ppo"], "--seed", "-5", "--out", tmp_path / "a"]),
         ("1 to 8192 pixels", [*QUICK["bev"], "--size", "0x48", "--out", tmp_path / "a"]),
         ("needs images", [*QUICK["ppo"], "--encoder", "efficientnet-lite0", "--out", tmp_path / "a"]),
@@ -115,6 +117,7 @@ def test_bad_arguments_are_one_line_before_any_work(
         ("cannot read it", [*pictures, "--encoder", broken, "--out", tmp_path / "a"]),
         ("holds a run already", [*QUICK["ppo"], "--out", kept]),
         ("another run's settings", [*QUICK["bev"], "--out", kept, "--resume"]),
+        ("another run's settings", [*QUICK["ppo"], *ONE, "--every", 1, "--out", kept, "--resume"]),
         ("not the settings", [*QUICK["ppo"], "--out", tmp_path / "a", "--resume"]),
     ]
     for words, arguments in wrong:

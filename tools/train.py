@@ -15,7 +15,7 @@ from dojo_env.errors import ConfigError
 from dojo_env.rewards import REWARDS
 from dojo_maps.errors import DojoError
 from learning.scenarios import check_scenario
-from learning.settings import AGENTS, ALGORITHMS, CONDITIONS, EVERY, OBSERVATIONS, Training
+from learning.settings import AGENTS, ALGORITHMS, CONDITIONS, OBSERVATIONS, Training
 
 
 def read_size(text: str) -> tuple[int, int]:
@@ -47,6 +47,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--seconds", type=int, help="of an episode")
     parser.add_argument("--processes", type=int, help="environments, each in its own process")
     parser.add_argument("--min-green", type=int, help="seconds of green before a change")
+    parser.add_argument("--every", type=int, help="rounds of episodes between validations and checkpoints")
     parser.add_argument("--reward", nargs="+", metavar="NAME=WEIGHT", help=", ".join(REWARDS))
     parser.add_argument("--size", type=read_size, metavar="HEIGHTxWIDTH", help="of images")
     parser.add_argument("--shared-views", action="store_true", help="one set of weights for all views")
@@ -57,7 +58,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--out", type=Path, metavar="FOLDER", help="default: one in runs, by what is learned")
     parser.add_argument("--resume", action="store_true", help="go on from the folder's checkpoint")
-    parser.add_argument("--every", type=int, default=EVERY, help="rounds of episodes between evaluations")
 
 
 def read_arguments(options: argparse.Namespace) -> Training:
@@ -98,9 +98,7 @@ def main() -> int:
         check_scenario(training)
         from learning.learner import train  # Bad settings are told before torch is loaded.
 
-        train(
-            training, options.out, resume=options.resume, every=options.every, tensorboard=options.tensorboard
-        )
+        train(training, options.out, resume=options.resume, tensorboard=options.tensorboard)
         print(options.out)
     except (DojoError, OSError) as error:
         print(f"train: {error}", file=sys.stderr)

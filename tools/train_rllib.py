@@ -55,7 +55,7 @@ def main() -> int:
         with open_cluster(options.address, training.processes):
             from learning.rllib_learner import train
 
-            train(training, options.out, resume=options.resume, every=options.every)
+            train(training, options.out, resume=options.resume)
         print(options.out)
     except (DojoError, OSError) as error:
         print(f"train_rllib: {error}", file=sys.stderr)

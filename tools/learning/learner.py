@@ -12,7 +12,7 @@ from .environments import VALIDATION_SEEDS, open_environments, open_evaluation
 from .machine import prepare_process
 from .models import build_model, read_checkpoint, restore_checkpoint
 from .progress import Progress
-from .settings import CHECKPOINT, CURVE, EVERY, POLICY, SETTINGS, Training, read_training, write_training
+from .settings import CHECKPOINT, CURVE, POLICY, SETTINGS, Training, read_training, write_training
 
 
 def check_folder(training: Training, folder: Path, *, resume: bool) -> None:
@@ -53,16 +53,13 @@ def is_trained(training: Training, folder: Path) -> bool:
         return any(int(row["steps"]) >= training.whole_steps for row in csv.DictReader(file))
 
 
-def train(
-    training: Training, folder: Path, *, resume: bool = False, every: int = EVERY, tensorboard: bool = False
-) -> None:
+def train(training: Training, folder: Path, *, resume: bool = False, tensorboard: bool = False) -> None:
     """Train, and keep the best policy, the curve and a checkpoint in the folder.
 
     Args:
         training: all that it depends on.
         folder: where all of it goes.
         resume: go on from the folder's checkpoint.
-        every: rounds of episodes between evaluations and checkpoints.
         tensorboard: write its event files, too.
     """
     check_folder(training, folder, resume=resume)
@@ -77,7 +74,7 @@ def train(
             prepare_folder(training, folder)  # Not before: all that may be wrong has been opened.
         model.set_logger(Logger(str(folder), [TensorBoardOutputFormat(str(folder))] if tensorboard else []))
         agents = environments.num_envs // training.processes if training.agents == "shared" else 1
-        progress = Progress(training, folder, validation, every=every, agents=agents)
+        progress = Progress(training, folder, validation, agents=agents)
         if known is not None:
             progress.resume(restore_checkpoint(model, known, folder / CHECKPOINT), done)
         model.learn(

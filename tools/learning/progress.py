@@ -85,14 +85,12 @@ class Curve:
 class Progress(BaseCallback):
     """Evaluates and saves after every few rounds of episodes; a round is an episode in each environment."""
 
-    def __init__(
-        self, training: Training, folder: Path, validation: VecEnv, *, every: int, agents: int = 1
-    ) -> None:
-        """Take where to write, what to evaluate on, how many rounds apart, and how many agents share."""
+    def __init__(self, training: Training, folder: Path, validation: VecEnv, *, agents: int = 1) -> None:
+        """Take where to write, what to evaluate on, and how many agents share."""
         super().__init__()
-        self._folder, self._validation, self._every = folder, validation, every
+        self._folder, self._validation = folder, validation
         self._curve = Curve(training, folder)
-        self._round = training.round_steps
+        self._apart = training.every * training.round_steps
         self._agents = agents
         self._done_at = -1
 
@@ -120,7 +118,7 @@ class Progress(BaseCallback):
 
     def _between(self, *, last: bool = False) -> None:
         steps = self._steps
-        due = steps % (self._round * self._every) == 0 and steps > 0
+        due = steps % self._apart == 0 and steps > 0
         if steps == self._done_at or not (due or last):
             return
         self._done_at = steps

@@ -23,17 +23,16 @@ from .machine import prepare_process
 from .models import load, save
 from .progress import Curve
 from .rllib_settings import ENVIRONMENT, FIGURES, build_config
-from .settings import CHECKPOINT, EVERY, Training
+from .settings import CHECKPOINT, Training
 
 
-def train(training: Training, folder: Path, *, resume: bool = False, every: int = EVERY) -> None:
+def train(training: Training, folder: Path, *, resume: bool = False) -> None:
     """Train on the cluster that is connected, and keep the same files as without one.
 
     Args:
         training: all that the run is described by; `processes` are runners on the cluster's nodes.
         folder: where all of it goes.
         resume: go on from the folder's checkpoint.
-        every: rounds of episodes between evaluations and checkpoints.
     """
     check_folder(training, folder, resume=resume)
     known = read_checkpoint(folder / CHECKPOINT) if resume else {"steps": 0}
@@ -49,7 +48,8 @@ def train(training: Training, folder: Path, *, resume: bool = False, every: int 
         if resume:
             curve.resume(known["known"])
             restore(algorithm, known, folder / CHECKPOINT)
-        steps, due, runners = begun, begun + every * training.round_steps, training.processes
+        apart = training.every * training.round_steps
+        steps, due, runners = begun, begun + apart, training.processes
         while steps < training.whole_steps:
             found = algorithm.train().get(ENV_RUNNER_RESULTS, {})
             runners = _tell_runners(algorithm, runners)
@@ -58,7 +58,7 @@ def train(training: Training, folder: Path, *, resume: bool = False, every: int 
                 # RLlib hands over a series of one without its list.
                 curve.add(steps, "training", figures if isinstance(figures, list) else [figures])
             if steps >= min(due, training.whole_steps):
-                due += every * training.round_steps
+                due += apart
                 curve.validate(steps, learner.module[DEFAULT_MODULE_ID].policy, validation)
                 save_checkpoint(learner, folder / CHECKPOINT, {"steps": steps, "known": curve.known})
 

@@ -46,8 +46,6 @@ REWARD = {"queue": 0.01, "diff-waiting-time": 0.05}
 """The queue keeps everyone's trip short, the difference of waiting forgets nobody in a side street."""
 _SEEDS = 2**32
 """As many as numpy's and Stable-Baselines3's generators take."""
-EVERY = 3
-"""Rounds of episodes between evaluations."""
 INTERVAL = 5
 """Seconds from decision to decision."""
 
@@ -70,6 +68,7 @@ class Training:
         height: pixels, where the policy sees images.
         width: pixels.
         shared_views: one set of weights for all of `multi_view`'s images.
+        every: rounds of episodes between validations, from which the best policy is kept, and checkpoints.
         conditions: `day`, or `random` light, weather and lenses per episode.
         agents: `single` for one signal; with several, all may use one `shared` policy, or each learns an
             `independent` one.
@@ -89,6 +88,7 @@ class Training:
     height: int = 84
     width: int = 84
     shared_views: bool = False
+    every: int = 3
     conditions: str = "day"
     agents: str = "single"
     hyperparameters: Mapping[str, Any] = field(default_factory=dict)
@@ -104,7 +104,7 @@ class Training:
         for name, values in known.items():
             if getattr(self, name) not in values:
                 raise ConfigError(f"{name}={getattr(self, name)!r}: expected one of {', '.join(values)}")
-        for name in ("steps", "processes", "seconds", "min_green"):
+        for name in ("steps", "processes", "seconds", "min_green", "every"):
             if getattr(self, name) < 1:
                 raise ConfigError(f"{name}={getattr(self, name)}: expected at least 1")
         if not 0 <= self.seed < _SEEDS:
