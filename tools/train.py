@@ -70,8 +70,6 @@ def read_arguments(options: argparse.Namespace) -> Training:
     given = {name: value for name, value in known.items() if value is not None}
     for name in {"reward", "hyperparameters"} & set(given):
         given[name] = read_pairs(given[name])
-    if unknown := set(given.get("reward", ())) - set(REWARDS):
-        raise ConfigError(f"--reward {', '.join(unknown)}: expected {', '.join(REWARDS)}")
     if options.size:
         given["height"], given["width"] = options.size
     return Training(**given)

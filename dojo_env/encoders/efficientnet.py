@@ -23,6 +23,8 @@ NAME = "efficientnet-lite0"
 _WEIGHTS = "efficientnet-lite0-57934424"
 _BLOCKS = 4
 """Of 16. The deeper ones take longer and tell a lane's queue no better, see `tools/bench_encoders.py`."""
+_PLACES = 9
+"""Along each side of the map that comes out: 28, averaged four by four, overlapping by one."""
 _HALVING = (1, 3)
 """Blocks that halve the map's sides; the stem does, too."""
 _EPSILON = 1e-3
@@ -37,7 +39,7 @@ def open_efficientnet() -> OnnxEncoder:
     Raises:
         ConfigError: a package is missing.
     """
-    file = cache_folder() / "encoders" / f"{_WEIGHTS}-{_BLOCKS}-9x9.onnx"
+    file = cache_folder() / "encoders" / f"{_WEIGHTS}-{_BLOCKS}-{_PLACES}x{_PLACES}.onnx"
     if not file.is_file():
         content = build_network(read_weights())
         file.parent.mkdir(parents=True, exist_ok=True)
@@ -63,7 +65,7 @@ def read_weights() -> Weights:
 
 
 def build_network(weights: Weights) -> bytes:
-    """Write the first blocks as an ONNX network: (n, 3, 224, 224) to 9 x 9 places of 40 channels.
+    """Write the first blocks as an ONNX network: (n, 3, 224, 224) to `_PLACES` squared of 40 channels.
 
     One average over the whole map could not tell where in the picture a queue stands.
     """
@@ -72,10 +74,9 @@ def build_network(weights: Weights) -> bytes:
     x = graph.convolve("image", "_conv_stem", "_bn0", stride=2)
     for block in range(_BLOCKS):
         x = graph.add_block(x, f"_blocks.{block}.", stride=2 if block in _HALVING else 1)
-    # 28 x 28 places to 9 x 9, which overlap by one.
     x = graph.add("AveragePool", [x], kernel_shape=[4, 4], strides=[3, 3])
     x = graph.add("Flatten", [x])
-    size = 81 * weights[f"_blocks.{_BLOCKS - 1}._project_conv.weight"].shape[0]
+    size = _PLACES**2 * weights[f"_blocks.{_BLOCKS - 1}._project_conv.weight"].shape[0]
     value = onnx.helper.make_tensor_value_info
     ends = ([value("image", 1, ["n", 3, 224, 224])], [value(x, 1, ["n", size])])
     built = onnx.helper.make_graph(graph.nodes, NAME, *ends, graph.constants)
