@@ -8,14 +8,17 @@ from dojo_maps.whole_file import write_json
 
 
 class EpisodeFiles:
-    """Collects an episode's rows and writes them when it ends: at its limit, at a reset or at the close."""
+    """Collects an episode's rows and writes them when it ends: at its limit, at a reset or at the close.
+
+    Attributes:
+        label: tells environments that share a stem apart; None before the first file.
+    """
 
     def __init__(self, stem: str | None) -> None:
         """Take the beginning of the files' names; None writes nothing."""
         self._stem = None if stem is None else Path(stem)
         self._rows: list[dict[str, Any]] = []
-        self._episode = 0
-        self._label: int | None = None
+        self.label: int | None = None
 
     @property
     def has_rows(self) -> bool:
@@ -27,29 +30,28 @@ class EpisodeFiles:
         if self._stem is not None:
             self._rows.append(dict(row))
 
-    def finish(self, figures: dict[str, Any]) -> None:
+    def finish(self, figures: dict[str, Any], *, episode: int) -> None:
         """Write the episode as `{stem}_conn{label}_ep{number}.csv` and `.json`, in SUMO-RL's way."""
         rows, self._rows = self._rows, []
         if self._stem is None or not rows:
             return
-        self._episode += 1
         self._stem.parent.mkdir(parents=True, exist_ok=True)
-        path = self._claim()
+        path = self._claim(episode)
         with path.open("w", newline="", encoding="utf-8") as file:
             writer = csv.DictWriter(file, fieldnames=list(rows[0]))
             writer.writeheader()
             writer.writerows(rows)
         write_json(path.with_suffix(".json"), figures)
 
-    def _claim(self) -> Path:
+    def _claim(self, episode: int) -> Path:
         """Take the first label that no environment, in whatever process, has taken with this stem."""
-        label = 0 if self._label is None else self._label
+        label = 0 if self.label is None else self.label
         while True:
-            path = Path(f"{self._stem}_conn{label}_ep{self._episode}.csv")
+            path = Path(f"{self._stem}_conn{label}_ep{episode}.csv")
             try:
                 path.touch(exist_ok=False)
             except FileExistsError:
                 label += 1
             else:
-                self._label = label
+                self.label = label
                 return path

@@ -2,17 +2,22 @@
 
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack, closing
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from dojo_env.config import build_config
-from dojo_env.controllers import make_controller
+from dojo_env.controllers import Controller, make_controller
+from dojo_env.forks import call_in_fork
 from dojo_env.metrics import SIX
 from dojo_env.watch import FilmShow
 from dojo_env.watching.video import Video
 from dojo_env.world import World
+
+Outcome = tuple[list[dict[str, Any]], dict[str, Any], Any]
+"""What `info` told at each decision of an episode, its figures, and what the world leaves to the next."""
 
 
 def run_controller(
@@ -26,11 +31,13 @@ def run_controller(
 ) -> list[dict[str, Any]]:
     """Run an episode per seed; returns the figures of each.
 
+    Each runs in a fork, so that it does not matter which ran before; but where a video shows them.
+
     Args:
         name: of the controller.
         seeds: one episode each.
-        on_step: is told what `info` tells after each decision.
-        on_episode: is told the figures of an episode when it is over.
+        on_step: is told what `info` told after each decision, when an episode is over.
+        on_episode: is then told its figures.
         video: a file that shows all episodes, one after the other, second by second.
         keywords: settings of the environment.
 
@@ -47,16 +54,30 @@ def run_controller(
         if film is not None:
             title = f"{config.scenario.name}, {name}"
             world.watch(FilmShow(world.eyes, world.map.plans, title, film).add)
+        run = _run_episode if film is not None else partial(call_in_fork, _run_episode)
         for seed in seeds:
-            controller.reset(seed)
-            world.reset(seed)
-            ended = False
-            while not ended:
-                _, _, ended, info = world.step(controller.act(world.instant))
+            infos, found, world.lasting = run(world, controller, seed)
+            for info in infos:
                 on_step(info)
-            figures.append(world.metrics())
-            on_episode(figures[-1])
+            on_episode(found)
+            figures.append(found)
     return figures
+
+
+def _run_episode(world: World, controller: Controller, seed: int) -> Outcome:
+    """Run an episode to its end."""
+    infos: list[dict[str, Any]] = []
+    controller.reset(seed)
+    world.reset(seed)
+    ended = False
+    try:
+        while not ended:
+            _, _, ended, info = world.step(controller.act(world.instant))
+            infos.append(info)
+    except BaseException:
+        world.close()  # What there is of the episode is written by whose fork it is.
+        raise
+    return infos, world.metrics(), world.lasting
 
 
 def summarize(figures: Sequence[dict[str, Any]]) -> dict[str, dict[str, float]]:

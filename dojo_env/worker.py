@@ -1,4 +1,7 @@
-"""A world in a process of its own: libsumo holds one simulation per process, so this makes room for more."""
+"""A world in a process of its own: libsumo holds one simulation per process, so this makes room for more.
+
+Each episode runs in a fork of that process, so it is the same whatever came before it.
+"""
 
 import contextlib
 import multiprocessing
@@ -13,12 +16,18 @@ from typing import Any
 
 from dojo_env.config import EnvConfig
 from dojo_env.errors import ConfigError, SimulationError
+from dojo_env.forks import call_in_fork
 from dojo_env.watching.views import Frame
 from dojo_env.world import Answer, World
 
 _PATIENCE = 10.0
 """Seconds that a process gets to end by itself."""
+_BEGINNINGS = ("reset", "restore")
+"""What begins an episode."""
 _DIED = "the simulation's process has died; make a new environment"
+
+Call = tuple[str, tuple[Any, ...]]
+"""A method's name and its arguments."""
 
 
 def open_world(config: EnvConfig, *, own_process: bool) -> Any:
@@ -147,20 +156,43 @@ def _answer(world: World, name: str, arguments: tuple[Any, ...]) -> tuple[Except
 
 
 def _serve(pipe: Connection, config: EnvConfig) -> None:
-    """Answer calls until told to close, or until the other end is gone."""
+    """Answer calls until told to close, or until the other end is gone; forks answer for their episodes."""
     try:
         world = World(config)
     except Exception as error:  # noqa: BLE001 - it is raised at the other end
         pipe.send((error, None))
         return
     pipe.send((None, world.signals))
+    call, is_prepared = _receive(pipe), False
+    with contextlib.suppress(SimulationError, KeyboardInterrupt):
+        while call[0] != "close":
+            if call[0] not in _BEGINNINGS:
+                pipe.send(_answer(world, *call))
+                call = _receive(pipe)
+                continue
+            if not is_prepared:
+                _answer(world, "prepare", ())  # What fails, the episode will tell.
+                is_prepared = True
+            call, world.lasting = call_in_fork(_run_episode, world, pipe, call)
+
+
+def _run_episode(world: World, pipe: Connection, call: Call) -> tuple[Call, Any]:
+    """Answer until the next episode is to begin, or none; returns that call, and what is left to it."""
     try:
         while True:
-            name, arguments = pipe.recv()
-            if name == "close":
-                return
-            pipe.send(_answer(world, name, arguments))
-    except (EOFError, OSError, KeyboardInterrupt):
-        return
+            pipe.send(_answer(world, *call))
+            call = _receive(pipe)
+            if call[0] in (*_BEGINNINGS, "close"):
+                break
     finally:
         world.close()
+    return call, world.lasting
+
+
+def _receive(pipe: Connection) -> Call:
+    """Wait for a call; who is gone wants us to close."""
+    try:
+        name, arguments = pipe.recv()
+    except (EOFError, OSError, KeyboardInterrupt):
+        return "close", ()
+    return name, arguments

@@ -61,6 +61,7 @@ class World:
         self._figures: dict[str, Any] | None = None
         self._ended = False
         self._seed = 0
+        self._episode = 0
         self._actions: list[dict[str, int]] = []
 
     @property
@@ -74,12 +75,27 @@ class World:
             raise EpisodeOverError("no episode is running; call reset first")
         return self._instant
 
+    @property
+    def lasting(self) -> tuple[int, int | None]:
+        """What an episode leaves to the next one: its number, and the label of its files."""
+        return self._episode, self._files.label
+
+    @lasting.setter
+    def lasting(self, left: tuple[int, int | None]) -> None:
+        self._episode, self._files.label = left
+
     def spaces(self) -> dict[str, tuple[spaces.Space[Any], spaces.Discrete]]:
         """Give each signal's observation and action space."""
         return {
             signal: (self.observer.space(signal), spaces.Discrete(self.control.count_actions(signal)))
             for signal in self.signals
         }
+
+    def prepare(self, seed: int = 0) -> None:
+        """Load and draw what episodes need, for those to find that begin in forks of this process."""
+        self.reset(seed)
+        self.simulation.close()
+        self._instant, self._episode = None, 0
 
     def reset(self, seed: int) -> tuple[dict[str, Any], dict[str, Any]]:
         """Begin an episode; returns observations and figures.
@@ -90,7 +106,8 @@ class World:
         self._finish_files()
         self._instant, self._figures, self._ended = None, None, False
         self._seed, self._actions = seed, []
-        turn = Turn(seed=seed)
+        self._episode += 1
+        turn = Turn(seed=seed, episode=self._episode)
         for manager in self.managers:
             manager.before_reset(turn)
         for manager in self.managers:
@@ -114,7 +131,7 @@ class World:
         if self._ended:
             raise EpisodeOverError("the episode has ended; call reset to begin another")
         try:
-            self._advance(Turn(seed=self._seed, actions=actions))
+            self._advance(Turn(seed=self._seed, episode=self._episode, actions=actions))
         except SimulationError:
             self._instant = None
             raise
@@ -245,7 +262,7 @@ class World:
     def _finish_files(self) -> None:
         if self._files.has_rows:
             known = self._figures is not None or self.simulation.is_running
-            self._files.finish(self.metrics() if known else {})
+            self._files.finish(self.metrics() if known else {}, episode=self._episode)
 
 
 def _system_figures(traffic: TrafficReading) -> dict[str, float]:

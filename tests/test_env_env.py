@@ -152,6 +152,24 @@ def test_own_process_gives_the_same_and_leaves_nothing_running(make: Make) -> No
     assert not process.is_alive()
 
 
+def test_an_own_process_gives_an_episode_wherever_it_stands(make: Make) -> None:
+    # Left-turners of cologne1 block each other, and go in the order of their places in memory.
+    alone, after = (make("cologne1", num_seconds=3600, own_process=True) for _ in range(2))
+    for seed in (1, 2):
+        act_at_random(after, seed)
+    assert act_at_random(alone, 3) == act_at_random(after, 3)
+
+
+def act_at_random(env: TrafficSignalEnv, seed: int) -> list[float]:
+    """Run an episode; its rewards tell it from others."""
+    env.reset(seed=seed)
+    chance, rewards, ended = np.random.default_rng(seed), [], False
+    while not ended:
+        _, reward, _, ended, _ = env.step(chance.integers(env.action_space.n))
+        rewards.append(reward)
+    return rewards
+
+
 SCRIPT = """
 import dojo_env
 def paid(signal, before, now): return 1.0

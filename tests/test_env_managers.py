@@ -55,5 +55,5 @@ def test_close_reaches_every_manager_after_a_failure() -> None:
 
 
 def test_hooks_of_the_base_do_nothing_and_are_called_alike() -> None:
-    manager, turn = Manager(), Turn(seed=0)
+    manager, turn = Manager(), Turn(seed=0, episode=1)
     assert [getattr(manager, hook)(turn) for hook in HOOKS] == [None] * 5

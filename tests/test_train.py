@@ -79,7 +79,8 @@ def test_processes_end_wherever_a_step_was_interrupted(answered: int) -> None:
 def test_processes_start_with_what_takes_long_to_import() -> None:
     script = """
 import multiprocessing
-from learning.environments import LOADED_ONCE, open_environments
+from learning.environments import open_environments
+from learning.processes import LOADED_ONCE
 from learning.settings import Training
 
 if __name__ == "__main__":

@@ -6,9 +6,10 @@ from dataclasses import dataclass, field
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Turn:
-    """What the managers are told: the episode's seed, and what each agent wants in this interval."""
+    """What the managers are told: the episode's seed and number, and what each agent wants now."""
 
     seed: int
+    episode: int
     actions: Mapping[str, int] = field(default_factory=dict)
 
 

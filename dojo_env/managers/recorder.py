@@ -25,6 +25,7 @@ class RecorderManager(Manager):
 
     def reset(self, turn: Turn) -> None:
         """Record the first instant."""
+        self._episode = turn.episode
         self._recorder = Recorder(**self._origin, seed=turn.seed)
         self._recorder.add(self._simulation.read_snapshot())
 
@@ -44,5 +45,4 @@ class RecorderManager(Manager):
     def _write(self) -> None:
         recorder, self._recorder = self._recorder, Recorder()
         if len(recorder) > 1:
-            self._episode += 1
             recorder.write(Path(f"{self._stem}_ep{self._episode}.npz"))

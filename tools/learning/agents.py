@@ -22,7 +22,7 @@ class JointEnv(gymnasium.Env[Any, Any]):
 
     def __init__(self, env: TrafficSignalsEnv) -> None:
         """Take the signals' environment."""
-        self._env, self._agents = env, env.possible_agents
+        self._env, self._agents, self.world = env, env.possible_agents, env.world
         phases = [int(env.action_space(agent).n) for agent in self._agents]
         self.action_space = spaces.MultiDiscrete(phases)
         shapes = [env.observation_space(agent).shape or () for agent in self._agents]

@@ -1,81 +1,25 @@
 """The environments a policy learns in: each episode has a seed of its own, and tells its figures."""
 
-import contextlib
-import multiprocessing
-import os
-import signal
 from collections.abc import Mapping, Sequence
 from functools import partial
 from typing import Any
 
 import gymnasium
-import numpy as np
 from gymnasium import spaces
-from stable_baselines3.common.vec_env import SubprocVecEnv, VecEnv, VecTransposeImage
+from stable_baselines3.common.vec_env import VecEnv, VecTransposeImage
 
 from dojo_env.env import TrafficSignalEnv
 from dojo_env.parallel import TrafficSignalsEnv
 
 from .agents import AgentsVecEnv, JointEnv
+from .episodes import SeededEpisodes
+from .processes import Processes
 from .settings import Training
 
 FIRST_TRAINING_SEED = 1_000
 """The seeds below are for evaluation: the benchmark's, and from 500 those that choose the best policy."""
 VALIDATION_SEEDS = (500, 501, 502, 503)
 _SEEDS_PER_RUN = 1_000_000
-LOADED_ONCE = ["stable_baselines3", "libsumo", "dojo_env.parallel", "dojo_env.sensor_observations"]
-"""What takes seconds to import; processes are forks of one that has. It finds installed packages only."""
-_PIECE = 1 << 16
-"""Bytes that are read at once of an answer that nobody waits for."""
-
-
-class SeededEpisodes(gymnasium.Wrapper[Any, Any, Any, Any]):
-    """Begins each episode with the seed that follows, and adds its figures to the last step's info.
-
-    So a run that was interrupted between two episodes goes on with the same traffic.
-    """
-
-    def __init__(self, env: gymnasium.Env[Any, Any], first: int, stride: int) -> None:
-        """Count from the first seed in strides."""
-        super().__init__(env)
-        self._next, self._stride, self._earned = first, stride, 0.0
-
-    def reset(self, **_keywords: Any) -> tuple[Any, dict[str, Any]]:
-        """Begin the next episode."""
-        seed, self._next, self._earned = self._next, self._next + self._stride, 0.0
-        return self.env.reset(seed=seed)
-
-    def step(self, action: Any) -> tuple[Any, Any, bool, bool, dict[str, Any]]:
-        """Act; at the end of an episode, its figures come with it."""
-        seen, reward, terminated, truncated, info = self.env.step(action)
-        self._earned += float(np.mean(reward))
-        if truncated:
-            info["figures"] = {**self.env.unwrapped.metrics(), "reward": self._earned}
-        return seen, reward, terminated, truncated, info
-
-
-class Processes(SubprocVecEnv):
-    """Environments in processes that end whatever they were doing.
-
-    Where a step was interrupted, Stable-Baselines3 waits for an answer of each; of one that has answered
-    already it waits forever.
-    """
-
-    def close(self) -> None:
-        """Let each finish what it does, and end."""
-        if self.closed:
-            return
-        for remote in self.remotes:
-            with contextlib.suppress(BrokenPipeError):
-                remote.send(("close", None))
-        for remote, process in zip(self.remotes, self.processes, strict=True):
-            # As bytes: an answer may have been read in part.
-            with contextlib.suppress(ConnectionResetError):
-                while os.read(remote.fileno(), _PIECE):
-                    pass
-            process.join()
-            remote.close()
-        self.closed = True
 
 
 def open_environments(training: Training, *, done: int = 0) -> VecEnv:
@@ -142,15 +86,13 @@ def _start(makers: list[Any], training: Training) -> VecEnv:
         from dojo_env.encoders.vectorised import EncodedVecEnv
 
         encoder = load_encoder(training.encoder)
-    multiprocessing.set_forkserver_preload(LOADED_ONCE)
-    environments: VecEnv = Processes(makers, start_method="forkserver")
+    environments: VecEnv = Processes(makers)
     if training.agents != "single":
         environments = AgentsVecEnv(environments)
     return environments if encoder is None else EncodedVecEnv(environments, encoder)
 
 
 def _make(training: Training, first: int, stride: int, **changes: Any) -> SeededEpisodes:
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the learner, which closes us.
     keywords = {**training.environment, **changes}
     single = training.agents == "single"
     env = TrafficSignalEnv(**keywords) if single else JointEnv(TrafficSignalsEnv(**keywords))
