@@ -5,6 +5,7 @@ that was freed before. Episodes that begin in forks of one process find the same
 whenever it runs: alone, after others, or in a run that was interrupted.
 """
 
+import ctypes
 import os
 import signal
 import sys
@@ -17,6 +18,8 @@ from dojo_env.errors import SimulationError
 
 CAN_FORK = sys.platform == "linux"
 """Elsewhere libraries may not survive it, and calls happen here."""
+_WHEN_PARENT_DIES = 1
+"""Linux's PR_SET_PDEATHSIG."""
 
 
 def call_in_fork(function: Callable[..., Any], *arguments: Any) -> Any:
@@ -51,6 +54,7 @@ def call_in_fork(function: Callable[..., Any], *arguments: Any) -> Any:
 def _answer_and_end(pipe: Connection, function: Callable[..., Any], arguments: tuple[Any, ...]) -> NoReturn:
     """Send what a call returns or raises, and end without a word: all else here is the caller's."""
     try:
+        ctypes.CDLL(None).prctl(_WHEN_PARENT_DIES, signal.SIGTERM)
         try:
             pipe.send((None, function(*arguments)))
         except Exception as error:  # noqa: BLE001 - it is raised at the other end

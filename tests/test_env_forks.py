@@ -2,6 +2,8 @@
 
 import os
 import signal
+import subprocess
+import sys
 import threading
 from pathlib import Path
 
@@ -45,6 +47,23 @@ def test_a_death_is_told_and_leaves_no_zombie() -> None:
         call_in_fork(die)
     with pytest.raises(ChildProcessError):
         os.waitpid(-1, os.WNOHANG)
+
+
+def test_a_fork_ends_with_its_caller() -> None:
+    script = """
+import os, time
+from dojo_env.forks import call_in_fork
+def wait():
+    print(os.getpid(), flush=True)
+    time.sleep(600)
+call_in_fork(wait)
+"""
+    with subprocess.Popen([sys.executable, "-c", script], stdout=subprocess.PIPE, text=True) as running:
+        assert running.stdout is not None
+        fork = int(running.stdout.readline())
+        running.kill()
+        assert running.stdout.read() == ""  # The fork held its end, too.
+    assert not Path(f"/proc/{fork}/exe").exists()
 
 
 def test_an_interrupted_call_comes_to_its_end(tmp_path: Path) -> None:
