@@ -7,6 +7,7 @@ import contextlib
 import multiprocessing
 import sys
 from collections.abc import Mapping
+from contextlib import closing
 from multiprocessing.connection import Connection
 from multiprocessing.context import SpawnProcess
 from multiprocessing.reduction import ForkingPickler
@@ -16,7 +17,7 @@ from typing import Any
 
 from dojo_env.config import EnvConfig
 from dojo_env.errors import ConfigError, SimulationError
-from dojo_env.forks import call_in_fork
+from dojo_env.forks import CAN_FORK, call_in_fork
 from dojo_env.watching.views import Frame
 from dojo_env.world import Answer, World
 
@@ -164,7 +165,7 @@ def _serve(pipe: Connection, config: EnvConfig) -> None:
         return
     pipe.send((None, world.signals))
     call, is_prepared = _receive(pipe), False
-    with contextlib.suppress(SimulationError, KeyboardInterrupt):
+    with closing(world), contextlib.suppress(SimulationError, KeyboardInterrupt):
         while call[0] != "close":
             if call[0] not in _BEGINNINGS:
                 pipe.send(_answer(world, *call))
@@ -185,7 +186,8 @@ def _run_episode(world: World, pipe: Connection, call: Call) -> tuple[Call, Any]
             if call[0] in (*_BEGINNINGS, "close"):
                 break
     finally:
-        world.close()
+        if CAN_FORK:
+            world.close()  # Nobody else can: it writes what there is of the episode.
     return call, world.lasting
 
 
