@@ -91,9 +91,12 @@ class World:
             for signal in self.signals
         }
 
-    def prepare(self, seed: int = 0) -> None:
-        """Load and draw what episodes need, for those to find that begin in forks of this process."""
-        self.reset(seed)
+    def prepare(self) -> None:
+        """Load and draw what episodes need, for those to find that begin in forks of this process.
+
+        It begins one, always the same: what it leaves in memory is what they all begin with.
+        """
+        self.reset(seed=0)
         self.simulation.close()
         self._instant, self._episode = None, 0
 

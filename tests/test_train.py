@@ -6,8 +6,10 @@ import os
 import signal
 import subprocess
 import sys
+from contextlib import closing
 from functools import partial
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
@@ -17,6 +19,9 @@ from conftest import command_environment
 from dojo_env.errors import ConfigError
 from learning.settings import Training
 from train import add_arguments, choose_folder, main, read_arguments, read_pairs
+
+if TYPE_CHECKING:
+    from stable_baselines3.common.vec_env import VecEnv
 
 torch = pytest.importorskip("torch")
 pytest.importorskip("stable_baselines3")
@@ -74,6 +79,27 @@ def test_processes_end_wherever_a_step_was_interrupted(answered: int) -> None:
         os.read(remote.fileno(), 3 if answered == 2 else 1 << 20)
     running.close()
     assert not any(process.is_alive() for process in running.processes)
+
+
+def test_an_episode_is_the_same_in_a_run_that_goes_on() -> None:
+    # On cologne1 what was in memory before decides who goes first.
+    training = Training(algorithm="a2c", processes=1)
+
+    def run_from(begin: int) -> list[list[float]]:
+        with closing(environments.open_environments(training, done=begin * training.decisions)) as running:
+            running.reset()
+            return [act_at_random(running, number) for number in range(begin, 3)]
+
+    assert run_from(2) == run_from(0)[2:]
+
+
+def act_at_random(running: "VecEnv", number: int) -> list[float]:
+    """Run an episode in the one environment; its rewards tell it from others."""
+    chance, rewards, ended = np.random.default_rng(number), [], [False]
+    while not ended[0]:
+        _, reward, ended, _ = running.step([chance.integers(running.action_space.n)])
+        rewards.append(float(reward[0]))
+    return rewards
 
 
 def test_processes_start_with_what_takes_long_to_import() -> None:

@@ -29,7 +29,7 @@ class SeededEpisodes(gymnasium.Wrapper[Any, Any, Any, Any]):
 
     def prepare(self) -> None:
         """Do now what the next episodes would each do in a fork; see `World.prepare`."""
-        self.env.unwrapped.world.prepare(self._first)
+        self.env.unwrapped.world.prepare()
 
     def step(self, action: Any) -> tuple[Any, Any, bool, bool, dict[str, Any]]:
         """Act; at the end of an episode, its figures come with it."""
