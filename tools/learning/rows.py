@@ -35,7 +35,7 @@ OWN_SETTINGS: dict[tuple[str, str], dict[str, Any]] = {
     ("two-way", "PPO-BEV"): {"steps": 1_600_000, "reward": {**REWARD, "diff-waiting-time": 0.1}},
     ("two-way", "PPO-MV"): {"steps": 1_000_000, "reward": PATIENT},
     ("two-way", "PPO-BEV*"): {
-        "steps": 160_000,
+        "steps": 500_000,
         "reward": PATIENT,
         "hyperparameters": {"learning_rate": 0.001},
     },
@@ -45,7 +45,7 @@ OWN_SETTINGS: dict[tuple[str, str], dict[str, Any]] = {
     ("two-way", "DQN"): {"reward": GENTLE, "hyperparameters": {"n_steps": 6}},
     ("two-way", "DQN-BEV"): {"steps": 300_000},
     ("two-way", "DQN-MV"): {"steps": 80_000, "hyperparameters": {"n_steps": 1}},
-    ("two-way", "DQN-BEV*"): {"steps": 200_000},
+    ("two-way", "DQN-BEV*"): {"steps": 400_000},
     ("cologne3", "PPO-BEV shared"): {"steps": 80_000},
     ("cologne3", "PPO-BEV independent"): {"steps": 40_000},
     ("grid4x4", "PPO-F shared"): {"steps": 60_000},
