@@ -39,14 +39,17 @@ def test_what_cannot_be_sent_is_told() -> None:
         call_in_fork(threading.Lock)
 
 
-def test_a_death_is_told_and_leaves_no_zombie() -> None:
+def test_a_death_is_told_and_leaves_no_zombie(monkeypatch: pytest.MonkeyPatch) -> None:
     def die() -> None:
         os.kill(os.getpid(), signal.SIGKILL)
 
+    forked: list[int] = []
+    fork = os.fork
+    monkeypatch.setattr(os, "fork", lambda: forked.append(fork()) or forked[-1])
     with pytest.raises(SimulationError, match="died"):
         call_in_fork(die)
     with pytest.raises(ChildProcessError):
-        os.waitpid(-1, os.WNOHANG)
+        os.waitpid(forked[0], os.WNOHANG)
 
 
 def test_a_fork_ends_with_its_caller() -> None:
