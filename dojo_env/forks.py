@@ -1,8 +1,8 @@
 """Calls in a fork of this process: whatever a call does, this process and its memory stay as they were.
 
 SUMO lets vehicles that block each other go in the order of their places in memory, and those depend on all
-that was freed before. Episodes that begin in forks of one process find the same memory, so each is the same
-whenever it runs: alone, after others, or in a run that was interrupted.
+that was freed before. Episodes that begin in forks of one process find the same memory, so none depends on
+which ran before it, alone, after others, or in a run that was interrupted.
 """
 
 import ctypes
@@ -20,6 +20,8 @@ CAN_FORK = sys.platform == "linux"
 """Elsewhere libraries may not survive it, and calls happen here."""
 _WHEN_PARENT_DIES = 1
 """Linux's PR_SET_PDEATHSIG."""
+Call = tuple[str, Any]
+"""What is asked of a process that answers, by name, and what with."""
 
 
 def call_in_fork(function: Callable[..., Any], *arguments: Any) -> Any:
@@ -61,3 +63,12 @@ def _answer_and_end(pipe: Connection, function: Callable[..., Any], arguments: t
             pipe.send((error, None))
     finally:
         os._exit(0)
+
+
+def receive_call(pipe: Connection) -> Call:
+    """Wait for a call; who is gone wants us to close."""
+    try:
+        name, arguments = pipe.recv()
+    except (EOFError, OSError, KeyboardInterrupt):
+        return "close", ()
+    return name, arguments

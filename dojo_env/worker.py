@@ -17,7 +17,7 @@ from typing import Any
 
 from dojo_env.config import EnvConfig
 from dojo_env.errors import ConfigError, SimulationError
-from dojo_env.forks import CAN_FORK, call_in_fork
+from dojo_env.forks import CAN_FORK, Call, call_in_fork, receive_call
 from dojo_env.watching.views import Frame
 from dojo_env.world import Answer, World
 
@@ -26,9 +26,6 @@ _PATIENCE = 10.0
 _BEGINNINGS = ("reset", "restore")
 """What begins an episode."""
 _DIED = "the simulation's process has died; make a new environment"
-
-Call = tuple[str, tuple[Any, ...]]
-"""A method's name and its arguments."""
 
 
 def open_world(config: EnvConfig, *, own_process: bool) -> Any:
@@ -164,12 +161,12 @@ def _serve(pipe: Connection, config: EnvConfig) -> None:
         pipe.send((error, None))
         return
     pipe.send((None, world.signals))
-    call, is_prepared = _receive(pipe), False
+    call, is_prepared = receive_call(pipe), False
     with closing(world), contextlib.suppress(SimulationError, KeyboardInterrupt):
         while call[0] != "close":
             if call[0] not in _BEGINNINGS:
                 pipe.send(_answer(world, *call))
-                call = _receive(pipe)
+                call = receive_call(pipe)
                 continue
             if not is_prepared:
                 _answer(world, "prepare", ())  # What fails, the episode will tell.
@@ -182,19 +179,10 @@ def _run_episode(world: World, pipe: Connection, call: Call) -> tuple[Call, Any]
     try:
         while True:
             pipe.send(_answer(world, *call))
-            call = _receive(pipe)
+            call = receive_call(pipe)
             if call[0] in (*_BEGINNINGS, "close"):
                 break
     finally:
         if CAN_FORK:
             world.close()  # Nobody else can: it writes what there is of the episode.
     return call, world.lasting
-
-
-def _receive(pipe: Connection) -> Call:
-    """Wait for a call; who is gone wants us to close."""
-    try:
-        name, arguments = pipe.recv()
-    except (EOFError, OSError, KeyboardInterrupt):
-        return "close", ()
-    return name, arguments

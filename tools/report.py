@@ -80,9 +80,10 @@ too, so that trips are short and nobody is forgotten; and the algorithms' settin
 encoder is a small one that runs on a plain CPU.
 - Policies are evaluated without exploration.
 - Left-turners of cologne1 block each other, and SUMO lets them go in an order that depends on what ran \
-before in the same process. So each episode runs in a fork, and a command gives the same figures again. Of \
-the trainings on cologne1 that are kept here only PPO-F, DQN-F and A2C-BEV are younger than that: run again, \
-the others differ by a few percent, and A2C-F may jam in one of the hours.
+before in the same process. So each episode runs in a fork, and with `setarch -R` before it a command \
+gives the same figures again. Of the trainings on cologne1 that are kept here only PPO-F, DQN-F and \
+A2C-BEV are younger than that: run again, the others differ by a few percent, and A2C-F may \
+jam in one of the hours.
 """
 _AGAIN = """`python tools/report.py` writes this page, its tables and pictures anew from the rows' files. \
 The commands below make the rows; one that is there with the same settings is not run again, so delete its \

@@ -65,7 +65,7 @@ def read_weights() -> Weights:
 
 
 def build_network(weights: Weights) -> bytes:
-    """Write the first blocks as an ONNX network: (n, 3, 224, 224) to `_PLACES` squared of 40 channels.
+    """Write the first blocks as an ONNX network: (n, 3, 224, 224) to `_PLACES` x `_PLACES` of 40 channels.
 
     One average over the whole map could not tell where in the picture a queue stands.
     """

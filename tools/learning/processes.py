@@ -16,7 +16,7 @@ from stable_baselines3.common.vec_env import SubprocVecEnv, VecEnv
 from stable_baselines3.common.vec_env.base_vec_env import VecEnvIndices
 
 from dojo_env.errors import SimulationError
-from dojo_env.forks import call_in_fork
+from dojo_env.forks import call_in_fork, receive_call
 
 from .episodes import SeededEpisodes
 
@@ -96,12 +96,12 @@ def _deaths_told() -> Iterator[None]:
 
 
 def _serve(pipe: Connection, make: Callable[[], SeededEpisodes]) -> None:
-    """Answer as Stable-Baselines3's processes do. This process simulates nothing, its forks do."""
+    """Answer as Stable-Baselines3's processes do. Once it is prepared, this one only waits for its forks."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the learner, which closes us.
     env = make()
     env.prepare()
     pipe.send((env.observation_space, env.action_space))
-    (command, _), ended, number = _receive(pipe), None, 0
+    (command, _), ended, number = receive_call(pipe), None, 0
     while command == "reset":
         command, ended = call_in_fork(_run_episode, env, number, pipe, ended)
         number += 1
@@ -117,7 +117,7 @@ def _run_episode(env: SeededEpisodes, number: int, pipe: Connection, ended: Any)
     seen, told = env.reset()
     pipe.send((seen, told) if ended is None else (seen, *ended, told))
     while True:
-        command, action = _receive(pipe)
+        command, action = receive_call(pipe)
         if command != "step":
             return command, None
         seen, reward, _, is_over, info = env.step(action)
@@ -126,12 +126,3 @@ def _run_episode(env: SeededEpisodes, number: int, pipe: Connection, ended: Any)
             info["terminal_observation"] = seen
             return "reset", (reward, True, info)
         pipe.send((seen, reward, False, info, {}))
-
-
-def _receive(pipe: Connection) -> tuple[str, Any]:
-    """Wait for a command; who is gone wants us to close."""
-    try:
-        command, data = pipe.recv()
-    except EOFError:
-        return "close", None
-    return command, data
