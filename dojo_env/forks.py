@@ -1,15 +1,18 @@
-"""Calls in a fork of this process: whatever a call does, this process and its memory stay as they were.
+"""Processes whose calls run in forks: whatever a call does, their own memory stays as it was.
 
 SUMO lets vehicles that block each other go in the order of their places in memory, and those depend on all
-that was freed before. Episodes that begin in forks of one process find the same memory, so none depends on
-which ran before it, alone, after others, or in a run that was interrupted.
+that was freed before. An episode that begins in a fork, in a thread of its own, to which glibc gives empty
+memory, depends on none of it: not on which ran before, in a run that was interrupted, or in another process.
+Only a process that we started for it forks: a fork of another may wait forever for one of its threads.
 """
 
+import contextlib
 import ctypes
 import os
 import signal
 import sys
-from collections.abc import Callable
+import threading
+from collections.abc import Callable, Iterator
 from multiprocessing import Pipe
 from multiprocessing.connection import Connection
 from typing import Any, NoReturn
@@ -20,8 +23,33 @@ CAN_FORK = sys.platform == "linux"
 """Elsewhere libraries may not survive it, and calls happen here."""
 _WHEN_PARENT_DIES = 1
 """Linux's PR_SET_PDEATHSIG."""
+_INTERRUPT = {signal.SIGINT}
 Call = tuple[str, Any]
 """What is asked of a process that answers, by name, and what with."""
+
+
+@contextlib.contextmanager
+def interrupts_wait() -> Iterator[None]:
+    """Keep interrupts from programs that start here until they `take_interrupts`."""
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, _INTERRUPT) if CAN_FORK else ()
+    try:
+        yield
+    finally:
+        if CAN_FORK:
+            signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+def take_interrupts() -> None:
+    """Be interrupted from here on, but once: a second time would disturb what is written then."""
+    if signal.getsignal(signal.SIGINT) is not signal.SIG_IGN:
+        signal.signal(signal.SIGINT, _interrupt_once)
+    if CAN_FORK:
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, _INTERRUPT)
+
+
+def _interrupt_once(*_: object) -> NoReturn:
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    raise KeyboardInterrupt
 
 
 def call_in_fork(function: Callable[..., Any], *arguments: Any) -> Any:
@@ -37,8 +65,8 @@ def call_in_fork(function: Callable[..., Any], *arguments: Any) -> Any:
     process = os.fork()
     if process == 0:
         _answer_and_end(theirs, function, arguments)
-    theirs.close()
     try:
+        theirs.close()
         error, value = mine.recv()
     except EOFError as problem:
         raise SimulationError("the simulation's process has died") from problem
@@ -57,12 +85,32 @@ def _answer_and_end(pipe: Connection, function: Callable[..., Any], arguments: t
     """Send what a call returns or raises, and end without a word: all else here is the caller's."""
     try:
         ctypes.CDLL(None).prctl(_WHEN_PARENT_DIES, signal.SIGTERM)
+        is_done = threading.Event()  # A join that was interrupted cannot be repeated.
+        thread = threading.Thread(target=_answer, args=(is_done, pipe, function, arguments))
+        signal.pthread_sigmask(signal.SIG_BLOCK, _INTERRUPT)
+        thread.start()
         try:
-            pipe.send((None, function(*arguments)))
-        except Exception as error:  # noqa: BLE001 - it is raised at the other end
-            pipe.send((error, None))
+            signal.pthread_sigmask(signal.SIG_UNBLOCK, _INTERRUPT)
+            is_done.wait()
+        except KeyboardInterrupt:
+            interrupt = ctypes.py_object(KeyboardInterrupt)
+            ctypes.pythonapi.PyThreadState_SetAsyncExc(ctypes.c_ulong(thread.ident or 0), interrupt)
+            is_done.wait()
     finally:
         os._exit(0)
+
+
+def _answer(
+    is_done: threading.Event, pipe: Connection, function: Callable[..., Any], arguments: tuple[Any, ...]
+) -> None:
+    try:
+        pipe.send((None, function(*arguments)))
+    except Exception as error:  # noqa: BLE001 - it is raised at the other end
+        pipe.send((error, None))
+    except KeyboardInterrupt:
+        pass  # Who asks has been interrupted, too.
+    finally:
+        is_done.set()
 
 
 def receive_call(pipe: Connection) -> Call:

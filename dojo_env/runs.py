@@ -2,22 +2,17 @@
 
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack, closing
-from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from dojo_env.config import build_config
-from dojo_env.controllers import Controller, make_controller
-from dojo_env.forks import call_in_fork
+from dojo_env.controllers import make_controller
 from dojo_env.metrics import SIX
 from dojo_env.watch import FilmShow
 from dojo_env.watching.video import Video
-from dojo_env.world import World
-
-Outcome = tuple[list[dict[str, Any]], dict[str, Any], Any]
-"""What `info` told at each decision of an episode, its figures, and what the world leaves to the next."""
+from dojo_env.worker import open_world
 
 
 def run_controller(
@@ -31,7 +26,8 @@ def run_controller(
 ) -> list[dict[str, Any]]:
     """Run an episode per seed; returns the figures of each.
 
-    Each runs in a fork, so that it does not matter which ran before; but where a video shows them.
+    They run in a process of their own, so that it does not matter what ran before; but where a video shows
+    them.
 
     Args:
         name: of the controller.
@@ -50,34 +46,17 @@ def run_controller(
     figures = []
     with ExitStack() as stack:
         film = stack.enter_context(Video(video)) if video is not None else None
-        world = stack.enter_context(closing(World(config)))
+        world = stack.enter_context(closing(open_world(config, own_process=film is None)))
         if film is not None:
             title = f"{config.scenario.name}, {name}"
             world.watch(FilmShow(world.eyes, world.map.plans, title, film).add)
-        run = _run_episode if film is not None else partial(call_in_fork, _run_episode)
         for seed in seeds:
-            infos, found, world.lasting = run(world, controller, seed)
+            infos, found = world.run(controller, seed)
             for info in infos:
                 on_step(info)
             on_episode(found)
             figures.append(found)
     return figures
-
-
-def _run_episode(world: World, controller: Controller, seed: int) -> Outcome:
-    """Run an episode to its end."""
-    infos: list[dict[str, Any]] = []
-    controller.reset(seed)
-    world.reset(seed)
-    ended = False
-    try:
-        while not ended:
-            _, _, ended, info = world.step(controller.act(world.instant))
-            infos.append(info)
-    except BaseException:
-        world.close()  # What there is of the episode is written by whose fork it is.
-        raise
-    return infos, world.metrics(), world.lasting
 
 
 def summarize(figures: Sequence[dict[str, Any]]) -> dict[str, dict[str, float]]:

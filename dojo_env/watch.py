@@ -121,11 +121,7 @@ def watch(controller: str, *, seed: int = 0, port: int = 0, browser: bool = True
         show = LiveShow(world.eyes, world.map.plans, title, port=port, browser=browser)
         with closing(show):
             world.watch(show.add)
-            acts.reset(seed)
-            world.reset(seed)
-            ended = False
-            while not ended:
-                _, _, ended, _ = world.step(acts.act(world.instant))
+            world.run(acts, seed)
             show.hold()
 
 

@@ -5,6 +5,8 @@ Each episode runs in a fork of that process, so it is the same whatever came bef
 
 import contextlib
 import multiprocessing
+import os
+import signal
 import sys
 from collections.abc import Mapping
 from contextlib import closing
@@ -16,14 +18,22 @@ from types import ModuleType
 from typing import Any
 
 from dojo_env.config import EnvConfig
+from dojo_env.controllers import Controller
 from dojo_env.errors import ConfigError, SimulationError
-from dojo_env.forks import CAN_FORK, Call, call_in_fork, receive_call
+from dojo_env.forks import (
+    CAN_FORK,
+    Call,
+    call_in_fork,
+    interrupts_wait,
+    receive_call,
+    take_interrupts,
+)
 from dojo_env.watching.views import Frame
-from dojo_env.world import Answer, World
+from dojo_env.world import Answer, Episode, World
 
 _PATIENCE = 10.0
 """Seconds that a process gets to end by itself."""
-_BEGINNINGS = ("reset", "restore")
+_BEGINNINGS = ("reset", "restore", "run")
 """What begins an episode."""
 _DIED = "the simulation's process has died; make a new environment"
 
@@ -73,6 +83,11 @@ class WorldProcess:
         found: Answer = self._call("step", dict(actions))
         return found
 
+    def run(self, controller: Controller, seed: int) -> Episode:
+        """See `World`."""
+        found: Episode = self._call("run", controller, seed)
+        return found
+
     def draw(self, signal: str | None = None) -> Frame:
         """See `World`."""
         found: Frame = self._call("draw", signal)
@@ -106,6 +121,12 @@ class WorldProcess:
             process.kill()
             process.join()
 
+    def _interrupt(self) -> None:
+        """Close at once, but let it write what there is of the episode."""
+        if self._process is not None and self._process.pid is not None:
+            os.kill(self._process.pid, signal.SIGINT)
+        self.close()
+
     def _call(self, name: str, *arguments: Any) -> Any:
         if self._process is None:
             raise SimulationError("the environment is closed; make a new one")
@@ -120,6 +141,9 @@ class WorldProcess:
             error, value = self._pipe.recv()
         except (EOFError, OSError) as problem:
             raise SimulationError(died) from problem
+        except KeyboardInterrupt:
+            self._interrupt()
+            raise
         if error is not None:
             raise error
         return value
@@ -141,7 +165,8 @@ def _start(process: SpawnProcess, config: EnvConfig) -> None:
     if b"__main__" not in sent:
         sys.modules["__main__"] = ModuleType("__main__")
     try:
-        process.start()
+        with interrupts_wait():
+            process.start()
     finally:
         sys.modules["__main__"] = script
 
@@ -155,23 +180,29 @@ def _answer(world: World, name: str, arguments: tuple[Any, ...]) -> tuple[Except
 
 def _serve(pipe: Connection, config: EnvConfig) -> None:
     """Answer calls until told to close, or until the other end is gone; forks answer for their episodes."""
-    try:
-        world = World(config)
-    except Exception as error:  # noqa: BLE001 - it is raised at the other end
-        pipe.send((error, None))
-        return
-    pipe.send((None, world.signals))
+    with contextlib.suppress(KeyboardInterrupt, SimulationError):
+        take_interrupts()
+        try:
+            world = World(config)
+        except Exception as error:  # noqa: BLE001 - it is raised at the other end
+            pipe.send((error, None))
+            return
+        with closing(world):
+            pipe.send((None, world.signals))
+            _answer_calls(world, pipe)
+
+
+def _answer_calls(world: World, pipe: Connection) -> None:
     call, is_prepared = receive_call(pipe), False
-    with closing(world), contextlib.suppress(SimulationError, KeyboardInterrupt):
-        while call[0] != "close":
-            if call[0] not in _BEGINNINGS:
-                pipe.send(_answer(world, *call))
-                call = receive_call(pipe)
-                continue
-            if not is_prepared:
-                _answer(world, "prepare", ())  # What fails, the episode will tell.
-                is_prepared = True
-            call, world.lasting = call_in_fork(_run_episode, world, pipe, call)
+    while call[0] != "close":
+        if call[0] not in _BEGINNINGS:
+            pipe.send(_answer(world, *call))
+            call = receive_call(pipe)
+            continue
+        if not is_prepared:
+            _answer(world, "prepare", ())  # What fails, the episode will tell.
+            is_prepared = True
+        call, world.lasting = call_in_fork(_run_episode, world, pipe, call)
 
 
 def _run_episode(world: World, pipe: Connection, call: Call) -> tuple[Call, Any]:

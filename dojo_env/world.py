@@ -10,6 +10,7 @@ from typing import Any
 from gymnasium import spaces
 
 from dojo_env.config import EnvConfig
+from dojo_env.controllers import Controller
 from dojo_env.episode_files import EpisodeFiles
 from dojo_env.errors import ConfigError, EpisodeOverError, SimulationError
 from dojo_env.eyes import Eyes
@@ -33,6 +34,7 @@ from dojo_env.watching.views import Frame, choose_cameras, draw_views
 SIGNAL_FIGURES = ("stopped", "accumulated_waiting_time", "average_speed", "phase")
 """What `info` tells of each signal, after its id."""
 Answer = tuple[dict[str, Any], dict[str, float], bool, dict[str, Any]]
+Episode = tuple[list[dict[str, Any]], dict[str, Any]]
 
 
 class World:
@@ -152,6 +154,19 @@ class World:
             self._finish_files()
             self.simulation.is_over = True
         return answer
+
+    def run(self, controller: Controller, seed: int) -> Episode:
+        """Run a whole episode; returns what `info` told at each decision, and its figures.
+
+        Raises:
+            SimulationError: SUMO refuses the input.
+        """
+        controller.reset(seed)
+        self.reset(seed)
+        infos: list[dict[str, Any]] = []
+        while not self._ended:
+            infos.append(self.step(controller.act(self.instant))[3])
+        return infos, self.metrics()
 
     def draw(self, signal: str | None = None) -> Frame:
         """Draw what there is to see of the present decision, or of one signal, with the figures of all."""

@@ -1,10 +1,13 @@
 """The command `dojo-env`."""
 
 import json
+import os
 import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
+from typing import Any
 
 import pytest
 from conftest import command_environment
@@ -90,3 +93,31 @@ def test_who_reads_only_the_first_line_is_not_told_of_a_failure(command: str) ->
     assert not done.stderr
     assert len(done.stdout.splitlines()) == 1
     assert done.returncode in {0, 128 + signal.SIGPIPE}
+
+
+def count_group(leader: int) -> int:
+    """Count the processes of a group."""
+
+    def is_of_it(process: str) -> bool:
+        try:
+            return os.getpgid(int(process)) == leader
+        except ProcessLookupError:
+            return False
+
+    return sum(is_of_it(path.name) for path in Path("/proc").iterdir() if path.name.isdigit())
+
+
+@pytest.mark.parametrize("send", [os.kill, os.killpg])  # As a program does, and as a terminal.
+def test_an_interrupted_run_writes_what_there_is_of_its_episode(send: Any, tmp_path: Path) -> None:
+    command = [sys.executable, "-m", "dojo_env.cli", "run", "--scenario", "two-way", "--controller", "random",
+               "--seconds", "200000", "--csv", tmp_path / "run", "--record", tmp_path / "run"]  # fmt: skip
+    with subprocess.Popen(
+        command, stderr=subprocess.PIPE, text=True, env=command_environment(), start_new_session=True
+    ) as running:
+        while count_group(running.pid) < 4 and running.poll() is None:  # One counts what multiprocessing has.
+            time.sleep(0.1)
+        time.sleep(3)
+        send(running.pid, signal.SIGINT)
+        _, said = running.communicate(timeout=60)
+    assert (running.returncode, said) == (130, "dojo-env: interrupted\n")
+    assert sorted(path.suffix for path in tmp_path.iterdir()) == [".csv", ".json", ".npz"]

@@ -153,7 +153,7 @@ def test_own_process_gives_the_same_and_leaves_nothing_running(make: Make) -> No
 
 
 def test_an_own_process_gives_an_episode_wherever_it_stands(make: Make) -> None:
-    alone, after = (make("two-way", num_seconds=600, own_process=True) for _ in range(2))
+    alone, after = (make("cologne1", num_seconds=3600, own_process=True) for _ in range(2))
     for seed in (1, 2):
         act_at_random(after, seed)
     assert act_at_random(alone, 3) == act_at_random(after, 3)

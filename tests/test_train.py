@@ -82,7 +82,7 @@ def test_processes_end_wherever_a_step_was_interrupted(answered: int) -> None:
 
 
 def test_an_episode_is_the_same_in_a_run_that_goes_on() -> None:
-    training = Training(scenario="two-way", algorithm="a2c", processes=1, seconds=600)
+    training = Training(algorithm="a2c", processes=1)
 
     def run_from(begin: int) -> list[list[float]]:
         with closing(environments.open_environments(training, done=begin * training.decisions)) as running:
