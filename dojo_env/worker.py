@@ -1,6 +1,6 @@
 """A world in a process of its own: libsumo holds one simulation per process, so this makes room for more.
 
-Each episode runs in a fork of that process, so it is the same whatever came before it.
+Each episode runs in a fork of that process, so it is the same whatever came before it; see `forks`.
 """
 
 import contextlib

@@ -96,7 +96,7 @@ class World:
     def prepare(self) -> None:
         """Load and draw what episodes need, for those to find that begin in forks of this process.
 
-        It begins one, always the same: what it leaves in memory is what they all begin with.
+        It begins one, and ends it.
         """
         self.reset(seed=0)
         self.simulation.close()
