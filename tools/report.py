@@ -79,11 +79,10 @@ too, so that trips are short and nobody is forgotten; and the algorithms' settin
 - Images are drawn by another renderer and are smaller, so that a laptop can train in hours; the frozen \
 encoder is a small one that runs on a plain CPU.
 - Policies are evaluated without exploration.
-- Left-turners of cologne1 block each other, and SUMO lets them go in an order that depends on what ran \
-before in the same process. So each episode runs in a fork, and with `setarch -R` before it a command \
-gives the same figures again. Of the trainings on cologne1 that are kept here only PPO-F, DQN-F and \
-A2C-BEV are younger than that: run again, the others differ by a few percent, and A2C-F may \
-jam in one of the hours.
+- Left-turners of cologne1 block each other, and SUMO lets them go in an order that depends on where its \
+objects lie in memory. So each episode runs in empty memory, and a command gives the same figures again. \
+Seven of cologne1's trainings are older than that: DQN-BEV, PPO-BEV, PPO-MV, A2C-MV and the three with \
+encoders. Run again, they differ by a few percent.
 """
 _AGAIN = """`python tools/report.py` writes this page, its tables and pictures anew from the rows' files. \
 The commands below make the rows; one that is there with the same settings is not run again, so delete its \
