@@ -32,6 +32,22 @@ print(returned, held, process != os.getpid())
     assert run_script(script) == "[3] [] True"
 
 
+def test_a_call_finds_empty_memory() -> None:
+    script = """
+import ctypes, random
+libc = ctypes.CDLL(None)
+libc.malloc.restype, libc.free.argtypes = ctypes.c_void_p, [ctypes.c_void_p]
+def is_in_order():
+    places = [libc.malloc(600) for _ in range(100)]
+    return places == sorted(places)
+used = [libc.malloc(600) for _ in range(1000)]
+for place in random.Random(1).sample(used, 500):
+    libc.free(place)
+print(call_in_fork(is_in_order), is_in_order())
+"""
+    assert run_script(script) == "True False"
+
+
 def test_what_a_call_raises_is_raised() -> None:
     script = """
 def fail():
