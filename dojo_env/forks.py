@@ -13,7 +13,7 @@ import signal
 import sys
 import threading
 from collections.abc import Callable, Iterator
-from multiprocessing import Pipe
+from multiprocessing import Pipe, resource_tracker
 from multiprocessing.connection import Connection
 from typing import Any, NoReturn
 
@@ -31,12 +31,15 @@ Call = tuple[str, Any]
 @contextlib.contextmanager
 def interrupts_wait() -> Iterator[None]:
     """Keep interrupts from programs that start here until they `take_interrupts`."""
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, _INTERRUPT) if CAN_FORK else ()
+    if not CAN_FORK:
+        yield
+        return
+    resource_tracker.ensure_running()  # Its start would let interrupts through again.
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, _INTERRUPT)
     try:
         yield
     finally:
-        if CAN_FORK:
-            signal.pthread_sigmask(signal.SIG_SETMASK, before)
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def take_interrupts() -> None:
