@@ -21,8 +21,8 @@ from dojo_env.errors import SimulationError
 
 CAN_FORK = sys.platform == "linux"
 """Elsewhere libraries may not survive it, and calls happen here."""
-_WHEN_PARENT_DIES = 1
-"""Linux's PR_SET_PDEATHSIG."""
+_HEARTBEAT = 1.0
+"""Seconds after which a fork looks whether its caller is still there."""
 _INTERRUPT = {signal.SIGINT}
 Call = tuple[str, Any]
 """What is asked of a process that answers, by name, and what with."""
@@ -65,9 +65,9 @@ def call_in_fork(function: Callable[..., Any], *arguments: Any) -> Any:
     if not CAN_FORK:
         return function(*arguments)
     mine, theirs = Pipe(duplex=False)
-    process = os.fork()
+    caller, process = os.getpid(), os.fork()
     if process == 0:
-        _answer_and_end(theirs, function, arguments)
+        _answer_and_end(caller, theirs, function, arguments)
     try:
         theirs.close()
         error, value = mine.recv()
@@ -84,36 +84,41 @@ def call_in_fork(function: Callable[..., Any], *arguments: Any) -> Any:
     return value
 
 
-def _answer_and_end(pipe: Connection, function: Callable[..., Any], arguments: tuple[Any, ...]) -> NoReturn:
+def _answer_and_end(
+    caller: int, pipe: Connection, function: Callable[..., Any], arguments: tuple[Any, ...]
+) -> NoReturn:
     """Send what a call returns or raises, and end without a word: all else here is the caller's."""
+    is_done = threading.Event()
+
+    def answer() -> None:
+        try:
+            pipe.send((None, function(*arguments)))
+        except Exception as error:  # noqa: BLE001 - it is raised at the other end
+            pipe.send((error, None))
+        except KeyboardInterrupt:
+            pass  # Who asks has been interrupted, too.
+        finally:
+            is_done.set()
+
     try:
-        ctypes.CDLL(None).prctl(_WHEN_PARENT_DIES, signal.SIGTERM)
-        is_done = threading.Event()  # A join that was interrupted cannot be repeated.
-        thread = threading.Thread(target=_answer, args=(is_done, pipe, function, arguments))
+        thread = threading.Thread(target=answer)
         signal.pthread_sigmask(signal.SIG_BLOCK, _INTERRUPT)
         thread.start()
         try:
             signal.pthread_sigmask(signal.SIG_UNBLOCK, _INTERRUPT)
-            is_done.wait()
+            _wait(is_done, caller)
         except KeyboardInterrupt:
             interrupt = ctypes.py_object(KeyboardInterrupt)
             ctypes.pythonapi.PyThreadState_SetAsyncExc(ctypes.c_ulong(thread.ident or 0), interrupt)
-            is_done.wait()
+            _wait(is_done, caller)
     finally:
         os._exit(0)
 
 
-def _answer(
-    is_done: threading.Event, pipe: Connection, function: Callable[..., Any], arguments: tuple[Any, ...]
-) -> None:
-    try:
-        pipe.send((None, function(*arguments)))
-    except Exception as error:  # noqa: BLE001 - it is raised at the other end
-        pipe.send((error, None))
-    except KeyboardInterrupt:
-        pass  # Who asks has been interrupted, too.
-    finally:
-        is_done.set()
+def _wait(is_done: threading.Event, caller: int) -> None:
+    """Wait until it is done, or nobody asks for it. A join that was interrupted cannot be repeated."""
+    while not is_done.wait(_HEARTBEAT) and os.getppid() == caller:
+        pass
 
 
 def receive_call(pipe: Connection) -> Call:
