@@ -27,10 +27,13 @@ from dojo_env.watching.video import Video
 from dojo_env.watching.views import Frame, choose_cameras, draw_views
 from dojo_env.world import World
 from dojo_maps.bundle import Bundle
+from dojo_maps.progress import Progress
 
 Plans = Mapping[str, SignalPlan]
 _LOOKS: Mapping[str, Any] = {"show_links": True, "smooth": True, "width": 480, "height": 344}
 """How people see it, rather than agents."""
+_TOLD_EVERY = 300
+"""Seconds of a film."""
 
 
 class LiveShow:
@@ -95,6 +98,7 @@ class FilmShow:
         self._eyes, self._title, self._video = eyes, title, video
         self._plans, self._scores = plans, Scoreboard(plans)
         self._history: list[Board] = []
+        self._progress, self._seconds = Progress(), 0
 
     def add(self, snapshot: Snapshot) -> None:
         """Add a second."""
@@ -105,6 +109,9 @@ class FilmShow:
         frame = Frame(board=board, views=views)
         self._video.add(draw_poster(frame, title=self._title, history=self._history))
         self._history.append(board)
+        self._seconds += 1
+        if self._seconds % _TOLD_EVERY == 0:
+            self._progress(f"{self._seconds:,} seconds drawn")
 
 
 def watch(controller: str, *, seed: int = 0, port: int = 0, browser: bool = True, **keywords: Any) -> None:

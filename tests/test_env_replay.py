@@ -3,7 +3,10 @@
 import hashlib
 import itertools
 import json
+import os
 import pickle
+import pty
+import re
 import subprocess
 import sys
 import warnings
@@ -138,6 +141,18 @@ def test_run_films_every_second(suffix: str, tmp_path: Path, capfd: pytest.Captu
     assert main([*arguments, "--video", str(target)]) == 0
     assert list(tmp_path.iterdir()) == [target]
     assert count_frames(target) == (31, 1456, 658)
+
+
+def test_a_long_film_tells_a_terminal_how_far_it_is(tmp_path: Path) -> None:
+    command = [sys.executable, "-m", "dojo_env.cli", "run", "--scenario", "two-way", "--controller", "sotl"]
+    command += ["--seconds", "300", "--video", str(tmp_path / "out.mp4")]
+    ours, theirs = pty.openpty()
+    done = subprocess.run(command, env=command_environment(), stderr=theirs, timeout=300, check=False)
+    said = os.read(ours, 10_000).decode()
+    os.close(theirs)
+    os.close(ours)
+    assert done.returncode == 0, said
+    assert re.search(r"\d s  300 seconds drawn", said)
 
 
 def count_frames(path: Path) -> tuple[int, int, int]:
