@@ -80,8 +80,7 @@ too, so that trips are short and nobody is forgotten; and the algorithms' settin
 encoder is a small one that runs on a plain CPU.
 - Policies are evaluated without exploration.
 - Left-turners of cologne1 block each other, and SUMO lets them go in an order that depends on where its \
-objects lie in memory. So each episode runs in empty memory, and a command gives the same figures again. \
-One of cologne1's trainings is older than that, DQN-BEV*: run again, it differs by a few percent.
+objects lie in memory. So each episode runs in empty memory, and a command gives the same figures again.
 """
 _AGAIN = """`python tools/report.py` writes this page, its tables and pictures anew from the rows' files. \
 The commands below make the rows; one that is there with the same settings is not run again, so delete its \

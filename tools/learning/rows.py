@@ -31,6 +31,7 @@ OWN_SETTINGS: dict[tuple[str, str], dict[str, Any]] = {
     ("cologne1", "PPO-BEV"): {"steps": 400_000},
     ("cologne1", "DQN-MV"): {"steps": 50_000},
     ("cologne1", "PPO-BEV*"): {"steps": 100_000},
+    ("cologne1", "DQN-BEV*"): {"steps": 120_000},
     ("cologne1", "A2C-F"): {"reward": PATIENT, "hyperparameters": BOLD},
     ("cologne1", "A2C-BEV*"): {"reward": PATIENT, "hyperparameters": BOLD},
     ("two-way", "PPO-BEV"): {"steps": 1_600_000, "reward": {**REWARD, "diff-waiting-time": 0.1}},
