@@ -51,6 +51,7 @@ OWN_SETTINGS: dict[tuple[str, str], dict[str, Any]] = {
     ("cologne3", "PPO-BEV shared"): {"steps": 80_000},
     ("cologne3", "PPO-BEV independent"): {"steps": 40_000},
     ("grid4x4", "PPO-F shared"): {"steps": 60_000},
+    ("grid4x4", "PPO-F independent"): {"steps": 100_000, "hyperparameters": {"learning_rate": 0.001}},
     ("grid4x4", "PPO-BEV shared"): {"steps": 20_000},
 }
 """What sets rows apart on one scenario: all that learn, an algorithm's, or one.
