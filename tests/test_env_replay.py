@@ -148,8 +148,8 @@ def test_a_long_film_tells_a_terminal_how_far_it_is(tmp_path: Path) -> None:
     command += ["--seconds", "300", "--video", str(tmp_path / "out.mp4")]
     ours, theirs = pty.openpty()
     done = subprocess.run(command, env=command_environment(), stderr=theirs, timeout=300, check=False)
+    os.close(theirs)  # Else a read of nothing would wait forever.
     said = os.read(ours, 10_000).decode()
-    os.close(theirs)
     os.close(ours)
     assert done.returncode == 0, said
     assert re.search(r"\d s  300 seconds drawn", said)
