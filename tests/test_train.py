@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 torch = pytest.importorskip("torch")
 pytest.importorskip("stable_baselines3")
 environments = pytest.importorskip("learning.environments")
+models = pytest.importorskip("learning.models")
 
 QUICK = {
     "ppo": ["--scenario", "two-way", "--algorithm", "ppo", "--set", "n_steps=24", "batch_size=24"],
@@ -65,6 +66,21 @@ def test_interrupted_run_goes_on_to_the_same_result(kind: str, tmp_path: Path) -
     with (whole / "curve.csv").open() as file:
         parts = [row["part"] for row in csv.DictReader(file)]
     assert parts.count("validation") == 3
+
+
+def test_a_checkpoint_takes_no_memory_until_it_is_used(tmp_path: Path) -> None:
+    size = 1 << 27
+    torch.save({"counters": {}, "buffer": torch.ones(size, dtype=torch.uint8)}, tmp_path / "checkpoint.pt")
+    before = own_memory()
+    state = models.read_checkpoint(tmp_path / "checkpoint.pt")
+    assert len(state["buffer"]) == size
+    assert own_memory() - before < size // 2
+
+
+def own_memory() -> int:
+    """Tell how many bytes this process holds that are no file's."""
+    lines = Path("/proc/self/status").read_text().splitlines()
+    return next(int(line.split()[1]) * 1024 for line in lines if line.startswith("RssAnon"))
 
 
 @pytest.mark.parametrize("answered", [0, 1, 2])

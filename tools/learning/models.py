@@ -221,11 +221,13 @@ def save(state: Any, path: Path) -> None:
 def load(path: Path) -> Any:
     """Read tensors and plain values, and no code.
 
+    Tensors stay in the file until they are used: a buffer that fits memory once need not fit it twice.
+
     Raises:
         ConfigError: there is no such file, or it holds something else.
     """
     try:
-        return torch.load(path, map_location="cpu", weights_only=True)
+        return torch.load(path, map_location="cpu", weights_only=True, mmap=True)
     except FileNotFoundError as error:
         raise ConfigError(f"{path}: there is no such file") from error
     except Exception as error:  # torch raises whatever its readers do
