@@ -51,6 +51,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--reward", nargs="+", metavar="NAME=WEIGHT", help=", ".join(REWARDS))
     parser.add_argument("--size", type=read_size, metavar="HEIGHTxWIDTH", help="of images")
     parser.add_argument("--shared-views", action="store_true", help="one set of weights for all views")
+    parser.add_argument(
+        "--background-subtraction", action="store_true", help="show images as what changes in an episode"
+    )
     parser.add_argument("--conditions", choices=list(CONDITIONS), help="light and weather")
     parser.add_argument("--agents", choices=AGENTS, help="how several signals learn")
     parser.add_argument(

@@ -8,6 +8,7 @@ import gymnasium
 from gymnasium import spaces
 from stable_baselines3.common.vec_env import VecEnv, VecTransposeImage
 
+from dojo_env.background import BackgroundSubtraction
 from dojo_env.env import TrafficSignalEnv
 from dojo_env.parallel import TrafficSignalsEnv
 
@@ -95,5 +96,9 @@ def _start(makers: list[Any], training: Training) -> VecEnv:
 def _make(training: Training, first: int, stride: int, **changes: Any) -> SeededEpisodes:
     keywords = {**training.environment, **changes}
     single = training.agents == "single"
-    env = TrafficSignalEnv(**keywords) if single else JointEnv(TrafficSignalsEnv(**keywords))
+    env: gymnasium.Env[Any, Any] = (
+        TrafficSignalEnv(**keywords) if single else JointEnv(TrafficSignalsEnv(**keywords))
+    )
+    if training.background_subtraction:
+        env = BackgroundSubtraction(env)
     return SeededEpisodes(env, first, stride)

@@ -84,7 +84,14 @@ SEVERAL: dict[str, dict[str, Any]] = {
     for agents in ("shared", "independent")
 }
 """Rows for scenarios with several signals."""
-VARIED = {f"PPO-{seen} random": {**LEARNED[f"PPO-{seen}"], "conditions": "random"} for seen in ("BEV", "MV")}
+VARIED = {
+    f"PPO-{seen} random": {
+        **LEARNED[f"PPO-{seen}"],
+        "conditions": "random",
+        "background_subtraction": True,
+    }
+    for seen in ("BEV", "MV")
+}
 """Rows that learn in light, weather and camera mounts drawn anew for each episode."""
 _ALL = {**LEARNED, **VARIED, **SEVERAL}
 ROWS = (*CONTROLLERS, *_ALL)

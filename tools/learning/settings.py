@@ -68,6 +68,7 @@ class Training:
         height: pixels, where the policy sees images.
         width: pixels.
         shared_views: one set of weights for all of `multi_view`'s images.
+        background_subtraction: images show how far each pixel is from its own mean in the episode.
         every: rounds of episodes between validations, from which the best policy is kept, and checkpoints.
         conditions: `day`, or `random` light, weather and lenses per episode.
         agents: `single` for one signal; with several, all may use one `shared` policy, or each learns an
@@ -88,6 +89,7 @@ class Training:
     height: int = 84
     width: int = 84
     shared_views: bool = False
+    background_subtraction: bool = False
     every: int = 3
     conditions: str = "day"
     agents: str = "single"
@@ -111,6 +113,8 @@ class Training:
             raise ConfigError(f"seed={self.seed}: expected 0 to {_SEEDS - 1}")
         if self.encoder != "none" and self.observation not in IMAGES:
             raise ConfigError(f"encoder={self.encoder!r} needs images; observe {' or '.join(IMAGES)}")
+        if self.background_subtraction and self.observation not in IMAGES:
+            raise ConfigError(f"background_subtraction needs images; observe {' or '.join(IMAGES)}")
         if self.agents != "single" and self.observation == "multi_view":
             raise ConfigError("several signals have different numbers of views; observe features or bev")
         known = _complete(self.algorithm, self.hyperparameters)
