@@ -31,7 +31,7 @@ models = pytest.importorskip("learning.models")
 QUICK = {
     "ppo": ["--scenario", "two-way", "--algorithm", "ppo", "--set", "n_steps=24", "batch_size=24"],
     "bev": ["--scenario", "two-way", "--algorithm", "dqn", "--observation", "bev", "--size", "36x48",
-            "--set", "learning_starts=40", "n_steps=3"],
+            "--background-subtraction", "--set", "learning_starts=40", "n_steps=3"],
     "encoded": ["--scenario", "two-way", "--algorithm", "a2c", "--observation", "bev", "--size", "84x84",
                 "--encoder", "efficientnet-lite0"],
 }  # fmt: skip
@@ -155,6 +155,7 @@ def test_bad_arguments_are_one_line_before_any_work(
         ("seed=-5", [*QUICK["ppo"], "--seed", "-5", "--out", tmp_path / "a"]),
         ("1 to 8192 pixels", [*QUICK["bev"], "--size", "0x48", "--out", tmp_path / "a"]),
         ("needs images", [*QUICK["ppo"], "--encoder", "efficientnet-lite0", "--out", tmp_path / "a"]),
+        ("needs images", [*QUICK["ppo"], "--background-subtraction", "--out", tmp_path / "a"]),
         ("no such file", [*pictures, "--encoder", tmp_path / "none.onnx", "--out", tmp_path / "a"]),
         ("cannot read it", [*pictures, "--encoder", broken, "--out", tmp_path / "a"]),
         ("holds a run already", [*QUICK["ppo"], "--out", kept]),

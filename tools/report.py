@@ -57,7 +57,8 @@ shortest behind them. The others learn it from a reward: by DQN, PPO or A2C, fro
 | BEV | one image from straight above the junction |
 | BEV* | the same through a frozen, pretrained encoder of images |
 | shared, independent | several signals: all use one policy, or each learns its own |
-| random | trained in light, weather and camera mounts drawn anew each episode |
+| random | trained in light, weather and camera mounts drawn anew each episode; of each pixel, how far it is \
+from its own mean in the episode |
 
 Each figure is a mean over episodes of one hour with seeds that no training has seen, ± its standard \
 deviation. The best policy of a training is chosen on yet other seeds.

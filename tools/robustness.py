@@ -48,7 +48,8 @@ _TEXT = """## Under other conditions
 
 Policies as they were trained, evaluated under conditions that most of them never met: travel time / \
 accumulated waiting, in seconds. A short travel time beside thousands of seconds of waiting is a jam: only \
-the first trips end. Rows named *random* learned in conditions drawn anew for each episode.
+the first trips end. Rows named *random* learned in conditions drawn anew for each episode, \
+and see of each pixel how far it is from its own mean in the episode.
 """
 
 

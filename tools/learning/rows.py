@@ -92,7 +92,7 @@ VARIED = {
     }
     for seen in ("BEV", "MV")
 }
-"""Rows that learn in light, weather and camera mounts drawn anew for each episode."""
+"""Rows that learn in light, weather and camera mounts drawn anew for each episode, from what moves."""
 _ALL = {**LEARNED, **VARIED, **SEVERAL}
 ROWS = (*CONTROLLERS, *_ALL)
 GROUPS = {
