@@ -29,6 +29,7 @@ OWN_SETTINGS: dict[tuple[str, str], dict[str, Any]] = {
     ("cologne1", "MaxPressure"): {"min_green": 8},
     ("cologne1", "learned"): {"min_green": 8},
     ("cologne1", "PPO-BEV"): {"steps": 400_000},
+    ("cologne1", "PPO-BEV random"): {"steps": 300_000},
     ("cologne1", "DQN-MV"): {"steps": 50_000},
     ("cologne1", "PPO-BEV*"): {"steps": 100_000},
     ("cologne1", "DQN-BEV*"): {"steps": 120_000},
