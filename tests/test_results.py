@@ -31,3 +31,17 @@ def test_readme_tells_what_was_measured() -> None:
     for key, cell in told.items():
         travel, waiting = (figures[key][name]["mean"] for name in ("travel_time", "accumulated_waiting"))
         assert cell.split(" (")[0] == f"{travel:.1f} / {waiting:.0f}", key
+
+
+def test_readme_tells_how_policies_do_in_other_light() -> None:
+    """Travel time and accumulated waiting again; a row that jams has thousands of seconds of it."""
+    text = (REPOSITORY / "README.md").read_text(encoding="utf-8")
+    (header,) = re.findall(r"^\| PPO-BEV on cologne1 \| (.*) \|$", text, re.MULTILINE)
+    for name, row in (("learned by day", "PPO-BEV"), ("learned in any light", "PPO-BEV random")):
+        path = RESULTS / "cologne1" / row / "robustness.json"
+        under = json.loads(path.read_text(encoding="utf-8"))["under"]
+        (cells,) = re.findall(rf"^\| {name} \| (.*) \|$", text, re.MULTILINE)
+        for column, cell in zip(header.split(" | "), cells.split(" | "), strict=True):
+            figures = under[column.replace(" ", "-")]["figures"]
+            travel, waiting = (figures[each]["mean"] for each in ("travel_time", "accumulated_waiting"))
+            assert cell == (f"{travel:.1f} / {waiting:.0f}" if waiting < 1000 else "jams"), (name, column)
