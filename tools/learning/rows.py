@@ -47,7 +47,11 @@ OWN_SETTINGS: dict[tuple[str, str], dict[str, Any]] = {
     ("two-way", "A2C-BEV*"): {"steps": 200_000, "reward": PATIENT, "hyperparameters": BOLD},
     ("two-way", "DQN"): {"reward": GENTLE, "hyperparameters": {"n_steps": 6}},
     ("two-way", "DQN-BEV"): {"steps": 300_000},
-    ("two-way", "DQN-MV"): {"steps": 80_000, "hyperparameters": {"n_steps": 1}},
+    ("two-way", "DQN-MV"): {
+        "steps": 300_000,
+        "shared_views": True,
+        "hyperparameters": {"buffer_size": 40_000},
+    },
     ("two-way", "DQN-BEV*"): {"steps": 400_000},
     ("cologne3", "PPO-BEV shared"): {"steps": 80_000},
     ("cologne3", "PPO-BEV independent"): {"steps": 40_000},
