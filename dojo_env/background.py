@@ -31,24 +31,22 @@ class BackgroundSubtraction(gymnasium.ObservationWrapper[Any, Any, Any]):
         """Put the subtraction between environment and agent."""
         super().__init__(env)
         space = env.observation_space
-        for part in space.values() if isinstance(space, spaces.Dict) else [space]:
+        self._parts = dict(space.spaces) if isinstance(space, spaces.Dict) else {"": space}
+        for part in self._parts.values():
             if part.dtype != np.uint8 or len(part.shape or ()) < 3:
                 raise ConfigError(f"no pictures, of which a background could be known: {part}")
         self._known: dict[str, Background] = {}
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> Any:
         """Begin an episode, of whose background nothing is known."""
-        self._known = {}
+        self._known = {name: Background(part.shape or ()) for name, part in self._parts.items()}
         return super().reset(seed=seed, options=options)
 
     def observation(self, observation: Any) -> Any:
         """Subtract from a picture, or from each of several."""
         if isinstance(observation, Mapping):
-            return {name: self._subtract(name, picture) for name, picture in observation.items()}
-        return self._subtract("", observation)
-
-    def _subtract(self, name: str, picture: NDArray[np.uint8]) -> NDArray[np.uint8]:
-        return self._known.setdefault(name, Background(picture.shape)).subtract(picture)
+            return {name: self._known[name].subtract(picture) for name, picture in observation.items()}
+        return self._known[""].subtract(observation)
 
 
 class Background:
