@@ -8,7 +8,7 @@ import gymnasium
 from gymnasium import spaces
 from stable_baselines3.common.vec_env import VecEnv, VecTransposeImage
 
-from dojo_env.background import BackgroundSubtraction
+from dojo_env.background_subtraction import BackgroundSubtraction
 from dojo_env.env import TrafficSignalEnv
 from dojo_env.parallel import TrafficSignalsEnv
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from dojo_env.background import Background, BackgroundSubtraction
+from dojo_env.background_subtraction import Background, BackgroundSubtraction
 from dojo_env.conditions import PRESETS
 from dojo_env.env import TrafficSignalEnv
 from dojo_env.errors import ConfigError
