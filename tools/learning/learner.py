@@ -77,7 +77,8 @@ def train(training: Training, folder: Path, *, resume: bool = False, tensorboard
         progress = Progress(training, folder, validation, agents=agents)
         if known is not None:
             progress.resume(restore_checkpoint(model, known, folder / CHECKPOINT), done)
+            known = None  # The next checkpoint replaces the file, whose place is free once nobody reads it.
         model.learn(
             (training.whole_steps - done) * agents, progress, log_interval=None,
-            reset_num_timesteps=known is None,
+            reset_num_timesteps=not resume,
         )  # fmt: skip

@@ -1,5 +1,6 @@
 """Stable-Baselines3's algorithms over our networks; policies and checkpoints without pickled code."""
 
+import copy
 import math
 import os
 from functools import partial
@@ -171,7 +172,7 @@ def restore_checkpoint(
 
 
 def _put_state(model: BaseAlgorithm, state: dict[str, Any]) -> None:
-    model.set_parameters(state["parameters"])
+    model.set_parameters(copy.deepcopy(state["parameters"]))  # Optimizers keep what they are given.
     for name, value in state["counters"].items():
         setattr(model, name, value)
     torch.set_rng_state(state["torch"])

@@ -111,10 +111,10 @@ class Training:
                 raise ConfigError(f"{name}={getattr(self, name)}: expected at least 1")
         if not 0 <= self.seed < _SEEDS:
             raise ConfigError(f"seed={self.seed}: expected 0 to {_SEEDS - 1}")
-        if self.encoder != "none" and self.observation not in IMAGES:
-            raise ConfigError(f"encoder={self.encoder!r} needs images; observe {' or '.join(IMAGES)}")
-        if self.background_subtraction and self.observation not in IMAGES:
-            raise ConfigError(f"background_subtraction needs images; observe {' or '.join(IMAGES)}")
+        for name, unused in (("encoder", "none"), ("background_subtraction", False)):
+            value = getattr(self, name)
+            if value != unused and self.observation not in IMAGES:
+                raise ConfigError(f"{name}={value!r} needs images; observe {' or '.join(IMAGES)}")
         if self.agents != "single" and self.observation == "multi_view":
             raise ConfigError("several signals have different numbers of views; observe features or bev")
         known = _complete(self.algorithm, self.hyperparameters)
