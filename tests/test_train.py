@@ -2,6 +2,7 @@
 
 import argparse
 import csv
+import gc
 import os
 import signal
 import subprocess
@@ -75,6 +76,23 @@ def test_a_checkpoint_takes_no_memory_until_it_is_used(tmp_path: Path) -> None:
     state = models.read_checkpoint(tmp_path / "checkpoint.pt")
     assert len(state["buffer"]) == size
     assert own_memory() - before < size // 2
+
+
+def test_a_model_that_goes_on_lets_go_of_its_checkpoint(tmp_path: Path) -> None:
+    path = tmp_path / "checkpoint.pt"
+    training = Training(
+        scenario="two-way", algorithm="dqn", processes=1, seconds=60, hyperparameters={"learning_starts": 1}
+    )
+    with closing(environments.open_environments(training)) as running:
+        model = models.build_model(training, running)
+        model.learn(training.decisions, log_interval=None)
+        models.save_checkpoint(model, path, {"rows": []})
+        state = models.read_checkpoint(path)
+        assert str(path) in Path("/proc/self/maps").read_text()
+        models.restore_checkpoint(model, state, path)
+        del state
+        gc.collect()
+        assert str(path) not in Path("/proc/self/maps").read_text()
 
 
 def own_memory() -> int:
@@ -191,6 +209,8 @@ def test_count_is_whole_and_at_least_one(setting: str) -> None:
         ([], "runs/cologne1-ppo-features-seed0"),
         (["--scenario", "maps/my.dojo", "--observation", "bev", "--encoder", "my.onnx", "--seed", "3"],
          "runs/my-ppo-bev-my-seed3"),
+        (["--scenario", "grid4x4", "--agents", "shared", "--conditions", "random"],
+         "runs/grid4x4-ppo-features-shared-random-seed0"),
         (["--out", "here"], "here"),
     ],
 )  # fmt: skip

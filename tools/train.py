@@ -80,8 +80,9 @@ def read_arguments(options: argparse.Namespace) -> Training:
 
 def choose_folder(options: argparse.Namespace, training: Training) -> Path:
     """Take the folder that was given, or name one by what is learned."""
-    named = (training.scenario, training.algorithm, training.observation, training.encoder)
-    parts = [Path(part).stem for part in named if part != "none"]
+    known = (training.scenario, training.algorithm, training.observation, training.encoder,
+             training.agents, training.conditions)  # fmt: skip
+    parts = [Path(part).stem for part in known if part not in ("none", "single", "day")]
     return options.out or Path("runs", "-".join([*parts, f"seed{training.seed}"]))
 
 
