@@ -72,12 +72,23 @@ def test_report_is_made_whole_from_the_rows(results: Path) -> None:
     for name in re.findall(r"\]\((pictures/[^)]+)\)", text):
         assert (results / name).is_file()
     assert text.count("](pictures/") == len(KINDS)
+    assert f"| PPO-F | {compare(results, 'travel_time')} |" in text
     assert "| two-way | PPO-BEV* | not run | `python tools/benchmark.py --rows 'PPO-BEV*'" in text
     assert (
         "| two-way | Cycle |  | `python tools/benchmark.py --rows Cycle --scenarios two-way --seeds 2" in text
     )
     assert run_tool("report", "--results", results, "--paper", results / "paper.json").returncode == 0
     assert (results / "README.md").read_text() == text
+
+
+def compare(results: Path, figure: str) -> str:
+    """Tell by how much PPO-F's mean differs from MaxPressure's, and in how many hours it is less."""
+    ours, rule = (
+        {hour["seed"]: hour[figure] for hour in json.loads(path.read_text())["episodes"]}
+        for path in (results / "two-way" / row / "figures.json" for row in ("PPO-F", "MaxPressure"))
+    )
+    better = sum(ours[seed] < rule[seed] for seed in rule)
+    return f"{sum(ours.values()) / sum(rule.values()) - 1:+.1%}, {better} of {len(rule)}"
 
 
 @pytest.mark.parametrize("tool", ["plot", "report"])
