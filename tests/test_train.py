@@ -34,7 +34,7 @@ QUICK = {
     "bev": ["--scenario", "two-way", "--algorithm", "dqn", "--observation", "bev", "--size", "36x48",
             "--background-subtraction", "--set", "learning_starts=40", "n_steps=3"],
     "encoded": ["--scenario", "two-way", "--algorithm", "a2c", "--observation", "bev", "--size", "84x84",
-                "--encoder", "efficientnet-lite0"],
+                "--encoder", "efficientnet-lite0", "--averaged-weights"],
 }  # fmt: skip
 SIZE = ["--processes", "2", "--seconds", "120", "--steps", "144", "--every", "1"]
 ONE = ["--processes", "1", "--seconds", "120", "--steps", "24"]
@@ -67,6 +67,18 @@ def test_interrupted_run_goes_on_to_the_same_result(kind: str, tmp_path: Path) -
     with (whole / "curve.csv").open() as file:
         parts = [row["part"] for row in csv.DictReader(file)]
     assert parts.count("validation") == 3
+
+
+def test_later_weights_count_more_in_the_average() -> None:
+    layer = torch.nn.Linear(1, 1, bias=False)
+    average = models.average_weights(layer)
+    numbers = np.arange(1, 101)
+    for number in numbers:
+        layer.weight.data.fill_(float(number))
+        average.update_parameters(layer)
+    counts = numbers * (numbers + 1) * (numbers + 2) * (numbers + 3)
+    assert average.module.weight.item() == pytest.approx(np.average(numbers, weights=counts))
+    assert counts[80:].sum() > 0.6 * counts.sum()
 
 
 def test_a_checkpoint_takes_no_memory_until_it_is_used(tmp_path: Path) -> None:

@@ -131,6 +131,7 @@ def test_training_goes_on_when_it_is_interrupted_and_when_a_node_is_lost(
 def test_bad_arguments_are_one_line_before_any_work(tmp_path: Path) -> None:
     wrong: list[tuple[str, str, tuple[object, ...]]] = [
         ("RLlib has no a2c", "train_rllib", ("--algorithm", "a2c", "--out", tmp_path / "a")),
+        ("averages no weights", "train_rllib", ("--averaged-weights", "--out", tmp_path / "a")),
         ("nowhere", "train_rllib", ("--scenario", "nowhere", "--out", tmp_path / "a")),
         ("not the settings", "train_rllib", ("--resume", "--out", tmp_path / "a")),
         ("no Ray cluster answers", "train_rllib", ("--address", "127.0.0.1:1", "--out", tmp_path / "a")),

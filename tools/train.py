@@ -54,6 +54,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--background-subtraction", action="store_true", help="show images as what changes in an episode"
     )
+    parser.add_argument(
+        "--averaged-weights", action="store_true", help="keep the policy whose weights are the run's average"
+    )
     parser.add_argument("--conditions", choices=list(CONDITIONS), help="light and weather")
     parser.add_argument("--agents", choices=AGENTS, help="how several signals learn")
     parser.add_argument(

@@ -30,6 +30,8 @@ def read_training(options: argparse.Namespace) -> Training:
         )
     if training.agents != "single":
         raise ConfigError(f"agents={training.agents!r}: RLlib trains one signal here; use tools/train.py")
+    if training.averaged_weights:
+        raise ConfigError("RLlib averages no weights here; use tools/train.py")
     check_scenario(training)
     return training
 

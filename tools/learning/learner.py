@@ -10,7 +10,7 @@ from dojo_env.errors import ConfigError
 
 from .environments import VALIDATION_SEEDS, open_environments, open_evaluation
 from .machine import prepare_process
-from .models import build_model, read_checkpoint, restore_checkpoint
+from .models import average_weights, build_model, read_checkpoint, restore_checkpoint
 from .progress import Progress
 from .settings import CHECKPOINT, CURVE, POLICY, SETTINGS, Training, read_training, write_training
 
@@ -74,7 +74,8 @@ def train(training: Training, folder: Path, *, resume: bool = False, tensorboard
             prepare_folder(training, folder)  # Not before: all that may be wrong has been opened.
         model.set_logger(Logger(str(folder), [TensorBoardOutputFormat(str(folder))] if tensorboard else []))
         agents = environments.num_envs // training.processes if training.agents == "shared" else 1
-        progress = Progress(training, folder, validation, agents=agents)
+        average = average_weights(model.policy) if training.averaged_weights else None
+        progress = Progress(training, folder, validation, agents=agents, average=average)
         if known is not None:
             progress.resume(restore_checkpoint(model, known, folder / CHECKPOINT), done)
             known = None  # The next checkpoint replaces the file, whose place is free once nobody reads it.

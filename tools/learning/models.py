@@ -15,6 +15,7 @@ from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.buffers import ReplayBuffer
 from stable_baselines3.common.policies import BasePolicy
 from stable_baselines3.common.vec_env import VecEnv
+from torch.optim.swa_utils import AveragedModel
 
 from dojo_env.errors import ConfigError
 from dojo_maps.whole_file import replaced
@@ -89,6 +90,15 @@ def build_policies(training: Training, environments: VecEnv) -> BasePolicy | Pol
         return build_policy(training, observed, environments.action_space)
     alone = (spaces.Discrete(count) for count in environments.phases)
     return Policies(build_policy(training, observed, actions) for actions in alone)
+
+
+def average_weights(policy: BasePolicy | Policies) -> AveragedModel:
+    """Copy a policy whose weights will be the average of all that `update_parameters` is given.
+
+    The n-th counts as n ** 4 does (polynomial-decay averaging, Shamir and Zhang 2013): the average is mostly
+    that of the last fifth.
+    """
+    return AveragedModel(policy, avg_fn=lambda mean, last, count: mean.lerp(last, 5 / (count + 5)))
 
 
 def describe_policy(training: Training, observed: spaces.Space[Any]) -> tuple[str, dict[str, Any]]:

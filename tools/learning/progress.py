@@ -11,6 +11,7 @@ import numpy as np
 from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.policies import BasePolicy
 from stable_baselines3.common.vec_env import VecEnv
+from torch.optim.swa_utils import AveragedModel
 
 from dojo_env.metrics import SIX
 from dojo_maps.whole_file import replaced
@@ -85,10 +86,19 @@ class Curve:
 class Progress(BaseCallback):
     """Evaluates and saves after every few rounds of episodes; a round is an episode in each environment."""
 
-    def __init__(self, training: Training, folder: Path, validation: VecEnv, *, agents: int = 1) -> None:
-        """Take where to write, what to evaluate on, and how many agents share."""
+    def __init__(
+        self,
+        training: Training,
+        folder: Path,
+        validation: VecEnv,
+        *,
+        agents: int = 1,
+        average: AveragedModel | None = None,
+    ) -> None:
+        """Take where to write, what to evaluate on, how many agents share, and what averages the weights."""
         super().__init__()
         self._folder, self._validation = folder, validation
+        self._average = average
         self._curve = Curve(training, folder)
         self._apart = training.every * training.round_steps
         self._agents = agents
@@ -97,6 +107,8 @@ class Progress(BaseCallback):
     def resume(self, known: dict[str, Any], done: int) -> None:
         """Take what was known when so many steps were done."""
         self._curve.resume(known)
+        if self._average is not None:
+            self._average.load_state_dict(known["average"])
         self._done_at = done
 
     @property
@@ -112,6 +124,8 @@ class Progress(BaseCallback):
 
     def _on_rollout_start(self) -> None:
         self._between()
+        if self._average is not None:
+            self._average.update_parameters(self.model.policy)
 
     def _on_training_end(self) -> None:
         self._between(last=True)
@@ -122,9 +136,13 @@ class Progress(BaseCallback):
         if steps == self._done_at or not (due or last):
             return
         self._done_at = steps
-        self._curve.validate(steps, self.model.policy, self._validation)
+        average = self._average
+        self._curve.validate(
+            steps, self.model.policy if average is None else average.module, self._validation
+        )
         self._record(self._curve.rows[-1])
-        save_checkpoint(self.model, self._folder / CHECKPOINT, self._curve.known)
+        averaged = {} if average is None else {"average": average.state_dict()}
+        save_checkpoint(self.model, self._folder / CHECKPOINT, {**self._curve.known, **averaged})
 
     def _record(self, row: dict[str, Any]) -> None:
         for name in COLUMNS[2:]:

@@ -44,7 +44,12 @@ OWN_SETTINGS: dict[tuple[str, str], dict[str, Any]] = {
     },
     ("two-way", "A2C-BEV"): {"steps": 300_000, "reward": PATIENT, "hyperparameters": BOLD},
     ("two-way", "A2C-MV"): {"steps": 400_000, "reward": PATIENT},
-    ("two-way", "A2C-BEV*"): {"steps": 200_000, "reward": PATIENT, "hyperparameters": BOLD},
+    ("two-way", "A2C-BEV*"): {
+        "steps": 500_000,
+        "averaged_weights": True,
+        "reward": {**GENTLE, "diff-waiting-time": 0.004},
+        "hyperparameters": {"learning_rate": 0.002, "ent_coef": 0.0015},
+    },
     ("two-way", "DQN"): {"reward": GENTLE, "hyperparameters": {"n_steps": 6}},
     ("two-way", "DQN-BEV"): {"steps": 300_000},
     ("two-way", "DQN-MV"): {

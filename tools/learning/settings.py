@@ -69,6 +69,8 @@ class Training:
         width: pixels.
         shared_views: one set of weights for all of `multi_view`'s images.
         background_subtraction: images show how far each pixel is from its own mean in the episode.
+        averaged_weights: the policy that is validated and kept has the average of the weights so far, in
+            which later ones count more.
         every: rounds of episodes between validations, from which the best policy is kept, and checkpoints.
         conditions: `day`, or `random` light, weather and lenses per episode.
         agents: `single` for one signal; with several, all may use one `shared` policy, or each learns an
@@ -90,6 +92,7 @@ class Training:
     width: int = 84
     shared_views: bool = False
     background_subtraction: bool = False
+    averaged_weights: bool = False
     every: int = 3
     conditions: str = "day"
     agents: str = "single"
