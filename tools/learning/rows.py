@@ -48,7 +48,7 @@ OWN_SETTINGS: dict[tuple[str, str], dict[str, Any]] = {
         "steps": 500_000,
         "averaged_weights": True,
         "reward": {**GENTLE, "diff-waiting-time": 0.004},
-        "hyperparameters": {"learning_rate": 0.002, "ent_coef": 0.0015},
+        "hyperparameters": {**BOLD, "ent_coef": 0.0015},
     },
     ("two-way", "DQN"): {"reward": GENTLE, "hyperparameters": {"n_steps": 6}},
     ("two-way", "DQN-BEV"): {"steps": 300_000},
