@@ -1,15 +1,14 @@
 """The command `dojo-env`. Results go to standard output, everything else to standard error."""
 
 import argparse
-import signal
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from types import FrameType
 from typing import Any
 
+from dojo_maps import interruption
 from dojo_maps.errors import DojoError
-from dojo_maps.interruption import leave_pipe
+from dojo_maps.interruption import Interruption
 from dojo_maps.whole_file import write_json
 
 
@@ -18,27 +17,30 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
     0 done, 2 wrong usage, 3 bad input, 4 failure or a tool missing, 130 interrupted.
     """
-    options = _parser().parse_args(arguments)
-    signal.signal(signal.SIGTERM, _stop)
+    status = interruption.STATUS
+    with Interruption("dojo-env: interrupted") as interrupted:
+        status = _do(_parser().parse_args(arguments), interrupted)
+    return interruption.STATUS if interrupted.happened else status
+
+
+def _do(options: argparse.Namespace, interrupted: Interruption) -> int:
     try:
-        status: int = options.run(options)
+        status: int = options.run(options, interrupted)
         sys.stdout.flush()
     except BrokenPipeError:
-        return leave_pipe()
+        return interruption.leave_pipe()
     except DojoError as error:
-        print(f"dojo-env: {' '.join(str(error).split())}", file=sys.stderr)
-        return error.exit_status
-    except KeyboardInterrupt:
-        print("dojo-env: interrupted", file=sys.stderr)
-        return 130
+        return _fail(" ".join(str(error).split()), error.exit_status, interrupted)
     except OSError as error:
-        print(f"dojo-env: {error}", file=sys.stderr)
-        return 4
+        return _fail(str(error), 4, interrupted)
     return status
 
 
-def _stop(_signal: int, _frame: FrameType | None) -> None:
-    raise KeyboardInterrupt
+def _fail(message: str, status: int, interrupted: Interruption) -> int:
+    """Say what went wrong, unless a library turned an interruption into another error."""
+    if not interrupted.happened:
+        print(f"dojo-env: {message}", file=sys.stderr)
+    return status
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -118,15 +120,14 @@ def _yellow(text: str) -> float | str:
         raise argparse.ArgumentTypeError(f'{text!r} is neither a number of seconds nor "speed"') from None
 
 
-def _run(options: argparse.Namespace) -> int:
+def _run(options: argparse.Namespace, interrupted: Interruption) -> int:
     from dojo_env.runs import run_controller, summarize
 
+    interrupted.raise_from_now_on()
     if options.seeds < 1:
-        print("dojo-env: --seeds: expected a number above 0", file=sys.stderr)
-        return 2
+        return _fail("--seeds: expected a number above 0", 2, interrupted)
     if options.json and not options.json.absolute().parent.is_dir():
-        print(f"dojo-env: --json {options.json}: no such folder; make it first", file=sys.stderr)
-        return 2
+        return _fail(f"--json {options.json}: no such folder; make it first", 2, interrupted)
 
     def tell(figures: dict[str, Any]) -> None:
         if not figures["departed"] + figures["backlogged"]:
@@ -168,12 +169,12 @@ def _run(options: argparse.Namespace) -> int:
     return 0
 
 
-def _watch(options: argparse.Namespace) -> int:
+def _watch(options: argparse.Namespace, interrupted: Interruption) -> int:
     from dojo_env.watch import watch
 
+    interrupted.raise_from_now_on()
     if not 0 <= options.port < 1 << 16:
-        print("dojo-env: --port: expected a number from 0 to 65535", file=sys.stderr)
-        return 2
+        return _fail("--port: expected a number from 0 to 65535", 2, interrupted)
     watch(
         options.controller,
         seed=options.seed,
@@ -187,9 +188,10 @@ def _watch(options: argparse.Namespace) -> int:
     return 0
 
 
-def _replay(options: argparse.Namespace) -> int:
+def _replay(options: argparse.Namespace, interrupted: Interruption) -> int:
     from dojo_env.watch import Rerun
 
+    interrupted.raise_from_now_on()
     rerun = Rerun.open(
         options.recording,
         map=options.map,
@@ -208,9 +210,10 @@ def _replay(options: argparse.Namespace) -> int:
     return 0
 
 
-def _list_scenarios(_options: argparse.Namespace) -> int:
+def _list_scenarios(_options: argparse.Namespace, interrupted: Interruption) -> int:
     from dojo_env.scenario import PACKAGED, packaged_scenario
 
+    interrupted.raise_from_now_on()
     print(f"{'name':14}{'signals':>8}{'demand':>8}{'begin':>8}  licence")
     for name in PACKAGED:
         found = packaged_scenario(name)

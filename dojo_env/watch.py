@@ -27,6 +27,7 @@ from dojo_env.watching.video import Video
 from dojo_env.watching.views import Frame, choose_cameras, draw_views
 from dojo_env.world import World
 from dojo_maps.bundle import Bundle
+from dojo_maps.interruption import heed
 from dojo_maps.progress import Progress
 
 Plans = Mapping[str, SignalPlan]
@@ -77,6 +78,7 @@ class LiveShow:
 
     def _turn(self) -> bool:
         """Draw the present second where somebody waits for it, and wait for news or for the next one."""
+        heed()
         signal = self.page.signal
         if self._last is not None and self.page.is_asked and self._drawn != signal:
             snapshot, board = self._last
@@ -102,6 +104,7 @@ class FilmShow:
 
     def add(self, snapshot: Snapshot) -> None:
         """Add a second."""
+        heed()
         board = self._scores.note(snapshot)
         if self._history and board.time <= self._history[-1].time:
             self._history = []

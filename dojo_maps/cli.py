@@ -11,6 +11,7 @@ from dojo_maps.errors import DojoError
 from dojo_maps.interruption import Interruption
 
 EXPORT_NAMES = ("metadrive", "opendrive", "geojson")
+_INTERRUPTED = "dojo-maps: interrupted; every bundle is as it was, or complete"
 _PROFILES = ("default", "rl", "strict")
 _REPORTS = {"json": "the report", "html": "a page", "sarif": "SARIF", "geojson": "the issues as GeoJSON"}
 
@@ -22,7 +23,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     130 interrupted.
     """
     status = interruption.STATUS
-    with Interruption() as interrupted:
+    with Interruption(_INTERRUPTED) as interrupted:
         given = sys.argv[1:] if arguments is None else arguments
         status = _run(_parser().parse_args(join_signed(given)), interrupted)
     return interruption.STATUS if interrupted.happened else status

@@ -8,8 +8,8 @@ from types import FrameType, TracebackType
 from typing import NoReturn, Self
 
 STATUS = 130
-_MESSAGE = "dojo-maps: interrupted; every bundle is as it was, or complete"
 _SIGNALS = (signal.SIGINT, signal.SIGTERM)
+_present: "Interruption | None" = None
 
 
 class Interruption:
@@ -24,30 +24,35 @@ class Interruption:
         happened: whether there was an interruption, even if a library swallowed or renamed the exception.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, message: str) -> None:
+        """Take what the user is told of one."""
+        self._message = message
         self.happened = False
         self._former: dict[signal.Signals, signal._HANDLER] = {}
 
     def __enter__(self) -> Self:
         """Begin to answer, by ending at once."""
+        global _present  # noqa: PLW0603 - signals are the whole process's, too
+        _present = self
         if threading.current_thread() is threading.main_thread():
             answers = {number: signal.getsignal(number) for number in _SIGNALS}
             self._former = {k: answer for k, answer in answers.items() if answer is not signal.SIG_IGN}
-        self._answer_with(_end_at_once)
+        self._answer_with(self._end_at_once)
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> bool:
-        """Tell the user of an interruption, and put the former answers back."""
-        caught = isinstance(error, KeyboardInterrupt)
-        self.happened |= caught
+        """Tell the user of an interruption rather than of the error it became, and put the answers back."""
+        global _present  # noqa: PLW0603
+        _present = None
+        self.happened |= isinstance(error, KeyboardInterrupt)
         if self.happened:
-            print(_MESSAGE, file=sys.stderr)  # noqa: T201
+            print(self._message, file=sys.stderr)  # noqa: T201
         for number, answer in self._former.items():
             # None stands for an answer that was not given in Python and cannot be put back from it.
             signal.signal(number, signal.SIG_DFL if answer is None else answer)
-        return caught
+        return self.happened
 
     def raise_from_now_on(self) -> None:
         """Raise KeyboardInterrupt at the first signal; later ones must not disturb the cleaning up."""
@@ -62,13 +67,21 @@ class Interruption:
             self.happened = True
             raise KeyboardInterrupt
 
+    def _end_at_once(self, _signal: int, _frame: FrameType | None) -> NoReturn:
+        """End without any of Python's last steps; the stream cannot be used, the signal may lie inside it."""
+        try:
+            os.write(2, f"{self._message}\n".encode())
+        finally:
+            os._exit(STATUS)
 
-def _end_at_once(_signal: int, _frame: FrameType | None) -> NoReturn:
-    """End without any of Python's own last steps; the stream cannot be used, the signal may lie inside it."""
-    try:
-        os.write(2, f"{_MESSAGE}\n".encode())
-    finally:
-        os._exit(STATUS)
+
+def heed() -> None:
+    """Raise KeyboardInterrupt once more if a library swallowed it: what has no end of its own asks.
+
+    numba's kernels drop what is raised while they call back into Python; numpy makes a TypeError of it.
+    """
+    if _present is not None and _present.happened:
+        raise KeyboardInterrupt
 
 
 def leave_pipe() -> int:

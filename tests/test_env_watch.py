@@ -46,7 +46,10 @@ class Watched:
         """Interrupt it; returns its status and its last words."""
         if self.process.poll() is None:
             self.process.send_signal(number)
-        _, rest = self.process.communicate(timeout=30)
+        try:
+            _, rest = self.process.communicate(timeout=60)
+        finally:
+            self.process.kill()
         return self.process.returncode, rest
 
 
@@ -70,7 +73,7 @@ def test_the_page_shows_pauses_steps_and_goes_on(scenario: str, tmp_path: Path) 
             time.sleep(1.0)
             return number() == before
 
-        page.wait(lambda: number() > 40)
+        page.wait(lambda: number() > 40, 180)  # The map may have to be converted first, and kernels compiled.
         assert page.text("status") == "live"
         assert page.text("title") == f"{scenario}, fixed-time, seed 0"
         page.click("pause")
@@ -132,6 +135,33 @@ def test_an_interruption_ends_it_with_one_line_and_status_130(number: signal.Sig
     assert time.monotonic() - start < 5
     with pytest.raises(OSError, match="refused"):
         socket.create_connection(("127.0.0.1", port))
+
+
+@pytest.mark.parametrize("becomes", ["pass", "raise TypeError('cannot compare') from None"])
+def test_an_interruption_that_a_library_swallowed_or_renamed_ends_it_all_the_same(becomes: str) -> None:
+    script = f"""
+import signal, sys
+from dojo_env import watch
+from dojo_env.cli import main
+
+note = watch.Scoreboard.note
+
+def swallow(scores, snapshot):
+    if snapshot.time == 5:
+        try:
+            signal.raise_signal(signal.SIGINT)
+        except KeyboardInterrupt:
+            {becomes}
+    return note(scores, snapshot)
+
+watch.Scoreboard.note = swallow
+sys.exit(main(["watch", "--scenario", "two-way", "--no-browser"]))
+"""
+    done = subprocess.run(
+        [sys.executable, "-c", script], env=command_environment(),
+        stderr=subprocess.PIPE, text=True, timeout=60, check=False,
+    )  # fmt: skip
+    assert (done.returncode, done.stderr.splitlines()[1:]) == (130, ["dojo-env: interrupted"])
 
 
 @pytest.mark.parametrize(
