@@ -43,7 +43,13 @@ OWN_SETTINGS: dict[tuple[str, str], dict[str, Any]] = {
         "hyperparameters": {"learning_rate": 0.001},
     },
     ("two-way", "A2C-BEV"): {"steps": 300_000, "reward": PATIENT, "hyperparameters": BOLD},
-    ("two-way", "A2C-MV"): {"steps": 400_000, "reward": PATIENT},
+    ("two-way", "A2C-MV"): {
+        "steps": 800_000,
+        "shared_views": True,
+        "averaged_weights": True,
+        "reward": {**GENTLE, "diff-waiting-time": 0.003},
+        "hyperparameters": {"learning_rate": 0.001, "ent_coef": 0.0015},
+    },
     ("two-way", "A2C-BEV*"): {
         "steps": 500_000,
         "averaged_weights": True,
