@@ -42,7 +42,12 @@ OWN_SETTINGS: dict[tuple[str, str], dict[str, Any]] = {
         "reward": PATIENT,
         "hyperparameters": {"learning_rate": 0.001},
     },
-    ("two-way", "A2C-BEV"): {"steps": 300_000, "reward": PATIENT, "hyperparameters": BOLD},
+    ("two-way", "A2C-BEV"): {
+        "steps": 1_200_000,
+        "averaged_weights": True,
+        "reward": {**GENTLE, "diff-waiting-time": 0.003},
+        "hyperparameters": {**BOLD, "n_steps": 36, "ent_coef": 0.0015},
+    },
     ("two-way", "A2C-MV"): {
         "steps": 800_000,
         "shared_views": True,
