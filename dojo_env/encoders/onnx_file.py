@@ -1,5 +1,7 @@
 """Encoders that are ONNX files, run by onnxruntime."""
 
+import os
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -35,6 +37,7 @@ class OnnxEncoder:
         self.name = name
         self._session = _open_session(runtime, name, model)
         self._input, self._batch, height, width = self._check_input()
+        self._pool = ThreadPoolExecutor(1 if self._batch > 1 else os.cpu_count())
         self._scaling = scaling or Scaling(height=height, width=width)
         self._output = self._find_output()
         self.size = int(self.encode(np.zeros((1, height, width, 3), np.uint8)).shape[1])
@@ -44,10 +47,10 @@ class OnnxEncoder:
         if not len(images):
             return np.empty((0, self.size), np.float32)
         parts = [images[start : start + self._batch] for start in range(0, len(images), self._batch)]
-        return np.concatenate([self._run(self._scaling.apply(part)) for part in parts])
+        return np.concatenate(list(self._pool.map(self._run, parts)))
 
-    def _run(self, scaled: Features) -> Features:
-        (found,) = self._session.run([self._output], {self._input: scaled})
+    def _run(self, images: Images) -> Features:
+        (found,) = self._session.run([self._output], {self._input: self._scaling.apply(images)})
         flat = found.mean(axis=(2, 3)) if found.ndim == 4 else found
         return np.asarray(flat, dtype=np.float32)
 
