@@ -68,7 +68,11 @@ OWN_SETTINGS: dict[tuple[str, str], dict[str, Any]] = {
         "shared_views": True,
         "hyperparameters": {"buffer_size": 40_000},
     },
-    ("two-way", "DQN-BEV*"): {"steps": 400_000},
+    ("two-way", "DQN-BEV*"): {
+        "steps": 430_000,
+        "averaged_weights": True,
+        "hyperparameters": {"batch_size": 128, "exploration_fraction": 0.15, "buffer_size": 100_000},
+    },
     ("cologne3", "PPO-BEV shared"): {"steps": 80_000},
     ("cologne3", "PPO-BEV independent"): {"steps": 40_000},
     ("grid4x4", "PPO-F shared"): {"steps": 60_000},
