@@ -17,8 +17,8 @@ from dojo_env.errors import ConfigError
 Images = NDArray[np.uint8]
 Features = NDArray[np.float32]
 BATCH = 32
-"""Pictures that go through a network at once on an accelerator. On a processor each goes alone: in a batch, its
-last digits would depend on how many there are."""
+"""Pictures that go through a network at once on an accelerator. On a processor each goes alone: in a batch,
+its last digits would depend on how many there are."""
 _MEMORY = 64 << 20
 """Bytes of features that are remembered."""
 
