@@ -16,6 +16,7 @@ import numpy as np
 import pytest
 from commands import TOOLS, run_tool, start_tool, wait_for_file
 from conftest import command_environment
+from gymnasium import spaces
 
 from dojo_env.errors import ConfigError
 from learning.settings import Training
@@ -31,6 +32,8 @@ models = pytest.importorskip("learning.models")
 
 QUICK = {
     "ppo": ["--scenario", "two-way", "--algorithm", "ppo", "--set", "n_steps=24", "batch_size=24"],
+    "threads": ["--scenario", "two-way", "--algorithm", "ppo", "--observation", "bev",
+                "--set", "n_steps=24", "batch_size=24"],
     "bev": ["--scenario", "two-way", "--algorithm", "dqn", "--observation", "bev", "--size", "36x48",
             "--background-subtraction", "--set", "learning_starts=40", "n_steps=3"],
     "encoded": ["--scenario", "two-way", "--algorithm", "a2c", "--observation", "bev", "--size", "84x84",
@@ -79,6 +82,17 @@ def test_later_weights_count_more_in_the_average() -> None:
     counts = numbers * (numbers + 1) * (numbers + 2) * (numbers + 3)
     assert average.module.weight.item() == pytest.approx(np.average(numbers, weights=counts))
     assert counts[80:].sum() > 0.6 * counts.sum()
+
+
+def test_weights_of_overlapping_patches_are_another_policys(tmp_path: Path) -> None:
+    seen, actions = spaces.Box(0, 255, (3, 84, 84), np.uint8), spaces.Discrete(4)
+    apart, overlapping = (
+        models.build_policy(Training(observation="bev", patches=patches), seen, actions)
+        for patches in ("apart", "overlapping")
+    )
+    models.save_policy(overlapping, tmp_path / "policy.pt")
+    with pytest.raises(ConfigError, match="weights of another policy"):
+        models.load_policy(apart, tmp_path / "policy.pt")
 
 
 def test_a_checkpoint_takes_no_memory_until_it_is_used(tmp_path: Path) -> None:
@@ -186,6 +200,7 @@ def test_bad_arguments_are_one_line_before_any_work(
         ("1 to 8192 pixels", [*QUICK["bev"], "--size", "0x48", "--out", tmp_path / "a"]),
         ("needs images", [*QUICK["ppo"], "--encoder", "efficientnet-lite0", "--out", tmp_path / "a"]),
         ("needs images", [*QUICK["ppo"], "--background-subtraction", "--out", tmp_path / "a"]),
+        ("needs images", [*QUICK["ppo"], "--patches", "overlapping", "--out", tmp_path / "a"]),
         ("no such file", [*pictures, "--encoder", tmp_path / "none.onnx", "--out", tmp_path / "a"]),
         ("cannot read it", [*pictures, "--encoder", broken, "--out", tmp_path / "a"]),
         ("holds a run already", [*QUICK["ppo"], "--out", kept]),

@@ -15,7 +15,7 @@ from dojo_env.errors import ConfigError
 from dojo_env.rewards import REWARDS
 from dojo_maps.errors import DojoError
 from learning.scenarios import check_scenario
-from learning.settings import AGENTS, ALGORITHMS, CONDITIONS, OBSERVATIONS, Training
+from learning.settings import AGENTS, ALGORITHMS, CONDITIONS, OBSERVATIONS, PATCHES, Training
 
 
 def read_size(text: str) -> tuple[int, int]:
@@ -51,6 +51,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--reward", nargs="+", metavar="NAME=WEIGHT", help=", ".join(REWARDS))
     parser.add_argument("--size", type=read_size, metavar="HEIGHTxWIDTH", help="of images")
     parser.add_argument("--shared-views", action="store_true", help="one set of weights for all views")
+    parser.add_argument("--patches", choices=PATCHES, help="of an image, with which its network begins")
     parser.add_argument(
         "--background-subtraction", action="store_true", help="show images as what changes in an episode"
     )

@@ -1,8 +1,10 @@
 """What a learner asks of the process it runs in: the same bits each time, and no time lost on memory."""
 
+import contextlib
 import ctypes
 import os
 import sys
+from collections.abc import Iterator
 
 import torch
 
@@ -19,6 +21,17 @@ def prepare_process() -> None:
     torch.set_deterministic_debug_mode("error")  # As use_deterministic_algorithms, but starts no compiler.
     torch.utils.deterministic.fill_uninitialized_memory = False  # It would only show what was never written.
     _keep_memory()
+
+
+@contextlib.contextmanager
+def threads(count: int) -> Iterator[None]:
+    """Compute on so many threads for a while; bits depend on their number, not on the machine's cores."""
+    before = torch.get_num_threads()
+    torch.set_num_threads(count)
+    try:
+        yield
+    finally:
+        torch.set_num_threads(before)
 
 
 def _keep_memory() -> None:

@@ -24,8 +24,11 @@ from .buffers import NStepDictReplayBuffer
 from .independent import Independent, Policies
 from .networks import EncodedNet, ViewNet
 from .settings import Training
+from .updates import BesideDQN, TwoThreadPPO
 
 CLASSES: dict[str, type[BaseAlgorithm]] = {"ppo": PPO, "a2c": A2C, "dqn": DQN}
+_SEEING = {"ppo": TwoThreadPPO, "dqn": BesideDQN}
+"""What stands in for them where updates take long."""
 _COUNTERS = (
     "num_timesteps",
     "_n_updates",
@@ -49,7 +52,8 @@ def build_model(training: Training, environments: VecEnv) -> BaseAlgorithm | Ind
         if isinstance(environments.observation_space, spaces.Dict) and known["n_steps"] > 1:
             known["replay_buffer_class"] = NStepDictReplayBuffer
             known["replay_buffer_kwargs"] = {"n_steps": known.pop("n_steps"), "gamma": known["gamma"]}
-    return CLASSES[training.algorithm](
+    classes = {**CLASSES, **_SEEING} if training.parallel_updates else CLASSES
+    return classes[training.algorithm](
         name,
         environments,
         seed=training.seed,
@@ -107,7 +111,10 @@ def describe_policy(training: Training, observed: spaces.Space[Any]) -> tuple[st
     if training.sees:
         settings["normalize_images"] = False  # The network does, pixel by pixel.
         settings["features_extractor_class"] = ViewNet
-        settings["features_extractor_kwargs"] = {"shared": training.shared_views}
+        settings["features_extractor_kwargs"] = {
+            "shared": training.shared_views,
+            "patches": training.patches,
+        }
     elif training.encoder != "none":
         settings["features_extractor_class"] = EncodedNet
     several = isinstance(observed, spaces.Dict)

@@ -28,7 +28,7 @@ BOLD = {"learning_rate": 0.002, "ent_coef": 0.0005}
 OWN_SETTINGS: dict[tuple[str, str], dict[str, Any]] = {
     ("cologne1", "MaxPressure"): {"min_green": 8},
     ("cologne1", "learned"): {"min_green": 8},
-    ("cologne1", "PPO-BEV"): {"steps": 400_000},
+    ("cologne1", "PPO-BEV"): {"steps": 400_000, "patches": "apart"},
     ("cologne1", "PPO-BEV random"): {"steps": 300_000},
     ("cologne1", "DQN-MV"): {"steps": 50_000},
     ("cologne1", "PPO-BEV*"): {"steps": 100_000},
@@ -86,8 +86,8 @@ Pictures tell all they can after more steps than the others get.
 _ALGORITHMS = ("DQN", "PPO", "A2C")
 _SEEN: dict[str, dict[str, Any]] = {
     "F": {"observation": "features"},
-    "MV": {"observation": "multi_view", "steps": 100_000},
-    "BEV": {"observation": "bev"},
+    "MV": {"observation": "multi_view", "patches": "overlapping", "steps": 100_000},
+    "BEV": {"observation": "bev", "patches": "overlapping"},
     "BEV*": {
         "observation": "bev",
         "encoder": "efficientnet-lite0",

@@ -27,6 +27,7 @@ The learning rate is that of the beginning; it falls to 0 at the end, so that th
 """
 OBSERVATIONS = ("features", "bev", "multi_view", "detector")
 IMAGES = ("bev", "multi_view")
+PATCHES = ("apart", "overlapping")
 AGENTS = ("single", "shared", "independent")
 PACKAGES = ("traffic-dojo", "libsumo", "numpy", "gymnasium", "torch", "stable-baselines3")
 CONDITIONS: dict[str, dict[str, tuple[float, float]]] = {
@@ -68,6 +69,8 @@ class Training:
         height: pixels, where the policy sees images.
         width: pixels.
         shared_views: one set of weights for all of `multi_view`'s images.
+        patches: how those lie with which the network of an image begins; `overlapping` ones take twice the
+            time.
         background_subtraction: images show how far each pixel is from its own mean in the episode.
         averaged_weights: the policy that is validated and kept has the average of the weights so far, in
             which later ones count more.
@@ -91,6 +94,7 @@ class Training:
     height: int = 84
     width: int = 84
     shared_views: bool = False
+    patches: str = "apart"
     background_subtraction: bool = False
     averaged_weights: bool = False
     every: int = 3
@@ -105,6 +109,7 @@ class Training:
             "observation": OBSERVATIONS,
             "conditions": tuple(CONDITIONS),
             "agents": AGENTS,
+            "patches": PATCHES,
         }
         for name, values in known.items():
             if getattr(self, name) not in values:
@@ -114,7 +119,7 @@ class Training:
                 raise ConfigError(f"{name}={getattr(self, name)}: expected at least 1")
         if not 0 <= self.seed < _SEEDS:
             raise ConfigError(f"seed={self.seed}: expected 0 to {_SEEDS - 1}")
-        for name, unused in (("encoder", "none"), ("background_subtraction", False)):
+        for name, unused in (("encoder", "none"), ("background_subtraction", False), ("patches", "apart")):
             value = getattr(self, name)
             if value != unused and self.observation not in IMAGES:
                 raise ConfigError(f"{name}={value!r} needs images; observe {' or '.join(IMAGES)}")
@@ -147,6 +152,11 @@ class Training:
     def sees(self) -> bool:
         """Whether the policy learns from images, not from features or an encoder's."""
         return self.encoder == "none" and self.observation in IMAGES
+
+    @property
+    def parallel_updates(self) -> bool:
+        """Whether updates use a second core, or leave it to the environments."""
+        return self.sees and self.patches == "apart"
 
     @property
     def environment(self) -> dict[str, Any]:
