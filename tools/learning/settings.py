@@ -70,7 +70,7 @@ class Training:
         width: pixels.
         shared_views: one set of weights for all of `multi_view`'s images.
         patches: how those lie with which the network of an image begins; `overlapping` ones take twice the
-            time.
+            time, and updates take turns with the environments on one thread.
         background_subtraction: images show how far each pixel is from its own mean in the episode.
         averaged_weights: the policy that is validated and kept has the average of the weights so far, in
             which later ones count more.
@@ -155,7 +155,10 @@ class Training:
 
     @property
     def parallel_updates(self) -> bool:
-        """Whether updates use a second core, or leave it to the environments."""
+        """Whether updates use a second core, or leave it to the environments.
+
+        Policies kept with overlapping patches were trained without, and are to come out the same again.
+        """
         return self.sees and self.patches == "apart"
 
     @property
