@@ -115,6 +115,8 @@ def describe_policy(training: Training, observed: spaces.Space[Any]) -> tuple[st
             "shared": training.shared_views,
             "patches": training.patches,
         }
+        if training.algorithm == "dqn" and training.parallel_updates:
+            settings["optimizer_kwargs"] = {"fused": True}  # A tenth of an update's time.
     elif training.encoder != "none":
         settings["features_extractor_class"] = EncodedNet
     several = isinstance(observed, spaces.Dict)

@@ -30,7 +30,9 @@ OWN_SETTINGS: dict[tuple[str, str], dict[str, Any]] = {
     ("cologne1", "learned"): {"min_green": 8},
     ("cologne1", "PPO-BEV"): {"steps": 400_000, "patches": "apart"},
     ("cologne1", "PPO-BEV random"): {"steps": 300_000},
+    ("cologne1", "DQN"): {"hyperparameters": {"train_freq": 1}},
     ("cologne1", "DQN-MV"): {"steps": 50_000},
+    ("cologne1", "DQN-BEV"): {"steps": 300_000, "patches": "apart", "hyperparameters": {"train_freq": 2}},
     ("cologne1", "PPO-BEV*"): {"steps": 100_000},
     ("cologne1", "DQN-BEV*"): {"steps": 120_000},
     ("cologne1", "A2C-F"): {"reward": PATIENT, "hyperparameters": BOLD},
@@ -61,7 +63,7 @@ OWN_SETTINGS: dict[tuple[str, str], dict[str, Any]] = {
         "reward": {**GENTLE, "diff-waiting-time": 0.004},
         "hyperparameters": {**BOLD, "ent_coef": 0.0015},
     },
-    ("two-way", "DQN"): {"reward": GENTLE, "hyperparameters": {"n_steps": 6}},
+    ("two-way", "DQN"): {"reward": GENTLE, "hyperparameters": {"n_steps": 6, "train_freq": 1}},
     ("two-way", "DQN-BEV"): {"steps": 300_000},
     ("two-way", "DQN-MV"): {
         "steps": 300_000,
