@@ -18,7 +18,7 @@ ALGORITHMS: dict[str, dict[str, Any]] = {
             "gae_lambda": 0.9, "ent_coef": 0.005, "clip_range": 0.2},
     "a2c": {"n_steps": 12, "learning_rate": 7e-4, "gamma": 0.97, "gae_lambda": 0.9, "ent_coef": 0.005},
     "dqn": {"buffer_size": 50_000, "learning_starts": 5_760, "batch_size": 64, "learning_rate": 5e-4,
-            "gamma": 0.97, "train_freq": 2, "gradient_steps": 1, "target_update_interval": 500,
+            "gamma": 0.97, "train_freq": 4, "gradient_steps": 1, "target_update_interval": 500,
             "exploration_fraction": 0.3, "exploration_final_eps": 0.02, "n_steps": 1},
 }  # fmt: skip
 """The algorithms and what their settings are unless said otherwise; the names are Stable-Baselines3's.
