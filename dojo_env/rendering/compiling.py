@@ -42,13 +42,18 @@ def kernel(function: Callable[..., Any]) -> Any:
 
 
 def inner(function: Callable[..., Any]) -> Any:
-    """Compile a kernel into each that calls it: handing arrays over costs as much as a small triangle."""
+    """Compile a kernel into each that calls it, and count no references in it; it cannot make arrays.
+
+    Handing arrays over and counting who holds them costs more than a small triangle.
+    """
     return _compiled(function, inside=True)
 
 
 def _compiled(function: Callable[..., Any], *, inside: bool) -> Any:
     theirs, _CONFIG.CACHE_DIR = _CONFIG.CACHE_DIR, _FOLDER
     try:
-        return numba.njit(cache=True, nogil=True, error_model="numpy", forceinline=inside)(function)
+        # Both always: a kernel that does not say takes its caller's.
+        options: dict[str, Any] = {"forceinline": inside, "_nrt": not inside}
+        return numba.njit(cache=True, nogil=True, error_model="numpy", **options)(function)
     finally:
         _CONFIG.CACHE_DIR = theirs

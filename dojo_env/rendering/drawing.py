@@ -126,7 +126,7 @@ def _draw(faces, face, seen, screen, is_ahead, corners, view, tag, mode, target)
     return draw_face(corners, view.lens, tag, mode, target.depths, target.tags)
 
 
-@kernel
+@inner
 def _look_from_inside(users, k, view, light, inside):
     """Bring eye, sun and the way up into a model's unit box; the last row takes normals out of it.
 
@@ -201,23 +201,28 @@ def count_alone(whose, users, models, light, view, target):
     return pixels
 
 
-@kernel
+@inner
 def _see(vertices, first, last, users, k, view, seen):
     """Bring a model's vertices into camera space; returns how far away it is, metres."""
-    matrix, shift = np.zeros((3, 3)), np.empty(3)
-    turn(users.places[k], view, shift)
+    frame = users.frames[k]
+    x = users.places[k, 0] - view.eye[0]
+    y = users.places[k, 1] - view.eye[1]
+    z = users.places[k, 2] - view.eye[2]
+    square = 0.0
     for row in range(3):
-        for axis in range(3):
-            for column in range(3):
-                matrix[row, column] += view.axes[row, axis] * users.frames[k, axis, column]
-    for v in range(first, last):
-        x, y, z = vertices[v, 0], vertices[v, 1], vertices[v, 2]
-        for row in range(3):
-            seen[v - first, row] = matrix[row, 0] * x + matrix[row, 1] * y + matrix[row, 2] * z + shift[row]
-    return sqrt(shift[0] ** 2 + shift[1] ** 2 + shift[2] ** 2)
+        a, b, c = view.axes[row, 0], view.axes[row, 1], view.axes[row, 2]
+        shift = a * x + b * y + c * z
+        ahead = a * frame[0, 0] + b * frame[1, 0] + c * frame[2, 0]
+        left = a * frame[0, 1] + b * frame[1, 1] + c * frame[2, 1]
+        up = a * frame[0, 2] + b * frame[1, 2] + c * frame[2, 2]
+        for v in range(first, last):
+            corner = vertices[v]
+            seen[v - first, row] = ahead * corner[0] + left * corner[1] + up * corner[2] + shift
+        square += shift * shift
+    return sqrt(square)
 
 
-@kernel
+@inner
 def _detail(users, k, view):
     """Level of detail for the size that a road user has on the screen."""
     z = square = 0.0

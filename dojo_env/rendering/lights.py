@@ -4,7 +4,7 @@ from math import cos, pi, sin, sqrt
 
 import numpy as np
 
-from dojo_env.rendering.compiling import kernel
+from dojo_env.rendering.compiling import inner, kernel
 from dojo_env.rendering.lighting import SRGB
 from dojo_env.rendering.raster import NEARER, SHADED, SHADOW, draw_face
 from dojo_env.rendering.scene import LAMP_COLOURS
@@ -87,7 +87,7 @@ def draw_flat(paths, view, target):
     return len(paths.triangles)
 
 
-@kernel
+@inner
 def _plain(colour, shade):
     for c in range(3):
         shade[c] = SRGB[int(LAMP_COLOURS[colour, c] * 4095.0 + 0.5)]

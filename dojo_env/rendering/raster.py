@@ -70,7 +70,7 @@ def fill_triangle(x0, y0, w0, x1, y1, w1, x2, y2, w2, tag, mode, depths, tags):
     return changed
 
 
-@kernel
+@inner
 def draw_face(corners, lens, tag, mode, depths, tags):
     """Draw a triangle of camera space, clipped at the near plane; returns how many pixels changed.
 
@@ -158,7 +158,7 @@ def draw_mesh(vertices, faces, turn, eye, lens, depths, tags):
         draw_face(corners, lens, k, NEARER, depths, tags)
 
 
-@kernel
+@inner
 def _is_outside(corners, side, rise, near, far):
     """Tell whether all corners lie beyond one plane of the view's frustum."""
     left = right = up = down = behind = beyond = 0

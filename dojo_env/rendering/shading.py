@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dojo_env.rendering import textures
-from dojo_env.rendering.compiling import kernel
+from dojo_env.rendering.compiling import inner, kernel
 from dojo_env.rendering.lighting import SRGB
 
 Floats = NDArray[np.float64]
@@ -95,7 +95,7 @@ def shade(depths, tags, view, world, samples, pictures):
                     pictures[picture, row, column, c] = SRGB[int(sums[picture, c] * 4095.0 + 0.5)]
 
 
-@kernel
+@inner
 def _shade_sample(face, depth, u, v, view, world, scratch, shown):
     """Colour what one sample sees, three times."""
     ray, normal, place = scratch[0], scratch[1], scratch[2]
@@ -125,7 +125,7 @@ def _shade_sample(face, depth, u, v, view, world, scratch, shown):
             shown[picture, c] = value * (1.0 - veil) + veil * horizon
 
 
-@kernel
+@inner
 def _cast(u, v, view, ray):
     """Compute the unit vector through a sample; returns how far one metre along the axis is along it."""
     a, b = (u + 0.5 - view.lens[1]) / view.lens[0], (v + 0.5 - view.lens[2]) / view.lens[0]
@@ -135,7 +135,7 @@ def _cast(u, v, view, ray):
     return length
 
 
-@kernel
+@inner
 def _sky(ray, light, c):
     """Colour of the sky along a ray: from the horizon's to the zenith's, brighter towards the sun."""
     share = 1.0 - exp(-5.0 * max(0.0, ray[2]))
@@ -144,7 +144,7 @@ def _sky(ray, light, c):
     return light[_HORIZON, c] * (1.0 - share) + light[_ZENITH, c] * share + glow
 
 
-@kernel
+@inner
 def _light_surface(face, surface, place, normal, pixel, world, shown):
     """Light a place: in the open, in the shadow of something that moves, and in front of head lamps."""
     light = world.light
@@ -171,7 +171,7 @@ def _light_surface(face, surface, place, normal, pixel, world, shown):
         shown[2, c] = shown[0, c] + albedo * headlights * 1.6 * _BEAM[c]
 
 
-@kernel
+@inner
 def _tone(surface, place, normal, pixel, wet):
     """Texture of a surface: brightness, and a number from 0 to 1 where there is a window, else -1."""
     x, y, z = place[0], place[1], place[2]
@@ -196,7 +196,7 @@ def _tone(surface, place, normal, pixel, wet):
     return max(0.05, tone), window
 
 
-@kernel
+@inner
 def _mirrored(surface, place, normal, ray, pixel, wet):
     """Share of the sky's light that a wet street or water sends on."""
     flat = 1.0 - min(1.0, abs(ray[2]) * 1.3)
@@ -207,7 +207,7 @@ def _mirrored(surface, place, normal, ray, pixel, wet):
     return 0.0
 
 
-@kernel
+@inner
 def _lookup(seen, x, y):
     """Read a height map at a place of its frame, nearest pixel; -inf outside."""
     size_y, size_x = seen.heights.shape
@@ -218,7 +218,7 @@ def _lookup(seen, x, y):
     return seen.heights[row, column]
 
 
-@kernel
+@inner
 def _sunlit(place, normal, sun):
     """Share of a place that the sun reaches, over a small square of the shadow map."""
     step = 0.7 / sun.place[0]
@@ -235,7 +235,7 @@ def _sunlit(place, normal, sun):
     return reached / 9.0
 
 
-@kernel
+@inner
 def _lamp_light(place, normal, lamps):
     """Light of street lamps, around 1 right under one."""
     total = 0.0

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from dojo_env.errors import ConfigError
 from dojo_env.rendering.classes import SEMANTIC_OF_KIND, Semantic
-from dojo_env.rendering.compiling import kernel
+from dojo_env.rendering.compiling import inner, kernel
 from dojo_env.rendering.scene import Scene
 from dojo_env.rendering.traffic import Users, library, place_users
 from dojo_env.snapshot import Snapshot
@@ -224,7 +224,7 @@ def _hit_mesh(vertices, faces, eye, elevations, heading, reach, ranges, tags):
         _hit_triangle(corners, elevations, heading, reach, face, ranges, tags)
 
 
-@kernel
+@inner
 def _nearest_level(corners):
     """Least horizontal distance from the sensor to a triangle; 0 where it lies above or below the sensor."""
     nearest = np.inf
@@ -243,7 +243,7 @@ def _nearest_level(corners):
     return 0.0 if left == 3 or right == 3 else nearest
 
 
-@kernel
+@inner
 def _hit_triangle(corners, elevations, heading, reach, tag, ranges, tags):
     """Shorten the ranges of the rays that meet a triangle, given around the sensor."""
     nearest = _nearest_level(corners)
@@ -274,7 +274,7 @@ def _hit_triangle(corners, elevations, heading, reach, tag, ranges, tags):
     _hit_rays(corners, elevations, heading, reach, tag, ranges, tags, first, last, start, count)
 
 
-@kernel
+@inner
 def _hit_rays(corners, elevations, heading, reach, tag, ranges, tags, first, last, start, count):
     """Intersect one triangle with a block of rays. Source: Moeller and Trumbore 1997."""
     columns = ranges.shape[1]
