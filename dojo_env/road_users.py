@@ -83,7 +83,7 @@ class RoadUsers:
         positions = np.fromiter(places, np.float64, 3 * count).reshape(count, 3)
         looks = self._looks.take(self._find(ids, people))
         bits = chain(map(get.vehicle_getSignals, ids), repeat(0, len(people)))
-        slopes = column("getSlope") if positions[:, 2].any() else repeat(0.0, count)
+        slopes = column("getSlope") if np.count_nonzero(positions[:, 2]) else repeat(0.0, count)
         snapshot: dict[str, Any] = {
             **{name: looks[name] for name in _LOOK.fields or ()},
             "positions": positions,
