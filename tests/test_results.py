@@ -35,8 +35,12 @@ def test_readme_tells_what_was_measured() -> None:
 def test_readme_tells_how_policies_do_in_other_light() -> None:
     """Travel time and accumulated waiting again; a row that jams has thousands of seconds of it."""
     text = (REPOSITORY / "README.md").read_text(encoding="utf-8")
-    (header,) = re.findall(r"^\| PPO-BEV on cologne1 \| (.*) \|$", text, re.MULTILINE)
-    for name, row in (("learned by day", "PPO-BEV"), ("learned in any light", "PPO-BEV random")):
+    (header,) = re.findall(r"^\| learned on cologne1 \| (.*) \|$", text, re.MULTILINE)
+    for name, row in (
+        ("PPO-BEV, by day", "PPO-BEV"),
+        ("PPO-BEV, in any light", "PPO-BEV random"),
+        ("PPO-MV, in any light", "PPO-MV random"),
+    ):
         path = RESULTS / "cologne1" / row / "robustness.json"
         under = json.loads(path.read_text(encoding="utf-8"))["under"]
         (cells,) = re.findall(rf"^\| {name} \| (.*) \|$", text, re.MULTILINE)
