@@ -9,6 +9,10 @@ class ConfigError(DojoError, ValueError):
     exit_status = 2
 
 
+class ScenarioError(SourceError, ConfigError):
+    """A scenario's file is missing, unreadable, not what it claims to be, or unsafe to run."""
+
+
 class SnapshotError(DojoError, ValueError):
     """A snapshot holds values that no simulated instant can have."""
 

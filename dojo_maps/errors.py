@@ -18,12 +18,16 @@ class SourceError(DojoError):
 
     exit_status = 3
 
-    def __init__(self, path: object, problem: str, *, element: str | None = None) -> None:
+    def __init__(self, path: object, problem: str, element: str | None = None) -> None:
         """Name the input and, where one is at fault, the element in it."""
-        where = f"{path}: {element}" if element else f"{path}"
-        super().__init__(f"{where}: {problem}")
+        super().__init__(str(path), problem, element)  # All that pickle needs to make it again.
         self.path = str(path)
         self.element = element
+
+    def __str__(self) -> str:
+        """Say where, then what."""
+        _, problem, element = self.args
+        return ": ".join(part for part in (self.path, element, problem) if part)
 
 
 class DescriptionError(SourceError):

@@ -1,0 +1,32 @@
+"""Errors arrive whole where another process raised them."""
+
+import importlib
+import inspect
+import pickle
+import pkgutil
+
+import dojo_env
+import dojo_maps
+import pytest
+from dojo_maps.errors import DojoError, SourceError
+
+_OPTIONAL = "dojo_env.encoders"
+"""Modules that need packages of their own."""
+
+
+def _error_classes() -> set[type[DojoError]]:
+    modules = [
+        importlib.import_module(found.name)
+        for package in (dojo_maps, dojo_env)
+        for found in pkgutil.walk_packages(package.__path__, f"{package.__name__}.")
+        if not found.name.startswith(_OPTIONAL) and not found.name.endswith("__main__")
+    ]
+    members = (value for module in modules for value in vars(module).values())
+    return {value for value in members if inspect.isclass(value) and issubclass(value, DojoError)}
+
+
+@pytest.mark.parametrize("kind", sorted(_error_classes(), key=lambda kind: kind.__qualname__))
+def test_an_error_says_the_same_on_the_other_side_of_a_pipe(kind: type[DojoError]) -> None:
+    error = kind("a.xml", "is cut short", "line 3") if issubclass(kind, SourceError) else kind("it broke")
+    arrived = pickle.loads(pickle.dumps(error))  # noqa: S301 - our own
+    assert (type(arrived), str(arrived), vars(arrived)) == (kind, str(error), vars(error))
