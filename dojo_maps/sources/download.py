@@ -52,9 +52,11 @@ class Patience:
 class BusyError(SourceError):
     """The server may well answer later; `after` is when it said so, in seconds from now."""
 
-    def __init__(self, server: str, problem: str, *, after: float | None = None) -> None:
+    def __init__(
+        self, server: str, problem: str, element: str | None = None, *, after: float | None = None
+    ) -> None:
         """Note what the server said."""
-        super().__init__(server, problem)
+        super().__init__(server, problem, element)
         self.after = after
 
 
