@@ -9,8 +9,8 @@ from dojo_env.config import EnvConfig, build_config
 from dojo_env.errors import ConfigError, SimulationBusyError
 from dojo_env.instant import Instant
 from dojo_env.watching.viewer import Viewer
-from dojo_env.worker import open_world
 from dojo_env.world import World
+from dojo_env.world_process import open_world
 
 _LARGEST_SEED = 2**31 - 2
 
@@ -90,7 +90,7 @@ class TrafficSignalEnv(gymnasium.Env[Any, Any]):
 
     @property
     def instant(self) -> Instant:
-        """What is known at the present decision; not in a process of its own."""
+        """What is known at the present decision."""
         return self.world.instant
 
     def metrics(self) -> dict[str, Any]:

@@ -25,6 +25,14 @@ class SimulationBusyError(SimulationError):
     """This process runs another simulation already, and libsumo holds one."""
 
 
+class SimulationDiedError(SimulationError):
+    """The process that ran SUMO has died, with its episode; `reset` begins another."""
+
+
+class StaleInstantError(DojoError):
+    """A decision was asked for what nobody had measured before SUMO moved on."""
+
+
 class EpisodeOverError(DojoError):
     """`step` was called after the episode's end, or before its first `reset`."""
 

@@ -17,15 +17,13 @@ from multiprocessing import Pipe, resource_tracker
 from multiprocessing.connection import Connection
 from typing import Any, NoReturn
 
-from dojo_env.errors import SimulationError
+from dojo_env.errors import SimulationDiedError
 
 CAN_FORK = sys.platform == "linux"
 """Elsewhere libraries may not survive it, and calls happen here."""
 _HEARTBEAT = 1.0
 """Seconds after which a fork looks whether its caller is still there."""
 _INTERRUPT = {signal.SIGINT}
-Call = tuple[str, Any]
-"""What is asked of a process that answers, by name, and what with."""
 
 
 @contextlib.contextmanager
@@ -59,7 +57,7 @@ def call_in_fork(function: Callable[..., Any], *arguments: Any) -> Any:
     """Call a function in a fork; returns what it returns, which must be something to pickle.
 
     Raises:
-        SimulationError: the fork has died.
+        SimulationDiedError: the fork has died.
         Exception: what the function raised.
     """
     if not CAN_FORK:
@@ -72,7 +70,7 @@ def call_in_fork(function: Callable[..., Any], *arguments: Any) -> Any:
         theirs.close()
         error, value = mine.recv()
     except EOFError as problem:
-        raise SimulationError("the simulation's process has died") from problem
+        raise SimulationDiedError("the simulation's process has died") from problem
     except KeyboardInterrupt:
         os.kill(process, signal.SIGINT)  # It writes what there is of its episode.
         raise
@@ -119,12 +117,3 @@ def _wait(is_done: threading.Event, caller: int) -> None:
     """Wait until it is done, or nobody asks for it. A join that was interrupted cannot be repeated."""
     while not is_done.wait(_HEARTBEAT) and os.getppid() == caller:
         pass
-
-
-def receive_call(pipe: Connection) -> Call:
-    """Wait for a call; who is gone wants us to close."""
-    try:
-        name, arguments = pipe.recv()
-    except (EOFError, OSError, KeyboardInterrupt):
-        return "close", ()
-    return name, arguments

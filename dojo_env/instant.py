@@ -1,8 +1,17 @@
-"""What is known at a decision: all that observations, rewards, metrics and controllers see."""
+"""What was measured at one decision, as values: all that observations, rewards, metrics and controllers see.
+
+What costs more than a glance is measured when it is first asked for, and kept. Once SUMO has moved on it can
+no longer be measured, and asking for it is an error, never an answer about another time.
+"""
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Any
 
+import numpy as np
+
+from dojo_env.errors import StaleInstantError
 from dojo_env.reading import Figures, LaneReading, TrafficReading
 from dojo_env.signals.plan import SignalPlan
 from dojo_env.simulation import Simulation
@@ -31,35 +40,106 @@ class SignalView:
 
 
 class Instant:
-    """The traffic and the signals at one decision.
+    """The traffic and the signals at one decision. It can be kept, compared and pickled.
 
-    What costs more than a glance, such as the snapshot, is fetched when it is asked for, and only until
-    the next decision.
+    Attributes:
+        time: simulated seconds.
+        traffic: figures of the whole network.
+        signals: each signal that agents control, by id.
     """
 
-    __slots__ = ("_simulation", "_snapshot", "signals", "time", "traffic")
+    __slots__ = ("_lanes", "_moment", "_simulation", "_snapshot", "signals", "time", "traffic")
 
     def __init__(
-        self, simulation: Simulation, traffic: TrafficReading, signals: Mapping[str, SignalView]
+        self,
+        simulation: Simulation,
+        traffic: TrafficReading,
+        signals: Mapping[str, SignalView],
+        lanes: Mapping[str, tuple[str, ...]],
     ) -> None:
-        """Freeze what has been read."""
+        """Take what has been measured, and what measures the rest.
+
+        Args:
+            simulation: stands at this decision.
+            traffic: figures of the whole network.
+            signals: each signal that agents control, by id.
+            lanes: ids of the vehicles on the lanes that have been looked at.
+        """
         self.time: float = simulation.time
         self.traffic = traffic
-        self.signals = signals
-        self._simulation = simulation
+        self.signals: Mapping[str, SignalView] = MappingProxyType(dict(signals))
+        self._simulation: Simulation | None = simulation
+        self._moment = simulation.moment
         self._snapshot: Snapshot | None = None
+        self._lanes = dict(lanes)
 
     @property
     def snapshot(self) -> Snapshot:
-        """Everyone on the road."""
+        """Everyone on the road.
+
+        Raises:
+            StaleInstantError: it was not asked for before SUMO moved on.
+        """
         if self._snapshot is None:
-            self._snapshot = self._simulation.read_snapshot()
+            self._snapshot = self._present("snapshot").read_snapshot()
         return self._snapshot
 
-    def count_vehicles(self, lanes: Iterable[str]) -> Figures:
-        """Count the vehicles on each lane."""
-        return self._simulation.count_vehicles(lanes)
-
     def list_vehicles(self, lane: str) -> tuple[str, ...]:
-        """List the vehicles on a lane by their ids."""
-        return self._simulation.list_vehicles(lane)
+        """List the vehicles on a lane by their ids.
+
+        Args:
+            lane: any lane of the network.
+
+        Raises:
+            StaleInstantError: the lane was not asked for before SUMO moved on.
+        """
+        if lane not in self._lanes:
+            self._lanes[lane] = self._present(f"vehicles of lane {lane!r}").list_vehicles(lane)
+        return self._lanes[lane]
+
+    def count_vehicles(self, lanes: Iterable[str]) -> Figures:
+        """Count the vehicles on each lane.
+
+        Args:
+            lanes: any lanes of the network, n of them.
+
+        Returns:
+            (n,) vehicles, in the lanes' order.
+
+        Raises:
+            StaleInstantError: a lane was not asked for before SUMO moved on.
+        """
+        return np.array([len(self.list_vehicles(lane)) for lane in lanes], dtype=np.float64)
+
+    def measure_all(self) -> "Instant":
+        """Measure at once all that can be asked for; returns itself.
+
+        Raises:
+            StaleInstantError: SUMO has moved on, and something is missing.
+        """
+        if self._simulation is not None:
+            self.count_vehicles(self._simulation.lane_ids)
+            self._snapshot = self.snapshot
+            self._simulation = None
+        return self
+
+    def _present(self, what: str) -> Simulation:
+        simulation = self._simulation
+        if simulation is None or simulation.moment != self._moment:
+            raise StaleInstantError(
+                f"the {what} at {self.time:g} s can no longer be measured, for SUMO has moved on; "
+                "ask for it at its decision, or call measure_all() then"
+            )
+        return simulation
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Measure the rest: another process has no simulation to ask."""
+        self.measure_all()
+        state = {name: getattr(self, name) for name in self.__slots__}
+        return {**state, "signals": dict(self.signals)}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """Take all that was measured."""
+        for name, value in state.items():
+            setattr(self, name, value)
+        self.signals = MappingProxyType(self.signals)

@@ -11,8 +11,9 @@ from dojo_env.config import EnvConfig
 from dojo_env.env import choose_seed, one_config, open_viewer, read_action
 from dojo_env.errors import ConfigError, EpisodeOverError
 from dojo_env.instant import Instant
-from dojo_env.worker import open_world
-from dojo_env.world import SIGNAL_FIGURES, World
+from dojo_env.local_world import SIGNAL_FIGURES
+from dojo_env.world import World
+from dojo_env.world_process import open_world
 
 _SHARED = ("step", "system_", "agents_", "safety_")
 """How the names of figures begin that are the same for all agents."""
@@ -99,7 +100,7 @@ class TrafficSignalsEnv(ParallelEnv):  # type: ignore[misc]
 
     @property
     def instant(self) -> Instant:
-        """What is known at the present decision; not in a process of its own."""
+        """What is known at the present decision."""
         return self.world.instant
 
     def metrics(self) -> dict[str, Any]:

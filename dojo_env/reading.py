@@ -18,7 +18,7 @@ _VEHICLES, _HALTING, _MEAN_SPEED, _MEAN_LENGTH, _WAITING, _CO2 = range(6)
 _RELATIVE, _PACE, _DENSITY, _QUEUE = range(6, 10)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class LaneReading:
     """Figures of the lanes that lead to a signal.
 
@@ -127,7 +127,7 @@ def _read_lanes(rows: list[list[float]], limits: list[float], lengths: list[floa
     return LaneReading(rows=rows, totals=list(map(fsum, rows)))
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class TrafficReading:
     """Figures of the whole network.
 

@@ -1,4 +1,7 @@
-"""What an agent is paid: a function of a signal and the instants before and after a decision interval."""
+"""What an agent is paid: a function of a signal and of the decisions before and after an interval.
+
+Both are values. A function of a user's may ask `before` for anything, and is told what was then.
+"""
 
 import math
 from collections.abc import Callable, Mapping, Sequence
@@ -67,6 +70,11 @@ def build_rewards(wanted: Any, signals: Sequence[str]) -> dict[str, Reward]:
     if isinstance(wanted, Mapping) and set(wanted) == set(signals):
         return {signal: _build_reward(wanted[signal]) for signal in signals}
     return dict.fromkeys(signals, _build_reward(wanted))
+
+
+def is_own(reward: Reward) -> bool:
+    """Tell whether a reward is one of these, or made of them: those ask nothing late of a past decision."""
+    return isinstance(reward, _Weighted) or any(reward is own for own in REWARDS.values())
 
 
 def _build_reward(wanted: Any) -> Reward:

@@ -6,7 +6,6 @@ subscription spends longer than that on building its dicts.
 
 from collections.abc import Iterable
 from itertools import chain, compress, repeat
-from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -98,9 +97,7 @@ class RoadUsers:
             snapshot = {name: values[there] for name, values in snapshot.items()}
             names, lanes = (tuple(compress(values, there.tolist())) for values in (names, lanes))
         signals = {name: get.trafficlight_getRedYellowGreenState(name) for name in self._signals}
-        return Snapshot.trusted(
-            time=time, ids=names, lanes=lanes, signals=MappingProxyType(signals), **snapshot
-        )
+        return Snapshot.trusted(time=time, ids=names, lanes=lanes, signals=signals, **snapshot)
 
     def _find(self, ids: tuple[str, ...], people: tuple[str, ...]) -> list[int]:
         """Find the row of each road user's number, kind, size and colour; SUMO is asked for new ones."""

@@ -10,9 +10,9 @@ import numpy as np
 from dojo_env.config import build_config
 from dojo_env.controllers import make_controller
 from dojo_env.metrics import SIX
-from dojo_env.watch import FilmShow
+from dojo_env.watch import FilmShow, open_views
 from dojo_env.watching.video import Video
-from dojo_env.worker import open_world
+from dojo_env.world_process import open_world
 
 
 def run_controller(
@@ -26,8 +26,8 @@ def run_controller(
 ) -> list[dict[str, Any]]:
     """Run an episode per seed; returns the figures of each.
 
-    They run in a process of their own, so that it does not matter what ran before; but where a video shows
-    them.
+    They run in a process of their own, so that it does not matter what ran before, and a crash of SUMO does
+    not take this one along.
 
     Args:
         name: of the controller.
@@ -46,11 +46,14 @@ def run_controller(
     figures = []
     with ExitStack() as stack:
         film = stack.enter_context(Video(video)) if video is not None else None
-        world = stack.enter_context(closing(open_world(config, own_process=film is None)))
+        world = stack.enter_context(closing(open_world(config, own_process=True)))
+        show = None
         if film is not None:
-            title = f"{config.scenario.name}, {name}"
-            world.watch(FilmShow(world.eyes, world.map.plans, title, film).add)
+            show = FilmShow(*open_views(config), f"{config.scenario.name}, {name}", film)
+            world.watch(show.add)
         for seed in seeds:
+            if show is not None:
+                show.begin(seed)
             infos, found = world.run(controller, seed)
             for info in infos:
                 on_step(info)

@@ -1,13 +1,18 @@
 """SUMO itself: the only module that talks to libsumo or TraCI.
 
 libsumo holds one simulation per process. Who starts a second one gets a clear error that names the way out.
+Whatever SUMO refuses or breaks off is a `SimulationError` in SUMO's own words. A network that SUMO crashes on
+while it loads would end this process, too, so SUMO's program loads it once before libsumo does.
 """
 
+import contextlib
 import importlib.util
 import os
 import shlex
+import signal
+import subprocess
 import weakref
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -23,8 +28,12 @@ from dojo_env.snapshot import Snapshot
 _LOGICS = {"actuated": 3, "delay_based": 5}
 """SUMO's numbers of its logics."""
 _LARGEST_SEED = 2**31 - 1
+_LOADING_LIMIT = 300.0
+"""Seconds that SUMO may take to load a scenario; the largest cities in public use take a third of it."""
 _owner: "weakref.ref[Simulation] | None" = None
 _labels = iter(range(1 << 62))
+_loadable: set[Path] = set()
+"""Networks that do not crash SUMO."""
 
 
 class Simulation:
@@ -40,7 +49,12 @@ class Simulation:
         self._known_types = 0
         self._users: RoadUsers | None = None
         self._moving: tuple[tuple[str, ...], list[float]] | None = None
+        self._process = os.getpid()
         self.time = begin
+        self.moment = 0
+        """Another number whenever the simulation has moved on."""
+        self.lane_ids: tuple[str, ...] = ()
+        """Every lane of the network, those inside of junctions, too."""
         self.is_over = False
         """The episode is over: another simulation of this process may take its place."""
         self.arrived = 0
@@ -52,6 +66,11 @@ class Simulation:
     def is_running(self) -> bool:
         """Tell whether SUMO runs."""
         return self._sumo is not None
+
+    @property
+    def is_of_this_process(self) -> bool:
+        """Tell whether it was started here; what a fork has inherited is its parent's."""
+        return self._process == os.getpid()
 
     @property
     def trips(self) -> Mapping[str, Trip]:
@@ -71,29 +90,44 @@ class Simulation:
         self.close()
         self._trips, self._known_types, self.time, self._moving = {}, 0, self._begin, None
         self.arrived, self.travelled, self.is_over = 0, 0.0, False
+        self._process = os.getpid()
+        if self._config.backend == "libsumo":
+            _try_loading(self._network)
         command = [*self._options(seed), *more]
         try:
             self._connect(command)
-            self._users = RoadUsers(self._get)
-            self._force_emission_class()
+            with self.guarded():
+                self.lane_ids = tuple(self._get.lane_getIDList())
+                self._users = RoadUsers(self._get)
+                self._force_emission_class()
         except BaseException:
             self.close()
             raise
+
+    @contextlib.contextmanager
+    def guarded(self) -> Iterator[None]:
+        """Turn what SUMO breaks off in the meantime into an error of ours, and end the simulation then.
+
+        Raises:
+            SimulationError: SUMO stopped; the message holds its own words.
+        """
+        try:
+            yield
+        except self._failures as error:
+            self.close()
+            raise SimulationError(f"SUMO stopped after {self.time:g} s: {_words(error)}") from error
 
     def step(self) -> None:
         """Simulate one second and note who departed and who arrived.
 
         Raises:
-            SimulationError: SUMO stopped; the message holds its own words.
+            SimulationError: no simulation is running.
         """
         self._running()
         get = self._get
-        try:
-            get.simulation_step()
-        except self._failures as error:
-            self.close()
-            raise SimulationError(f"SUMO stopped after {self.time:g} s: {_words(error)}") from error
+        get.simulation_step()
         self.time += 1.0
+        self.moment += 1
         self._moving = None
         for vehicle in get.simulation_getDepartedIDList():
             self._note_departure(vehicle)
@@ -109,20 +143,23 @@ class Simulation:
         state: str = self._get.trafficlight_getRedYellowGreenState(signal)
         return state
 
-    def count_vehicles(self, lanes: Iterable[str]) -> Figures:
-        """Count the vehicles on each lane."""
-        return _floats(map(self._get.lane_getLastStepVehicleNumber, lanes))
-
     def list_vehicles(self, lane: str) -> tuple[str, ...]:
-        """List the vehicles on a lane by their ids."""
-        return tuple(self._get.lane_getLastStepVehicleIDs(lane))
+        """List the vehicles on a lane by their ids.
 
-    def read_lanes(self, lanes: Sequence[str]) -> list[list[float]]:
-        """Measure lanes; returns the first rows of a `LaneReading`."""
+        Raises:
+            SimulationError: there is no such lane.
+        """
+        try:
+            return tuple(self._get.lane_getLastStepVehicleIDs(lane))
+        except self._failures as error:
+            raise SimulationError(_words(error)) from error
+
+    def read_lanes(self, lanes: Sequence[str]) -> tuple[list[tuple[str, ...]], list[list[float]]]:
+        """Measure lanes; returns the vehicles on each, and the first rows of a `LaneReading`."""
         get = self._get
         on_lane = list(map(get.lane_getLastStepVehicleIDs, lanes))
         waiting = get.vehicle_getAccumulatedWaitingTime
-        return [
+        return on_lane, [
             list(map(len, on_lane)),
             list(map(get.lane_getLastStepHaltingNumber, lanes)),
             list(map(get.lane_getLastStepMeanSpeed, lanes)),
@@ -180,9 +217,10 @@ class Simulation:
         """End SUMO; safe at any time and more than once."""
         global _owner  # noqa: PLW0603 - the process has one libsumo, so it has one owner
         sumo, self._sumo, self._users = self._sumo, None, None
+        self.moment += 1
         if _owner is not None and _owner() is self:
             _owner = None
-        if sumo is not None:
+        if sumo is not None and self.is_of_this_process:
             try:
                 sumo.close()
             except self._failures:
@@ -262,7 +300,7 @@ class Simulation:
         import libsumo  # noqa: PLC0415 - only who runs it loads it
 
         other = _owner() if _owner is not None else None
-        if other is not None and other.is_running and not other.is_over:
+        if other is not None and other.is_running and not other.is_over and other.is_of_this_process:
             raise SimulationBusyError(
                 "another environment of this process is running, and libsumo holds one simulation per "
                 "process; close it first, or give own_process=True to run this one in a process of its own"
@@ -299,6 +337,29 @@ class _TraciGetters:
         found = getattr(getattr(self._connection, domain), getter)
         setattr(self, name, found)
         return found
+
+
+def _try_loading(network: Path) -> None:
+    """Let SUMO's program load a network, once.
+
+    Raises:
+        SimulationError: it crashes, or does not come to an end.
+    """
+    if network in _loadable:
+        return
+    command = [_find_program("sumo"), "-n", str(network), "--end", "1", "--xml-validation.net", "never"]
+    try:
+        done = subprocess.run(  # noqa: S603 - SUMO's own program, without a shell
+            command, stdin=subprocess.DEVNULL, capture_output=True, timeout=_LOADING_LIMIT, check=False
+        )
+    except subprocess.TimeoutExpired:
+        raise SimulationError(f"SUMO has not loaded {network} after {_LOADING_LIMIT:g} s") from None
+    if done.returncode < 0:
+        raise SimulationError(
+            f"SUMO crashes ({signal.Signals(-done.returncode).name}) when it loads {network}; "
+            "dojo-maps validate may tell what is wrong with it"
+        )
+    _loadable.add(network)  # What SUMO refuses, libsumo will tell in SUMO's own words.
 
 
 def _floats(values: Iterable[float]) -> Figures:

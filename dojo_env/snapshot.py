@@ -1,7 +1,7 @@
 """One simulated instant as arrays: all that sensors, metrics and controllers see of the traffic."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from enum import IntEnum, IntFlag
 from types import MappingProxyType
 from typing import Any
@@ -114,11 +114,21 @@ class Snapshot:
         For who has read SUMO itself, at every decision.
         """
         made = object.__new__(cls)
+        made.__setstate__(values)
+        return made
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Give all values, as pickle can take them."""
+        values = {each.name: getattr(self, each.name) for each in fields(self)}
+        return {**values, "signals": dict(self.signals)}
+
+    def __setstate__(self, values: dict[str, Any]) -> None:
+        """Take values that are known to be right, and make everything read-only."""
         for name, value in values.items():
             if isinstance(value, np.ndarray):
                 value.setflags(write=False)
-            object.__setattr__(made, name, value)
-        return made
+            object.__setattr__(self, name, value)
+        object.__setattr__(self, "signals", MappingProxyType(self.signals))
 
     def _refuse(self, what: str, wrong: NDArray[np.bool_]) -> None:
         if wrong.any():

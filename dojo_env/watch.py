@@ -7,7 +7,7 @@ from contextlib import closing
 from pathlib import Path
 from typing import Any, Self
 
-from dojo_env.config import SignalConfig, build_config
+from dojo_env.config import EnvConfig, SignalConfig, build_config
 from dojo_env.controllers import make_controller
 from dojo_env.errors import ConfigError
 from dojo_env.eyes import Eyes
@@ -15,6 +15,7 @@ from dojo_env.managers.map import MapManager
 from dojo_env.metadrive import export_recording
 from dojo_env.recording import Recording, read_recording
 from dojo_env.replaying import find_map, open_eyes
+from dojo_env.scenario import open_map
 from dojo_env.sensors.camera import read_cameras
 from dojo_env.signals.plan import SignalPlan
 from dojo_env.snapshot import Snapshot
@@ -25,7 +26,7 @@ from dojo_env.watching.poster import draw_poster
 from dojo_env.watching.server import LiveServer
 from dojo_env.watching.video import Video
 from dojo_env.watching.views import Frame, choose_cameras, draw_views
-from dojo_env.world import World
+from dojo_env.world_process import open_world
 from dojo_maps.bundle import Bundle
 from dojo_maps.interruption import heed
 from dojo_maps.progress import Progress
@@ -60,6 +61,10 @@ class LiveShow:
     def url(self) -> str:
         """Where the page is."""
         return self._server.url
+
+    def begin(self, seed: int) -> None:
+        """Take the conditions of an episode."""
+        self._eyes.reset(seed)
 
     def add(self, snapshot: Snapshot) -> None:
         """Show a second; returns when the next one's turn has come."""
@@ -102,6 +107,10 @@ class FilmShow:
         self._history: list[Board] = []
         self._progress, self._seconds = Progress(), 0
 
+    def begin(self, seed: int) -> None:
+        """Take the conditions of an episode."""
+        self._eyes.reset(seed)
+
     def add(self, snapshot: Snapshot) -> None:
         """Add a second."""
         heed()
@@ -117,6 +126,23 @@ class FilmShow:
             self._progress(f"{self._seconds:,} seconds drawn")
 
 
+def open_views(config: EnvConfig) -> tuple[Eyes, Plans]:
+    """Open what shows an environment whose world runs in another process.
+
+    Args:
+        config: of the environment.
+
+    Returns:
+        What draws, and the plan of each signal.
+
+    Raises:
+        ConfigError: the map has no signal to control.
+    """
+    bundle = open_map(config.scenario)
+    plans = MapManager(bundle, config.signals, additional=config.scenario.additional).plans
+    return Eyes(bundle, config.sensing), plans
+
+
 def watch(controller: str, *, seed: int = 0, port: int = 0, browser: bool = True, **keywords: Any) -> None:
     """Show an episode live, until interrupted.
 
@@ -127,9 +153,10 @@ def watch(controller: str, *, seed: int = 0, port: int = 0, browser: bool = True
     acts = make_controller(controller)
     config = build_config(**{**_LOOKS, **keywords, **acts.settings})
     title = f"{config.scenario.name}, {controller}, seed {seed}"
-    with closing(World(config)) as world:
-        show = LiveShow(world.eyes, world.map.plans, title, port=port, browser=browser)
+    with closing(open_world(config, own_process=True)) as world:
+        show = LiveShow(*open_views(config), title, port=port, browser=browser)
         with closing(show):
+            show.begin(seed)
             world.watch(show.add)
             world.run(acts, seed)
             show.hold()

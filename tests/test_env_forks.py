@@ -75,7 +75,7 @@ try:
 except ChildProcessError:
     print("none is left")
 """
-    assert run_script(script) == "SimulationError: the simulation's process has died\nnone is left"
+    assert run_script(script) == "SimulationDiedError: the simulation's process has died\nnone is left"
 
 
 def test_a_fork_ends_with_its_caller() -> None:

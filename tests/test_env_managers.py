@@ -3,8 +3,8 @@
 import pytest
 
 from dojo_env.config import build_config
+from dojo_env.local_world import LocalWorld
 from dojo_env.managers.base import Manager, Turn
-from dojo_env.world import World
 
 HOOKS = ("before_reset", "reset", "before_step", "step", "after_step")
 
@@ -31,7 +31,7 @@ class Witness(Manager):
 
 def test_hooks_run_in_order_and_as_often_as_promised() -> None:
     calls: list[tuple[str, str]] = []
-    world = World(build_config(scenario="two-way", num_seconds=10))
+    world = LocalWorld(build_config(scenario="two-way", num_seconds=10))
     world.managers = (Witness("first", calls), *world.managers, Witness("last", calls))
     world.reset(1)
     world.step({"t": 0})
@@ -46,12 +46,12 @@ def test_hooks_run_in_order_and_as_often_as_promised() -> None:
 
 def test_close_reaches_every_manager_after_a_failure() -> None:
     calls: list[tuple[str, str]] = []
-    world = World(build_config(scenario="two-way"))
+    world = LocalWorld(build_config(scenario="two-way"))
     world.reset(1)
     world.managers = (*world.managers, Witness("last", calls, fails=True))
     with pytest.raises(RuntimeError, match="last"):
         world.close()
-    assert not world.simulation.is_running
+    assert not world.traffic.simulation.is_running
 
 
 def test_hooks_of_the_base_do_nothing_and_are_called_alike() -> None:

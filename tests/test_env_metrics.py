@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from dojo_env.config import build_config
+from dojo_env.local_world import LocalWorld
 from dojo_env.runs import run_controller, summarize
-from dojo_env.world import World
 
 SECONDS = 900
 
@@ -26,7 +26,7 @@ def episode(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFac
     outputs = " ".join(
         f"--{name}-output {folder}/{name.split('-')[0]}.xml" for name in ("tripinfo", "summary", "emission")
     )
-    world = World(
+    world = LocalWorld(
         build_config(
             scenario=request.param,
             num_seconds=SECONDS,
@@ -144,7 +144,7 @@ def test_delay_agrees_with_lane_speeds(episode) -> None:
 def test_every_episode_is_written(tmp_path: Path) -> None:
     stem = tmp_path / "deep" / "run"
     for _ in range(2):
-        world = World(build_config(scenario="two-way", num_seconds=20, out_csv_name=str(stem)))
+        world = LocalWorld(build_config(scenario="two-way", num_seconds=20, out_csv_name=str(stem)))
         world.reset(1)
         for _ in range(4):
             world.step({"t": 0})

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from dojo_env.config import build_config
+from dojo_env.local_world import LocalWorld
 from dojo_env.scenario import Scenario
 from dojo_env.snapshot import Kind
-from dojo_env.world import World
 
 SECONDS = 600
 LEGS = ("e", "n", "w", "s")
@@ -38,7 +38,7 @@ def scenario(network_path: Callable[[str], Path], tmp_path_factory: pytest.TempP
 def episode(scenario: Scenario, tmp_path_factory: pytest.TempPathFactory):
     """An episode of random actions, all seen, beside SUMO's own trajectories."""
     output = tmp_path_factory.mktemp("outputs") / "fcd.xml"
-    world = World(
+    world = LocalWorld(
         build_config(
             scenario=scenario,
             num_seconds=SECONDS,

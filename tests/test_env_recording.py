@@ -10,15 +10,15 @@ import pytest
 
 from dojo_env.config import build_config
 from dojo_env.errors import RecordingError
+from dojo_env.local_world import LocalWorld
 from dojo_env.recording import Recorder, read_recording
 from dojo_env.snapshot import Kind, Lights, Snapshot
-from dojo_env.world import World
 
 
 @pytest.fixture
-def world(tmp_path: Path) -> Iterator[World]:
+def world(tmp_path: Path) -> Iterator[LocalWorld]:
     """A world that records."""
-    made = World(build_config(scenario="cologne1", num_seconds=100, record_name=str(tmp_path / "rec")))
+    made = LocalWorld(build_config(scenario="cologne1", num_seconds=100, record_name=str(tmp_path / "rec")))
     yield made
     made.close()
 
@@ -33,7 +33,7 @@ def same(a: Snapshot, b: Snapshot) -> bool:
     ) == (b.time, b.ids, b.lanes, dict(b.signals))
 
 
-def test_snapshot_shows_every_vehicle_as_sumo_has_it(world: World) -> None:
+def test_snapshot_shows_every_vehicle_as_sumo_has_it(world: LocalWorld) -> None:
     world.reset(1)
     for _ in range(15):
         world.step({world.signals[0]: 0})
@@ -54,7 +54,7 @@ def test_snapshot_shows_every_vehicle_as_sumo_has_it(world: World) -> None:
     assert snapshot.signals[world.signals[0]] == world.map.plans[world.signals[0]].phases[0]
 
 
-def test_a_recording_reads_back_as_it_was(world: World, tmp_path: Path) -> None:
+def test_a_recording_reads_back_as_it_was(world: LocalWorld, tmp_path: Path) -> None:
     world.reset(1)
     seen = [world.instant.snapshot]
     ended = False
@@ -69,7 +69,7 @@ def test_a_recording_reads_back_as_it_was(world: World, tmp_path: Path) -> None:
         recording[101]
 
 
-def test_an_episode_that_is_broken_off_is_written(world: World, tmp_path: Path) -> None:
+def test_an_episode_that_is_broken_off_is_written(world: LocalWorld, tmp_path: Path) -> None:
     world.reset(1)
     world.step({})
     world.reset(2)
@@ -147,7 +147,7 @@ def damaged(good: bytes, kind: str) -> bytes:  # noqa: C901, PLR0912 - a line pe
         "seed",
     ],
 )
-def test_a_damaged_recording_gets_one_clear_error(world: World, tmp_path: Path, kind: str) -> None:
+def test_a_damaged_recording_gets_one_clear_error(world: LocalWorld, tmp_path: Path, kind: str) -> None:
     world.reset(1)
     world.step({})
     world.step({})

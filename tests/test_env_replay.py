@@ -25,11 +25,11 @@ from dojo_env.conditions import Conditions
 from dojo_env.config import build_config
 from dojo_env.env import TrafficSignalEnv
 from dojo_env.errors import ConfigError, RecordingError
+from dojo_env.local_world import LocalWorld
 from dojo_env.recording import Recorder, Recording
 from dojo_env.replaying import find_map, replay
 from dojo_env.sensors.camera import Camera, write_cameras
 from dojo_env.sensors.lidar import Lidar
-from dojo_env.world import World
 from dojo_maps.errors import ExportError
 
 _SPOILT = {"hour": 20.0, "rain": 0.4, "noise": 3.0, "shake_m": 0.2, "dropped": 0.3}
@@ -57,7 +57,7 @@ def record(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Path]:
         if (scenario, seconds) not in made:
             stem = tmp_path_factory.mktemp("recording") / scenario
             config = build_config(scenario=scenario, num_seconds=seconds, record_name=str(stem))
-            world = World(config)
+            world = LocalWorld(config)
             world.reset(1)
             for k in itertools.count():
                 *_, ended, _ = world.step(dict.fromkeys(world.signals, k // 3 % 2))

@@ -22,12 +22,12 @@ from conftest import command_environment
 from dojo_env.cli import main
 from dojo_env.config import build_config
 from dojo_env.errors import ConfigError
+from dojo_env.local_world import LocalWorld
 from dojo_env.watching.board import Board, Lamp, Scoreboard, read_board
 from dojo_env.watching.pace import Pace
 from dojo_env.watching.page import PageState
 from dojo_env.watching.server import LiveServer
 from dojo_env.watching.views import Frame
-from dojo_env.world import World
 
 
 class Watched:
@@ -184,7 +184,7 @@ def test_wrong_usage_of_watch_is_one_line_and_a_status(
 
 @pytest.mark.parametrize("scenario", ["two-way", "cologne1", "cologne3"])
 def test_figures_counted_from_snapshots_are_those_of_the_environment(scenario: str) -> None:
-    world = World(build_config(scenario=scenario, num_seconds=300))
+    world = LocalWorld(build_config(scenario=scenario, num_seconds=300))
     scores, counted = Scoreboard(world.map.plans), []
     world.watch(lambda snapshot: counted.append(scores.note(snapshot)))
     for _ in range(2):

@@ -17,9 +17,9 @@ from pathlib import Path
 from typing import Any
 
 from dojo_env.config import build_config
+from dojo_env.local_world import LocalWorld
 from dojo_env.scenario import find_scenario, open_map
 from dojo_env.signals.switching import SignalSwitch
-from dojo_env.world import World
 from dojo_maps.whole_file import write_json
 
 SECONDS, INTERVAL, HOLD = 3600, 5, 3
@@ -44,7 +44,7 @@ def run_bare(scenario: str) -> dict[str, Any]:
     import libsumo
 
     found = find_scenario(scenario)
-    world = World(build_config(scenario=scenario, **SETTINGS))
+    world = LocalWorld(build_config(scenario=scenario, **SETTINGS))
     shown = {signal: _states(world, signal) for signal in world.signals}
     network = open_map(found).network
     options = ["-n", str(network), "-r", str(found.routes[0]), "-b", str(found.begin), "--seed", "1"]
@@ -63,7 +63,7 @@ def run_bare(scenario: str) -> dict[str, Any]:
     return {"seconds": seconds, "arrived": arrived}
 
 
-def _states(world: World, signal: str) -> dict[int, str]:
+def _states(world: LocalWorld, signal: str) -> dict[int, str]:
     """List the states that the decisions lead to, by the second at which they begin."""
     switch = SignalSwitch(world.map.plans[signal], world.config.signals)
     states, last = {0: switch.state}, switch.state
@@ -108,10 +108,10 @@ def run_sumo_rl(scenario: str) -> dict[str, Any]:
 def run_ours(scenario: str, observation: str) -> dict[str, Any]:
     """Run our environment with one kind of observation."""
     wanted: Any = ALL_SENSORS if observation == "all-sensors" else observation
-    world = World(build_config(scenario=scenario, observation=wanted, num_seconds=SECONDS, **SETTINGS))
+    world = LocalWorld(build_config(scenario=scenario, observation=wanted, num_seconds=SECONDS, **SETTINGS))
     counts = {signal: len(plan.phases) for signal, plan in world.map.plans.items()}
     world.reset(1)  # Loading libsumo and drawing backgrounds come once, as does the end of the run before.
-    world.simulation.close()
+    world.traffic.simulation.close()
     start = time.process_time()
     world.reset(1)
     decision, ended = 0, False
@@ -119,7 +119,7 @@ def run_ours(scenario: str, observation: str) -> dict[str, Any]:
         _, _, ended, _ = world.step({name: wanted_phase(decision, count) for name, count in counts.items()})
         decision += 1
     seconds = time.process_time() - start
-    arrived = world.simulation.arrived
+    arrived = world.traffic.simulation.arrived
     world.close()
     return {"seconds": seconds, "arrived": arrived}
 

@@ -14,7 +14,12 @@ from dojo_maps.railways import street_signals
 
 
 class MapManager(Manager):
-    """Holds the bundle and a plan for each signal that agents control. A map never changes in an episode."""
+    """Owns the bundle and a plan for each signal that agents control; no episode changes either.
+
+    Attributes:
+        bundle: the map.
+        plans: by signal, in the map's order.
+    """
 
     def __init__(self, bundle: Bundle, config: SignalConfig, *, additional: Sequence[Path] = ()) -> None:
         """Plan the signals.

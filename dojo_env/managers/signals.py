@@ -14,7 +14,11 @@ from dojo_env.simulation import Simulation
 
 
 class SignalManager(Manager):
-    """Switches every signal by its plan and the rules; with `fixed_ts` it only looks on."""
+    """Owns a switch and a watch for every signal; with `fixed_ts` it only looks on.
+
+    Attributes:
+        safety: every breach of the rules that was seen in the episode.
+    """
 
     def __init__(
         self,
@@ -29,11 +33,6 @@ class SignalManager(Manager):
         self._switches: dict[str, SignalSwitch] = {}
         self._watches: dict[str, SignalWatch] = {}
         self.safety = SafetyLog()
-        self._action = {
-            "choose_phase": self._choose_phase,
-            "next_or_keep": self._next_or_keep,
-            "set_duration": self._set_duration,
-        }[config.action_mode]
 
     def count_actions(self, signal: str) -> int:
         """Tell how many actions a signal's agent has."""
@@ -68,23 +67,27 @@ class SignalManager(Manager):
         """Ask for what the agents want.
 
         Raises:
-            ConfigError: an action is none of the signal's.
+            ConfigError: an action is none of the signal's; nothing has been asked for then.
         """
         if self._config.fixed_ts:
             return
         for signal, action in turn.actions.items():
-            if signal not in self._switches:
-                raise ConfigError(f"no agent {signal!r}; the agents are {', '.join(self._switches)}")
-            count = self.count_actions(signal)
-            if int(action) != action or not 0 <= action < count:
-                raise ConfigError(
-                    f"signal {signal}: action {action!r}, expected a whole number from 0 to {count - 1}"
-                )
+            self._check(signal, action)
+        for signal, action in turn.actions.items():
             switch = self._switches[signal]
             before = switch.state
-            self._action(switch, int(action))
+            self._request(switch, int(action))
             if switch.state != before:
                 self._show(signal, switch.state)
+
+    def _check(self, signal: str, action: int) -> None:
+        if signal not in self._switches:
+            raise ConfigError(f"no agent {signal!r}; the agents are {', '.join(self._switches)}")
+        count = self.count_actions(signal)
+        if int(action) != action or not 0 <= action < count:
+            raise ConfigError(
+                f"signal {signal}: action {action!r}, expected a whole number from 0 to {count - 1}"
+            )
 
     def step(self, turn: Turn) -> None:
         """Let a second pass at every signal."""
@@ -127,12 +130,11 @@ class SignalManager(Manager):
         for signal, watch in self._watches.items():
             watch.look(time, read(signal))
 
-    def _choose_phase(self, switch: SignalSwitch, action: int) -> None:
-        switch.request_phase(action)
-
-    def _next_or_keep(self, switch: SignalSwitch, action: int) -> None:
-        if action:
+    def _request(self, switch: SignalSwitch, action: int) -> None:
+        mode = self._config.action_mode
+        if mode == "set_duration":
+            switch.request_duration(self._config.min_green + action * self._interval)
+        elif mode == "choose_phase":
+            switch.request_phase(action)
+        elif action:
             switch.request_phase(switch.next_phase)
-
-    def _set_duration(self, switch: SignalSwitch, action: int) -> None:
-        switch.request_duration(self._config.min_green + action * self._interval)

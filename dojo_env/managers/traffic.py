@@ -1,40 +1,48 @@
-"""The traffic of the episode: SUMO, started, stepped and ended."""
+"""The traffic of the episode: SUMO, started, stepped and ended, and what is measured of it."""
 
-from collections.abc import Iterable
 from pathlib import Path
 
+from dojo_env.config import EnvConfig
 from dojo_env.elements import read_elements
 from dojo_env.managers.base import Manager, Turn
 from dojo_env.simulation import Simulation
 
 
 class TrafficManager(Manager):
-    """Runs the simulation."""
+    """Owns the simulation.
 
-    def __init__(self, simulation: Simulation, routes: Iterable[Path]) -> None:
-        """Take the simulation to run.
+    Attributes:
+        simulation: runs between `reset` and `close`; the other managers look at it.
+    """
+
+    def __init__(self, network: Path, config: EnvConfig) -> None:
+        """Note what is to be run; nothing starts yet.
 
         SUMO reads its route files piece by piece; what is wrong at their end would end an episode late.
 
+        Args:
+            network: the map's SUMO network.
+            config: of the environment.
+
         Raises:
-            ConfigError: a route file is cut short, no XML, or unsafe to read.
+            ScenarioError: a route file is cut short, no XML, or unsafe to read.
         """
-        for path in routes:
+        for path in config.scenario.routes:
             read_elements(path)
-        self._simulation = simulation
+        self.simulation = Simulation(network, config.scenario, config.traffic, begin=config.begin)
 
     def before_reset(self, turn: Turn) -> None:
         """End the last episode's simulation."""
-        self._simulation.close()
+        self.simulation.close()
 
     def reset(self, turn: Turn) -> None:
         """Start a simulation."""
-        self._simulation.start(turn.seed)
+        self.simulation.start(turn.seed)
 
     def step(self, turn: Turn) -> None:
         """Simulate a second."""
-        self._simulation.step()
+        self.simulation.step()
 
     def close(self) -> None:
         """End the simulation."""
-        self._simulation.close()
+        self.simulation.close()

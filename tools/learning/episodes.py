@@ -28,7 +28,7 @@ class SeededEpisodes(gymnasium.Wrapper[Any, Any, Any, Any]):
         return self.env.reset(seed=seed)
 
     def prepare(self) -> None:
-        """Do now what the next episodes would each do in a fork; see `World.prepare`."""
+        """Do now what the next episodes would each do in a fork; see `LocalWorld.prepare`."""
         self.env.unwrapped.world.prepare()
 
     def step(self, action: Any) -> tuple[Any, Any, bool, bool, dict[str, Any]]:

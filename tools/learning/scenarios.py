@@ -4,7 +4,7 @@ from contextlib import closing
 
 from dojo_env.config import build_config
 from dojo_env.errors import ConfigError
-from dojo_env.world import World
+from dojo_env.local_world import LocalWorld
 
 from .settings import Training
 
@@ -19,7 +19,7 @@ def check_scenario(training: Training) -> None:
             several signals and the settings have one agent.
         SimulationError: SUMO refuses the input.
     """
-    with closing(World(build_config(**training.environment))) as world:
+    with closing(LocalWorld(build_config(**training.environment))) as world:
         count = len(world.signals)
         if training.agents == "single" and count > 1:
             raise ConfigError(
