@@ -24,6 +24,7 @@ from dojo_env.reading import HALTING, Figures, TrafficReading, Trip
 from dojo_env.road_users import RoadUsers
 from dojo_env.scenario import Scenario
 from dojo_env.snapshot import Snapshot
+from dojo_env.sumo_messages import SumoMessages
 
 _LOGICS = {"actuated": 3, "delay_based": 5}
 """SUMO's numbers of its logics."""
@@ -50,7 +51,8 @@ class Simulation:
         self._users: RoadUsers | None = None
         self._moving: tuple[tuple[str, ...], list[float]] | None = None
         self._process = os.getpid()
-        self.time = begin
+        self._messages: SumoMessages | None = None
+        self.time = float(begin)
         self.moment = 0
         """Another number whenever the simulation has moved on."""
         self.lane_ids: tuple[str, ...] = ()
@@ -88,14 +90,16 @@ class Simulation:
             SimulationError: SUMO refuses the input, or this process runs another simulation.
         """
         self.close()
-        self._trips, self._known_types, self.time, self._moving = {}, 0, self._begin, None
+        self._trips, self._known_types, self.time, self._moving = {}, 0, float(self._begin), None
         self.arrived, self.travelled, self.is_over = 0, 0.0, False
         self._process = os.getpid()
         if self._config.backend == "libsumo":
             _try_loading(self._network)
         command = [*self._options(seed), *more]
+        self._messages = SumoMessages()
         try:
-            self._connect(command)
+            with self.guarded("SUMO does not start"), self.listening():
+                self._connect(command)
             with self.guarded():
                 self.lane_ids = tuple(self._get.lane_getIDList())
                 self._users = RoadUsers(self._get)
@@ -105,8 +109,11 @@ class Simulation:
             raise
 
     @contextlib.contextmanager
-    def guarded(self) -> Iterator[None]:
+    def guarded(self, what: str | None = None) -> Iterator[None]:
         """Turn what SUMO breaks off in the meantime into an error of ours, and end the simulation then.
+
+        Args:
+            what: has happened; None says when SUMO stopped.
 
         Raises:
             SimulationError: SUMO stopped; the message holds its own words.
@@ -114,8 +121,18 @@ class Simulation:
         try:
             yield
         except self._failures as error:
+            words = self._explain(error)
             self.close()
-            raise SimulationError(f"SUMO stopped after {self.time:g} s: {_words(error)}") from error
+            raise SimulationError(f"{what or f'SUMO stopped after {self.time:g} s'}: {words}") from error
+
+    @contextlib.contextmanager
+    def listening(self) -> Iterator[None]:
+        """Keep what SUMO says on standard error meanwhile, for the error that may follow."""
+        if self._messages is None or self._config.backend != "libsumo":
+            yield
+            return
+        with self._messages.listening():
+            yield
 
     def step(self) -> None:
         """Simulate one second and note who departed and who arrived.
@@ -152,7 +169,7 @@ class Simulation:
         try:
             return tuple(self._get.lane_getLastStepVehicleIDs(lane))
         except self._failures as error:
-            raise SimulationError(_words(error)) from error
+            raise SimulationError(self._explain(error)) from error
 
     def read_lanes(self, lanes: Sequence[str]) -> tuple[list[tuple[str, ...]], list[list[float]]]:
         """Measure lanes; returns the vehicles on each, and the first rows of a `LaneReading`."""
@@ -217,6 +234,9 @@ class Simulation:
         """End SUMO; safe at any time and more than once."""
         global _owner  # noqa: PLW0603 - the process has one libsumo, so it has one owner
         sumo, self._sumo, self._users = self._sumo, None, None
+        messages, self._messages = self._messages, None
+        if messages is not None:
+            messages.close()
         self.moment += 1
         if _owner is not None and _owner() is self:
             _owner = None
@@ -225,6 +245,9 @@ class Simulation:
                 sumo.close()
             except self._failures:
                 return  # It is gone already.
+
+    def _explain(self, error: Exception) -> str:
+        return str(error) if self._messages is None else self._messages.explain(error)
 
     def _running(self) -> Any:
         if self._sumo is None:
@@ -287,13 +310,10 @@ class Simulation:
         return options + shlex.split(config.additional_sumo_cmd)
 
     def _connect(self, command: list[str]) -> None:
-        try:
-            if self._config.backend == "libsumo":
-                self._connect_libsumo(command)
-            else:
-                self._connect_traci(command)
-        except self._failures as error:
-            raise SimulationError(f"SUMO does not start: {_words(error)}") from error
+        if self._config.backend == "libsumo":
+            self._connect_libsumo(command)
+        else:
+            self._connect_traci(command)
 
     def _connect_libsumo(self, command: list[str]) -> None:
         global _owner
@@ -320,7 +340,7 @@ class Simulation:
         if self._config.use_gui:
             command = [*command, "--start", "--quit-on-end"]
         label = f"dojo-{os.getpid()}-{next(_labels)}"
-        traci.start([_find_program(program), *command], label=label, numRetries=20)
+        traci.start([find_program(program), *command], label=label, numRetries=20)
         self._sumo = traci.getConnection(label)
         self._get = _TraciGetters(self._sumo)
 
@@ -347,7 +367,7 @@ def _try_loading(network: Path) -> None:
     """
     if network in _loadable:
         return
-    command = [_find_program("sumo"), "-n", str(network), "--end", "1", "--xml-validation.net", "never"]
+    command = [find_program("sumo"), "-n", str(network), "--end", "1", "--xml-validation.net", "never"]
     try:
         done = subprocess.run(  # noqa: S603 - SUMO's own program, without a shell
             command, stdin=subprocess.DEVNULL, capture_output=True, timeout=_LOADING_LIMIT, check=False
@@ -366,14 +386,9 @@ def _floats(values: Iterable[float]) -> Figures:
     return np.array(list(values), dtype=np.float64)
 
 
-def _find_program(name: str) -> str:
+def find_program(name: str) -> str:
     """Find SUMO's program in the installed package, without importing it."""
     spec = importlib.util.find_spec("sumo")
     if spec is None or not spec.submodule_search_locations:
         raise SimulationError(f"{name} is part of the package eclipse-sumo: pip install eclipse-sumo")
     return str(Path(spec.submodule_search_locations[0]) / "bin" / name)
-
-
-def _words(error: Exception) -> str:
-    """Quote SUMO on one line."""
-    return " ".join(str(error).split()) or type(error).__name__

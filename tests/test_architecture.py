@@ -20,4 +20,4 @@ def test_imports_run_one_way() -> None:
 
 @pytest.mark.parametrize("module", MODULES, ids=lambda path: str(path.relative_to(REPOSITORY)))
 def test_module_stays_short(module: Path) -> None:
-    assert len(module.read_text().splitlines()) <= 330
+    assert len(module.read_text().splitlines()) <= 600

@@ -1,0 +1,83 @@
+"""What SUMO says while it runs inside of this process, and what of it belongs into an error.
+
+libsumo writes on the process's own standard error, often more than it then raises: its exception may say
+"Process Error", and no more. So standard error goes into a file meanwhile. What is no error is passed on.
+"""
+
+import contextlib
+import os
+import sys
+import tempfile
+from collections.abc import Iterator
+
+_STDERR = 2
+_ERROR = "Error: "
+_EMPTY = ("", "Process Error")
+"""What SUMO raises where it has said the reason before."""
+_SHOWN = 3
+_LONGEST = 400
+"""Characters of a message that are shown."""
+
+
+class SumoMessages:
+    """Keeps what SUMO writes on standard error while it is listened to."""
+
+    def __init__(self) -> None:
+        """Open a file for it, which nobody else sees."""
+        self._file = tempfile.TemporaryFile()  # noqa: SIM115 - closed by `close`
+        self._errors: list[str] = []
+
+    def close(self) -> None:
+        """Close the file."""
+        self._file.close()
+
+    @contextlib.contextmanager
+    def listening(self) -> Iterator[None]:
+        """Take in what is written on standard error meanwhile, and pass on what is no error of SUMO's."""
+        try:
+            stderr = os.dup(_STDERR)
+        except OSError:  # This process has none.
+            yield
+            return
+        try:
+            os.dup2(self._file.fileno(), _STDERR)
+            yield
+        finally:
+            os.dup2(stderr, _STDERR)
+            os.close(stderr)
+            if os.fstat(self._file.fileno()).st_size:
+                self._take_in()
+
+    def explain(self, error: Exception) -> str:
+        """Say on one line what went wrong, in SUMO's own words, each once.
+
+        Args:
+            error: what libsumo or TraCI has raised.
+        """
+        raised = " ".join(str(error).split())
+        said = [words for words in dict.fromkeys(self._errors) if words not in raised]
+        if raised not in _EMPTY and not any(raised in words for words in said):
+            said.append(raised)
+        self._errors = []
+        shown = [words if len(words) <= _LONGEST else f"{words[:_LONGEST]}..." for words in said[:_SHOWN]]
+        rest = [f"and {len(said) - _SHOWN} more"] if len(said) > _SHOWN else []
+        return "; ".join([*shown, *rest]) or type(error).__name__
+
+    def _take_in(self) -> None:
+        self._file.seek(0)
+        text = self._file.read().decode("utf-8", "replace")
+        self._file.seek(0)
+        self._file.truncate()
+        others: list[str] = []
+        is_error = False
+        for line in text.splitlines(keepends=True):
+            if line.startswith(_ERROR):
+                is_error = True
+                self._errors.append(" ".join(line.removeprefix(_ERROR).split()))
+            elif is_error and (line.startswith(" ") or not line.strip()):  # It goes on.
+                self._errors[-1] = " ".join([self._errors[-1], *line.split()])
+            else:
+                is_error = False
+                others.append(line)
+        if others:
+            sys.stderr.write("".join(others))
