@@ -211,12 +211,15 @@ class LocalWorld(World):
     @contextmanager
     def _guarded(self) -> Iterator[None]:
         """Let no failure of SUMO's out but as an error of ours, after which no episode is running."""
+        simulation = self.traffic.simulation
         try:
-            with self.traffic.simulation.guarded():
-                yield
+            yield
         except SimulationError:
             self._instant = None
             raise
+        except simulation.failures as error:
+            self._instant = None
+            raise simulation.fail(error) from error
 
     def _recorders(self) -> tuple[Manager, ...]:
         episode = self.config.episode

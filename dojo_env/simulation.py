@@ -45,7 +45,8 @@ class Simulation:
         self._network, self._scenario, self._config, self._begin = network, scenario, config, begin
         self._sumo: Any = None
         self._get: Any = None
-        self._failures: tuple[type[Exception], ...] = ()
+        self.failures: tuple[type[Exception], ...] = ()
+        """What SUMO's interface raises."""
         self._trips: dict[str, Trip] = {}
         self._known_types = 0
         self._users: RoadUsers | None = None
@@ -96,43 +97,45 @@ class Simulation:
         if self._config.backend == "libsumo":
             _try_loading(self._network)
         command = [*self._options(seed), *more]
-        self._messages = SumoMessages()
+        self._messages = SumoMessages() if self._config.backend == "libsumo" else None
         try:
-            with self.guarded("SUMO does not start"), self.listening():
+            with self.listening():
                 self._connect(command)
-            with self.guarded():
-                self.lane_ids = tuple(self._get.lane_getIDList())
-                self._users = RoadUsers(self._get)
-                self._force_emission_class()
+            self.lane_ids = tuple(self._get.lane_getIDList())
+            self._users = RoadUsers(self._get)
+            self._force_emission_class()
+        except self.failures as error:
+            raise self.fail(error, "SUMO does not start") from error
         except BaseException:
             self.close()
             raise
 
-    @contextlib.contextmanager
-    def guarded(self, what: str | None = None) -> Iterator[None]:
-        """Turn what SUMO breaks off in the meantime into an error of ours, and end the simulation then.
+    def fail(self, error: Exception, what: str | None = None) -> SimulationError:
+        """End the simulation after one of `failures`, and make the error that tells it.
 
         Args:
+            error: what SUMO's interface has raised.
             what: has happened; None says when SUMO stopped.
 
-        Raises:
-            SimulationError: SUMO stopped; the message holds its own words.
+        Returns:
+            An error that holds SUMO's own words.
         """
-        try:
-            yield
-        except self._failures as error:
-            words = self._explain(error)
-            self.close()
-            raise SimulationError(f"{what or f'SUMO stopped after {self.time:g} s'}: {words}") from error
+        words = " ".join(str(error).split()) if self._messages is None else self._messages.explain(error)
+        self.close()
+        return SimulationError(f"{what or f'SUMO stopped after {self.time:g} s'}: {words}")
 
     @contextlib.contextmanager
     def listening(self) -> Iterator[None]:
         """Keep what SUMO says on standard error meanwhile, for the error that may follow."""
-        if self._messages is None or self._config.backend != "libsumo":
+        messages = self._messages
+        if messages is None:
             yield
             return
-        with self._messages.listening():
+        messages.begin()
+        try:
             yield
+        finally:
+            messages.end()
 
     def step(self) -> None:
         """Simulate one second and note who departed and who arrived.
@@ -168,8 +171,8 @@ class Simulation:
         """
         try:
             return tuple(self._get.lane_getLastStepVehicleIDs(lane))
-        except self._failures as error:
-            raise SimulationError(self._explain(error)) from error
+        except self.failures as error:
+            raise SimulationError(" ".join(str(error).split())) from error
 
     def read_lanes(self, lanes: Sequence[str]) -> tuple[list[tuple[str, ...]], list[list[float]]]:
         """Measure lanes; returns the vehicles on each, and the first rows of a `LaneReading`."""
@@ -243,11 +246,8 @@ class Simulation:
         if sumo is not None and self.is_of_this_process:
             try:
                 sumo.close()
-            except self._failures:
+            except self.failures:
                 return  # It is gone already.
-
-    def _explain(self, error: Exception) -> str:
-        return str(error) if self._messages is None else self._messages.explain(error)
 
     def _running(self) -> Any:
         if self._sumo is None:
@@ -327,7 +327,7 @@ class Simulation:
             )
         if other is not None:
             other.close()
-        self._failures = (libsumo.TraCIException, libsumo.FatalTraCIError)
+        self.failures = (libsumo.TraCIException, libsumo.FatalTraCIError)
         # Its getters without their Python wrappers, which cost as much again.
         _owner, self._sumo, self._get = weakref.ref(self), libsumo, libsumo._libsumo
         libsumo.start(["sumo", *command])
@@ -335,7 +335,7 @@ class Simulation:
     def _connect_traci(self, command: list[str]) -> None:
         import traci  # noqa: PLC0415
 
-        self._failures = (traci.TraCIException, traci.FatalTraCIError, OSError)
+        self.failures = (traci.TraCIException, traci.FatalTraCIError, OSError)
         program = "sumo-gui" if self._config.use_gui else "sumo"
         if self._config.use_gui:
             command = [*command, "--start", "--quit-on-end"]

@@ -4,11 +4,9 @@ libsumo writes on the process's own standard error, often more than it then rais
 "Process Error", and no more. So standard error goes into a file meanwhile. What is no error is passed on.
 """
 
-import contextlib
 import os
 import sys
 import tempfile
-from collections.abc import Iterator
 
 _STDERR = 2
 _ERROR = "Error: "
@@ -20,31 +18,32 @@ _LONGEST = 400
 
 
 class SumoMessages:
-    """Keeps what SUMO writes on standard error while it is listened to."""
+    """Keeps what SUMO writes on standard error between `begin` and `end`, which run at every decision."""
 
     def __init__(self) -> None:
         """Open a file for it, which nobody else sees."""
         self._file = tempfile.TemporaryFile()  # noqa: SIM115 - closed by `close`
+        try:
+            self._stderr = os.dup(_STDERR)
+        except OSError:  # This process has none.
+            self._stderr = -1
         self._errors: list[str] = []
 
     def close(self) -> None:
         """Close the file."""
         self._file.close()
+        if self._stderr >= 0:
+            os.close(self._stderr)
 
-    @contextlib.contextmanager
-    def listening(self) -> Iterator[None]:
-        """Take in what is written on standard error meanwhile, and pass on what is no error of SUMO's."""
-        try:
-            stderr = os.dup(_STDERR)
-        except OSError:  # This process has none.
-            yield
-            return
-        try:
+    def begin(self) -> None:
+        """Take in what is written on standard error from now on."""
+        if self._stderr >= 0:
             os.dup2(self._file.fileno(), _STDERR)
-            yield
-        finally:
-            os.dup2(stderr, _STDERR)
-            os.close(stderr)
+
+    def end(self) -> None:
+        """Give standard error back, and pass on what was written and is no error of SUMO's."""
+        if self._stderr >= 0:
+            os.dup2(self._stderr, _STDERR)
             if os.fstat(self._file.fileno()).st_size:
                 self._take_in()
 
