@@ -239,10 +239,9 @@ class LocalWorld(World):
     def _advance(self, turn: Turn) -> None:
         for manager in self.managers:
             manager.before_step(turn)
-        with self.traffic.simulation.listening():
-            for _ in range(int(self.config.episode.delta_time)):
-                for manager in self.managers:
-                    manager.step(turn)
+        for _ in range(int(self.config.episode.delta_time)):
+            for manager in self.managers:
+                manager.step(turn)
         for manager in self.managers:
             manager.after_step(turn)
 

@@ -5,14 +5,13 @@ Whatever SUMO refuses or breaks off is a `SimulationError` in SUMO's own words. 
 while it loads would end this process, too, so SUMO's program loads it once before libsumo does.
 """
 
-import contextlib
 import importlib.util
 import os
 import shlex
 import signal
 import subprocess
 import weakref
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -58,6 +57,8 @@ class Simulation:
         """Another number whenever the simulation has moved on."""
         self.lane_ids: tuple[str, ...] = ()
         """Every lane of the network, those inside of junctions, too."""
+        self.has_stderr = False
+        """This process's standard error is SUMO's alone."""
         self.is_over = False
         """The episode is over: another simulation of this process may take its place."""
         self.arrived = 0
@@ -99,8 +100,11 @@ class Simulation:
         command = [*self._options(seed), *more]
         self._messages = SumoMessages() if self._config.backend == "libsumo" else None
         try:
-            with self.listening():
-                self._connect(command)
+            if self._messages is not None:
+                self._messages.begin()
+            self._connect(command)
+            if self._messages is not None and not self.has_stderr:
+                self._messages.end()
             self.lane_ids = tuple(self._get.lane_getIDList())
             self._users = RoadUsers(self._get)
             self._force_emission_class()
@@ -123,19 +127,6 @@ class Simulation:
         words = " ".join(str(error).split()) if self._messages is None else self._messages.explain(error)
         self.close()
         return SimulationError(f"{what or f'SUMO stopped after {self.time:g} s'}: {words}")
-
-    @contextlib.contextmanager
-    def listening(self) -> Iterator[None]:
-        """Keep what SUMO says on standard error meanwhile, for the error that may follow."""
-        messages = self._messages
-        if messages is None:
-            yield
-            return
-        messages.begin()
-        try:
-            yield
-        finally:
-            messages.end()
 
     def step(self) -> None:
         """Simulate one second and note who departed and who arrived.

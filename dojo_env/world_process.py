@@ -296,6 +296,9 @@ def _serve(pipe: Connection, config: EnvConfig, episodes: int) -> None:
             pipe.send((0, "error", _portable(error)))
             return
         world.lasting = (episodes, world.lasting[1])
+        world.traffic.simulation.has_stderr = True
+        with contextlib.suppress(OSError):  # It may have none.
+            sys.stderr = open(os.dup(2), "w", buffering=1, errors="backslashreplace")  # noqa: PTH123, SIM115
         with closing(world):
             pipe.send((0, "answer", world.signals))
             _answer_calls(world, pipe)

@@ -9,19 +9,19 @@ from conftest import command_environment
 
 from dojo_env.config import build_config
 from dojo_env.errors import SimulationError
-from dojo_env.local_world import LocalWorld
 from dojo_env.scenario import packaged_scenario
+from dojo_env.world import World
+from dojo_env.world_process import open_world
 
 TRIP = '<trip id="a" depart="0" from="n_t" to="t_s"/>'
 
 
-def make_world(folder: Path, routes: str, **settings: object) -> LocalWorld:
+def make_world(folder: Path, routes: str, *, own_process: bool = False, **settings: object) -> World:
     """A world of two-way's map with other routes, of which SUMO reads those from 200 s on while it runs."""
     path = folder / "r.rou.xml"
     path.write_text(f"<routes>{routes}</routes>", encoding="utf-8")
-    return LocalWorld(
-        build_config(net_file=packaged_scenario("two-way").map, route_file=str(path), **settings)
-    )
+    config = build_config(net_file=packaged_scenario("two-way").map, route_file=str(path), **settings)
+    return open_world(config, own_process=own_process)
 
 
 @pytest.mark.parametrize(
@@ -33,13 +33,19 @@ def make_world(folder: Path, routes: str, **settings: object) -> LocalWorld:
         ('<flow id="f" begin="0" end="900" number="x" from="n_t" to="t_s"/>', "'number'"),
     ],
 )
-@pytest.mark.parametrize("late", [False, True])
+@pytest.mark.parametrize(("own_process", "late"), [(False, False), (True, False), (True, True)])
 def test_an_error_holds_sumos_words_once(
-    tmp_path: Path, capfd: pytest.CaptureFixture[str], wrong: str, words: str, *, late: bool
+    tmp_path: Path,
+    capfd: pytest.CaptureFixture[str],
+    wrong: str,
+    words: str,
+    *,
+    own_process: bool,
+    late: bool,
 ) -> None:
     far = '<trip id="far" depart="350" from="n_t" to="t_s"/>'
     routes = TRIP + far + wrong.replace('="0"', '="400"') if late else wrong
-    world = make_world(tmp_path, routes, num_seconds=600)
+    world = make_world(tmp_path, routes, own_process=own_process, num_seconds=600)
     with pytest.raises(SimulationError) as caught:
         world.reset(1)
         for _ in range(120):
@@ -61,12 +67,13 @@ def test_an_error_is_not_told_of_the_next_episode(tmp_path: Path) -> None:
     assert told[0] == told[1]
 
 
+@pytest.mark.parametrize("own_process", [False, True])
 def test_warnings_come_through_where_they_are_wanted(
-    tmp_path: Path, capfd: pytest.CaptureFixture[str]
+    tmp_path: Path, capfd: pytest.CaptureFixture[str], *, own_process: bool
 ) -> None:
     unsorted = '<trip id="b" depart="9" from="n_t" to="t_s"/><trip id="c" depart="5" from="n_t" to="t_s"/>'
     for wanted in (True, False):
-        world = make_world(tmp_path, unsorted, sumo_warnings=wanted)
+        world = make_world(tmp_path, unsorted, own_process=own_process, sumo_warnings=wanted)
         world.reset(1)
         for _ in range(3):
             world.step({"t": 0})

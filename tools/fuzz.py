@@ -412,6 +412,7 @@ def _drive(name: str, folder: Path, _chance: random.Random) -> int:
     try:
         config = build_config(scenario=str(folder / name), num_seconds=SECONDS)
         with closing(LocalWorld(config)) as world:
+            world.traffic.simulation.has_stderr = True
             world.run(make_controller("max-pressure"), 0)
     except DojoError as error:
         print(f"dojo-env: {' '.join(str(error).split())}", file=sys.stderr)
