@@ -19,6 +19,8 @@ from dojo_env.reading import HALTING, Figures, TrafficReading, Trip
 from dojo_env.road_users import RoadUsers
 from dojo_env.scenario import Scenario
 from dojo_env.snapshot import Snapshot
+from dojo_env.sumo_files import SumoFiles
+from dojo_env.sumo_options import full_name
 
 _LOGICS = {"actuated": 3, "delay_based": 5}
 """SUMO's numbers of its logics."""
@@ -31,8 +33,13 @@ class Simulation:
     """One run of SUMO, from `start` to `close`; it may be started again."""
 
     def __init__(self, network: Path, scenario: Scenario, config: TrafficConfig, *, begin: float) -> None:
-        """Note what is to be run; nothing starts yet."""
-        self._network, self._scenario, self._config, self._begin = network, scenario, config, begin
+        """Note what is to be run, and check its files; nothing starts yet.
+
+        Raises:
+            ScenarioError: a file cannot be read, or is unsafe.
+        """
+        self._config, self._begin = config, begin
+        self._files = SumoFiles(network, scenario, config.sumo_outputs)
         self._sumo: Any = None
         self._get: Any = None
         self._failures: tuple[type[Exception], ...] = ()
@@ -227,26 +234,27 @@ class Simulation:
         self._known_types = types.getIDCount()
 
     def _options(self, seed: int) -> list[str]:
-        """Write SUMO's command line, the user's own options last so that they win."""
-        config, scenario = self._config, self._scenario
-        options = ["-c", str(scenario.config)] if scenario.config else []
-        options += ["-n", str(self._network)]
-        for option, files in (("-r", scenario.routes), ("-a", scenario.additional)):
-            options += [option, ",".join(map(str, files))] if files else []
-        settings = {
-            "--begin": self._begin,
-            "--seed": seed % _LARGEST_SEED,
-            "--max-depart-delay": config.max_depart_delay,
-            "--waiting-time-memory": config.waiting_time_memory,
-            "--time-to-teleport": config.time_to_teleport,
-            "--step-length": 1,
-            "--no-step-log": "true",
-            "--xml-validation": "never",
-            "--xml-validation.net": "never",
-            "--no-warnings": "false" if config.sumo_warnings else "true",
+        """Write SUMO's command line: what its configuration asks for, our settings, and the user's own words.
+
+        A value stands in one word with its name, or it could be taken for an option itself.
+        """
+        config = self._config
+        words = shlex.split(config.additional_sumo_cmd)
+        given = {full_name(word.lstrip("-").partition("=")[0]) for word in words if word.startswith("-")}
+        options = {name: value for name, value in self._files.options.items() if name not in given}
+        options |= {
+            "begin": str(self._begin),
+            "seed": str(seed % _LARGEST_SEED),
+            "max-depart-delay": str(config.max_depart_delay),
+            "waiting-time-memory": str(config.waiting_time_memory),
+            "time-to-teleport": str(config.time_to_teleport),
+            "step-length": "1",
+            "no-step-log": "true",
+            "xml-validation": "never",
+            "xml-validation.net": "never",
+            "no-warnings": "false" if config.sumo_warnings else "true",
         }
-        options += [word for name, value in settings.items() for word in (name, str(value))]
-        return options + shlex.split(config.additional_sumo_cmd)
+        return [*(f"--{name}={value}" for name, value in options.items()), *words]
 
     def _connect(self, command: list[str]) -> None:
         try:
