@@ -20,7 +20,7 @@ from dojo_env.demand import write_two_way_demand
 from dojo_env.elements import read_elements
 from dojo_env.errors import ConfigError, ScenarioError
 from dojo_env.sumo_options import ROOTS, Configuration, read_configuration
-from dojo_maps.bundle import DEMAND, Bundle, read_bundle
+from dojo_maps.bundle import DEMAND, Bundle, open_bundle
 
 Files = str | Path | Sequence[str | Path]
 LETS_THROUGH = "sumo_outputs, or --sumo-outputs FOLDER, lets outputs through"
@@ -183,10 +183,10 @@ def open_map(scenario: Scenario, *, on_stage: Callable[[str], None] = lambda _st
     """Read the scenario's bundle; convert its network into the cache first where there is none.
 
     Raises:
-        SourceError: the map is neither a bundle of this version nor a readable network.
+        SourceError: the map is neither a whole bundle of this version nor a readable network.
     """
     if scenario.map.is_dir():
-        return read_bundle(scenario.map)
+        return open_bundle(scenario.map)
     digest = hashlib.sha256(scenario.map.read_bytes() + _converter_fingerprint()).hexdigest()[:16]
     stem = scenario.map.name.split(".")[0]
     folder = cache_folder() / f"{stem}-{digest}.dojo"
@@ -194,7 +194,7 @@ def open_map(scenario: Scenario, *, on_stage: Callable[[str], None] = lambda _st
         with _locked(folder.with_suffix(".lock")):
             if not folder.is_dir():
                 _convert_into(scenario.map, folder, on_stage)
-    return read_bundle(folder)
+    return open_bundle(folder)
 
 
 def with_files(
