@@ -7,6 +7,7 @@ import fcntl
 import hashlib
 import importlib.util
 import logging
+import math
 import tempfile
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -187,9 +188,13 @@ def open_map(scenario: Scenario, *, on_stage: Callable[[str], None] = lambda _st
     """
     if scenario.map.is_dir():
         return open_bundle(scenario.map)
-    digest = hashlib.sha256(scenario.map.read_bytes() + _converter_fingerprint()).hexdigest()[:16]
+    if not scenario.map.is_file():
+        raise ScenarioError(scenario.map, "neither a network's file nor a bundle's folder")
+    with scenario.map.open("rb") as file:
+        digest = hashlib.file_digest(file, "sha256")
+    digest.update(_converter_fingerprint())
     stem = scenario.map.name.split(".")[0]
-    folder = cache_folder() / f"{stem}-{digest}.dojo"
+    folder = cache_folder() / f"{stem}-{digest.hexdigest()[:16]}.dojo"
     if not folder.is_dir():
         with _locked(folder.with_suffix(".lock")):
             if not folder.is_dir():
@@ -239,7 +244,7 @@ def _paths(files: Files) -> tuple[Path, ...]:
 @cache
 def say_once(message: str) -> None:
     """Log a warning, once in a process."""
-    _LOG.warning(message)
+    _LOG.warning(" ".join(message.split()))
 
 
 class _RootFoundError(Exception):
@@ -286,6 +291,6 @@ def _read_time(text: str) -> float | None:
     if not text:
         return None
     parts = [float(part) for part in text.split(":")]
-    if len(parts) not in {1, 3, 4}:
+    if len(parts) not in {1, 3, 4} or not all(map(math.isfinite, parts)):
         raise ValueError(text)
     return sum(part * unit for part, unit in zip(reversed(parts), (1, 60, 3600, 86400), strict=False))

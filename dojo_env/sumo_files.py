@@ -11,7 +11,6 @@ import re
 import sys
 import tempfile
 import weakref
-from collections import Counter
 from collections.abc import Mapping
 from pathlib import Path
 from typing import IO, Any, cast
@@ -36,6 +35,7 @@ _LOOKED_UP = ("edgesFile", "imgFile", "osgFile")
 """Attributes that name other things to read."""
 _DEEPEST, _MOST_INCLUDED = 16, 1000
 """How deep files may include each other, and how many one may, each counted as often as it is included."""
+_MOST_NAMED = 10
 _MISREAD = re.compile(r",|\$\{")
 _UNUSABLE = re.compile(r"[:,]|\$\{|^~|^\.{0,2}$")
 """SUMO takes a colon for a socket's, a comma for the end of a name, and writes out others."""
@@ -75,7 +75,7 @@ class SumoFiles:
             if paths:
                 self.options[name] = ",".join(str(self._make_safe(path)) for path in paths)
         # Otherwise the devices of vehicles that name no file write one each into the current folder.
-        self.options["device.ssm.file"] = self._place("ssm.xml", Path(), "device.ssm.file")
+        self.options["device.ssm.file"] = self._place("device.ssm.xml", Path(), "device.ssm.file")
         if self._outputs is not None:
             self._add_outputs(self._outputs, scenario)
 
@@ -109,7 +109,7 @@ class SumoFiles:
 
     def _make_safe(self, path: Path) -> Path:
         """Check a file and all that it reads; returns it, or a copy of it."""
-        path = path.absolute()
+        path = _full(path)
         if path in self._safe:
             return self._safe[path]
         if path in self._open or len(self._open) > _DEEPEST:
@@ -117,24 +117,16 @@ class SumoFiles:
         if _MISREAD.search(str(path)):
             raise ScenarioError(path, "SUMO cannot read a path with a comma or ${ in it; rename it")
         self._open.append(path)
-        writers: Counter[str] = Counter()
-        read: list[Path] = []
-
-        def visit(name: str, attributes: dict[str, str]) -> None:
-            if _find_written(name, attributes):
-                writers[attributes["key"] if name == "param" else name] += 1
-            if name in _READ:
-                read.extend(_find_read(name, attributes, path.parent))
-
-        read_elements(path, visit)
+        writers, read = _scan(path)
         moved = [self._make_safe(other) != other for other in read]
+        self._open.pop()
         self._included[path] = 1 + sum(self._included[other] for other in read)
         if self._included[path] > _MOST_INCLUDED:
             raise ScenarioError(path, f"reads more than {_MOST_INCLUDED} other files; leave some out")
         if writers and self._outputs is None:
-            names = ", ".join(name[:40] for name, _ in writers.most_common(5))
-            say_once(f"{path.name}: left out {writers.total()} outputs ({names}); {LETS_THROUGH}")
-        self._open.pop()
+            names = [name[:40] for name in list(writers)[:_MOST_NAMED]]
+            more = [f"{len(writers) - len(names)} more"] if len(writers) > len(names) else []
+            say_once(f"{path.name}: left out the outputs of {', '.join(names + more)}; {LETS_THROUGH}")
         self._safe[path] = self._copy(path) if writers or any(moved) else path
         return self._safe[path]
 
@@ -174,6 +166,31 @@ class _Copier(XMLGenerator):
         super().startElement(name, cast("Any", attributes))
 
 
+def _full(path: Path) -> Path:
+    """Write a path in one way, so that what it names from its folder stays the same."""
+    return path.parent.resolve() / path.name
+
+
+def _scan(path: Path) -> tuple[dict[str, None], list[Path]]:
+    """List what writes in a file, by the names of elements and parameters, and the files that it reads."""
+    writers: dict[str, None] = {}
+    read: list[Path] = []
+    lists: list[Path] = []
+
+    def visit(name: str, attributes: dict[str, str]) -> None:
+        if _find_written(name, attributes):
+            writers[attributes["key"] if name == "param" else name] = None
+        if name in _READ:
+            read.extend(_find_read(name, attributes, path.parent))
+        if "edgesFile" in attributes:
+            lists.append(path.parent / attributes["edgesFile"])
+
+    read_elements(path, visit)
+    for special in (other for other in lists if other.exists() and not other.is_file()):
+        raise ScenarioError(path, f"edgesFile={special.name[:80]!r} is no regular file; correct the path")
+    return writers, read
+
+
 def _find_written(name: str, attributes: Mapping[str, str]) -> list[str]:
     """List the attributes that name what an element writes."""
     if name == "param":
@@ -187,7 +204,7 @@ def _find_written(name: str, attributes: Mapping[str, str]) -> list[str]:
 def _find_read(name: str, attributes: Mapping[str, str], folder: Path) -> list[Path]:
     """List the file that an element reads, if it is there: SUMO has words for one that is not."""
     named = attributes.get(_READ.get(name, ""), "")
-    other = (folder / named).absolute()
+    other = _full(folder / named)
     return [other] if named and other.exists() else []
 
 

@@ -278,7 +278,10 @@ def read_configuration(path: Path) -> Configuration:
         if "${" in value:
             raise ScenarioError(path, f"{value[:80]!r} asks for the environment; write it out", element=name)
     for name in READ & set(taken):
-        taken[name] = ",".join(map(str, _paths(path, taken[name])))
+        paths = _paths(path, taken[name])
+        for special in (p for p in paths if p.exists() and not (p.is_file() or p.is_dir())):
+            raise ScenarioError(special, f"{name} of {path.name} is neither a file nor a folder")
+        taken[name] = ",".join(map(str, paths))
     others = [name[:_LONGEST_NAME] for name in found if name not in taken]
     more = [f"{len(others) - _MOST_NAMED} more"] if len(others) > _MOST_NAMED else []
     return Configuration(
