@@ -64,6 +64,12 @@ def _parser() -> argparse.ArgumentParser:
     run.add_argument("--csv", metavar="STEM", help="also write a CSV and a JSON file per episode")
     run.add_argument("--record", metavar="STEM", help="also record each episode's snapshots")
     run.add_argument("--video", type=Path, metavar="FILE", help="also show every second in an .mp4 or .webm")
+    run.add_argument(
+        "--sumo-outputs",
+        type=Path,
+        metavar="FOLDER",
+        help="where the scenario's own outputs go (default: none)",
+    )
     run.set_defaults(run=_run)
 
     watch = commands.add_parser("watch", help="show an episode live in the browser")
@@ -152,6 +158,7 @@ def _run(options: argparse.Namespace, interrupted: Interruption) -> int:
         out_csv_name=options.csv,
         record_name=options.record,
         video=options.video,
+        sumo_outputs=options.sumo_outputs,
     )
     summary = summarize(figures)
     for name, value in summary.items():

@@ -124,6 +124,7 @@ class TrafficConfig:
         additional_sumo_cmd: more of SUMO's options, as on a command line.
         backend: `libsumo` runs SUMO in this process, `traci` as a program of its own.
         use_gui: show SUMO's window; needs `traci`.
+        sumo_outputs: a folder for the files that the scenario's own files want written; None writes none.
     """
 
     max_depart_delay: int = -1
@@ -135,6 +136,7 @@ class TrafficConfig:
     additional_sumo_cmd: str = ""
     backend: str = "libsumo"
     use_gui: bool = False
+    sumo_outputs: Path | None = None
 
     def __post_init__(self) -> None:
         """Refuse contradictions."""
@@ -146,6 +148,13 @@ class TrafficConfig:
         if self.sumo_seed is not None and (not isinstance(self.sumo_seed, int) or self.sumo_seed < 0):
             raise ConfigError(f'sumo_seed={self.sumo_seed!r}: expected a whole number from 0, or "random"')
         object.__setattr__(self, "additional_sumo_cmd", self.additional_sumo_cmd or "")
+        if self.sumo_outputs is not None:
+            object.__setattr__(self, "sumo_outputs", Path(self.sumo_outputs))
+            unusable = [part for part in (":", ",", "${") if part in str(self.sumo_outputs)]
+            if unusable:
+                raise ConfigError(
+                    f"sumo_outputs={str(self.sumo_outputs)!r}: SUMO misreads {unusable[0]!r} in a path"
+                )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -247,6 +256,7 @@ def build_config(
         groups[group] = given if given is not None else _build_group(cls, named)
     if keywords:
         raise ConfigError(_unknown(next(iter(keywords))))
+    found.say_left_out(outputs=groups["traffic"].sumo_outputs is not None)
     return EnvConfig(scenario=found, **groups, **top)
 
 

@@ -1,4 +1,4 @@
-"""What is simulated: a map, its demand and its time; the packaged scenarios by name; any .sumocfg.
+"""What is simulated: a map, its demand and its time; the packaged scenarios by name; any .sumocfg, as data.
 
 A network that is not yet a bundle is converted on first use, into a cache of the user's.
 """
@@ -6,10 +6,12 @@ A network that is not yet a bundle is converted on first use, into a cache of th
 import fcntl
 import hashlib
 import importlib.util
+import logging
+import math
 import tempfile
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cache
 from pathlib import Path
 
@@ -17,10 +19,13 @@ import dojo_maps
 from dojo_env.cache import cache_folder
 from dojo_env.demand import write_two_way_demand
 from dojo_env.elements import read_elements
-from dojo_env.errors import ConfigError
-from dojo_maps.bundle import DEMAND, Bundle, read_bundle
+from dojo_env.errors import ConfigError, ScenarioError
+from dojo_env.sumo_options import ROOTS, Configuration, read_configuration
+from dojo_maps.bundle import DEMAND, Bundle, open_bundle
 
 Files = str | Path | Sequence[str | Path]
+LETS_THROUGH = "sumo_outputs, or --sumo-outputs FOLDER, lets outputs through"
+_LOG = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -33,9 +38,12 @@ class Scenario:
         additional: additional files.
         begin: simulated seconds at which an episode begins.
         end: seconds at which the demand ends; None where it is not known.
-        config: a .sumocfg whose options hold where nothing else is said.
+        config: a .sumocfg whose options hold where nothing else is said, as far as a simulation needs them.
         name: shown in tables.
         licence: of the network and the demand.
+        options: what `config` asks for, by SUMO's own names.
+        outputs: what `config` wants written; it is, where the user names a folder.
+        left_out: the names of all else that `config` asks for.
     """
 
     map: Path
@@ -46,6 +54,9 @@ class Scenario:
     config: Path | None = None
     name: str = ""
     licence: str = ""
+    options: Mapping[str, str] = field(init=False, default_factory=dict)
+    outputs: Mapping[str, str] = field(init=False, default_factory=dict)
+    left_out: tuple[str, ...] = field(init=False, default=())
 
     def __post_init__(self) -> None:
         """Accept plain strings and single files, and refuse files that are not there."""
@@ -53,13 +64,30 @@ class Scenario:
         object.__setattr__(self, "routes", _paths(self.routes))
         object.__setattr__(self, "additional", _paths(self.additional))
         object.__setattr__(self, "name", self.name or self.map.name.split(".")[0])
-        for path in (self.map, *self.routes, *self.additional, *filter(None, [self.config])):
+        if self.config is not None:
+            object.__setattr__(self, "config", Path(self.config))
+            self._take(read_configuration(self.config))
+        for path in (self.map, *self.routes, *self.additional):
             if not path.exists():
-                raise ConfigError(f"scenario {self.name}: {path} does not exist; correct the path")
+                raise ScenarioError(path, f"scenario {self.name}: does not exist; correct the path")
         if self.end is not None and self.end <= self.begin:
             raise ConfigError(
                 f"scenario {self.name}: it ends at {self.end} s, before it begins at {self.begin} s"
             )
+
+    def _take(self, configuration: Configuration) -> None:
+        files = configuration.files
+        object.__setattr__(self, "routes", self.routes or files.get("route-files", ()))
+        object.__setattr__(self, "additional", self.additional or files.get("additional-files", ()))
+        for name in ("options", "outputs", "left_out"):
+            object.__setattr__(self, name, getattr(configuration, name))
+
+    def say_left_out(self, *, outputs: bool) -> None:
+        """Log once what of the configuration does not hold; `outputs` tells whether these do."""
+        names = (*self.left_out, *(() if outputs else self.outputs))
+        if self.config is not None and names:
+            hint = f"; {LETS_THROUGH}" if self.outputs and not outputs else ""
+            say_once(f"{self.config.name}: left out {', '.join(names)}{hint}")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -118,7 +146,7 @@ def find_scenario(value: str | Path | Scenario) -> Scenario:
     if str(value) in PACKAGED:
         return packaged_scenario(str(value))
     path = Path(value)
-    if path.name.endswith((".sumocfg", ".sumocfg.xml")):
+    if path.name.endswith((".sumocfg", ".sumocfg.xml")) or _read_root(path) in ROOTS:
         return _read_sumocfg(path)
     if (path / DEMAND).is_file():
         return Scenario(map=path, routes=(path / DEMAND,), end=float(_DURATION))
@@ -156,18 +184,22 @@ def open_map(scenario: Scenario, *, on_stage: Callable[[str], None] = lambda _st
     """Read the scenario's bundle; convert its network into the cache first where there is none.
 
     Raises:
-        SourceError: the map is neither a bundle of this version nor a readable network.
+        SourceError: the map is neither a whole bundle of this version nor a readable network.
     """
     if scenario.map.is_dir():
-        return read_bundle(scenario.map)
-    digest = hashlib.sha256(scenario.map.read_bytes() + _converter_fingerprint()).hexdigest()[:16]
+        return open_bundle(scenario.map)
+    if not scenario.map.is_file():
+        raise ScenarioError(scenario.map, "neither a network's file nor a bundle's folder")
+    with scenario.map.open("rb") as file:
+        digest = hashlib.file_digest(file, "sha256")
+    digest.update(_converter_fingerprint())
     stem = scenario.map.name.split(".")[0]
-    folder = cache_folder() / f"{stem}-{digest}.dojo"
+    folder = cache_folder() / f"{stem}-{digest.hexdigest()[:16]}.dojo"
     if not folder.is_dir():
         with _locked(folder.with_suffix(".lock")):
             if not folder.is_dir():
                 _convert_into(scenario.map, folder, on_stage)
-    return read_bundle(folder)
+    return open_bundle(folder)
 
 
 def with_files(
@@ -209,39 +241,56 @@ def _paths(files: Files) -> tuple[Path, ...]:
     return (files,) if isinstance(files, Path) else tuple(Path(file) for file in files)
 
 
-def _read_sumocfg(path: Path) -> Scenario:
-    """Read where a SUMO configuration's network lies and when it begins; SUMO reads the rest."""
-    options = _read_options(path)
-    network = options.get("net-file") or options.get("n")
-    if not network:
-        raise ConfigError(f"{path}: names no net-file; add <net-file value='...'/>")
+@cache
+def say_once(message: str) -> None:
+    """Log a warning, once in a process."""
+    _LOG.warning(" ".join(message.split()))
+
+
+class _RootFoundError(Exception):
+    """Reading may end: the root element is known."""
+
+
+def _read_root(path: Path) -> str:
+    """Find the name of an XML file's root element; "" where there is none."""
+
+    def stop(name: str, _: dict[str, str]) -> None:
+        raise _RootFoundError(name)
+
     try:
-        begin = _read_time(options.get("begin") or options.get("b") or "0")
-        end = _read_time(options.get("end") or options.get("e") or "-1")
+        if path.is_file():
+            read_elements(path, stop)
+    except _RootFoundError as found:
+        return str(found)
+    except (ConfigError, OSError):
+        return ""  # Who reads it as what it is will say what is wrong.
+    return ""
+
+
+def _read_sumocfg(path: Path) -> Scenario:
+    """Make a scenario of a SUMO configuration."""
+    configuration = read_configuration(path)
+    networks = configuration.files.get("net-file", ())
+    if len(networks) != 1:
+        raise ScenarioError(path, f"names {len(networks)} networks; give one, as <net-file value='...'/>")
+    try:
+        begin, end = (_read_time(configuration.options.get(name, "")) for name in ("begin", "end"))
     except ValueError:
-        raise ConfigError(f"{path}: begin and end must be seconds, h:m:s or d:h:m:s") from None
-    for file in _paths(options.get("route-files") or options.get("r") or ""):
-        read_elements(path.parent / file)
-    additional = options.get("additional-files") or options.get("additional") or options.get("a") or ""
+        raise ScenarioError(path, "begin and end must be seconds, h:m:s or d:h:m:s") from None
     return Scenario(
-        map=path.parent / network,
-        additional=tuple(path.parent / file for file in _paths(additional)),
-        begin=begin,
-        end=end if end >= 0 else None,
+        map=networks[0],
+        begin=begin or 0.0,
+        end=end if end is not None and end >= 0 else None,
         config=path,
         name=path.name.split(".")[0],
     )
 
 
-def _read_time(text: str) -> float:
-    """Read a time as SUMO does: seconds, hours:minutes:seconds, or days before these."""
+def _read_time(text: str) -> float | None:
+    """Read a time as SUMO does: seconds, hours:minutes:seconds, or days before these; None if empty."""
+    if not text:
+        return None
     parts = [float(part) for part in text.split(":")]
-    if len(parts) not in {1, 3, 4}:
+    if len(parts) not in {1, 3, 4} or not all(map(math.isfinite, parts)):
         raise ValueError(text)
     return sum(part * unit for part, unit in zip(reversed(parts), (1, 60, 3600, 86400), strict=False))
-
-
-def _read_options(path: Path) -> dict[str, str]:
-    options: dict[str, str] = {}
-    read_elements(path, lambda name, a: options.update({name: a["value"]} if "value" in a else {}))
-    return options

@@ -23,7 +23,9 @@ from dojo_env.reading import HALTING, Figures, TrafficReading, Trip
 from dojo_env.road_users import RoadUsers
 from dojo_env.scenario import Scenario
 from dojo_env.snapshot import Snapshot
+from dojo_env.sumo_files import SumoFiles
 from dojo_env.sumo_messages import SumoMessages
+from dojo_env.sumo_options import full_name
 
 _LOGICS = {"actuated": 3, "delay_based": 5}
 """SUMO's numbers of its logics."""
@@ -32,16 +34,21 @@ _LOADING_LIMIT = 300.0
 """Seconds that SUMO may take to load a scenario; the largest cities in public use take a third of it."""
 _owner: "weakref.ref[Simulation] | None" = None
 _labels = iter(range(1 << 62))
-_loadable: set[Path] = set()
-"""Networks that do not crash SUMO."""
+_loadable: list[dict[str, str]] = []
+"""Options, files among them, with which SUMO does not crash when it loads."""
 
 
 class Simulation:
     """One run of SUMO, from `start` to `close`; it may be started again."""
 
     def __init__(self, network: Path, scenario: Scenario, config: TrafficConfig, *, begin: float) -> None:
-        """Note what is to be run; nothing starts yet."""
-        self._network, self._scenario, self._config, self._begin = network, scenario, config, begin
+        """Note what is to be run, and check its files; nothing starts yet.
+
+        Raises:
+            ScenarioError: a file cannot be read, or is unsafe.
+        """
+        self._config, self._begin = config, begin
+        self._files = SumoFiles(network, scenario, config.sumo_outputs)
         self._sumo: Any = None
         self._get: Any = None
         self.failures: tuple[type[Exception], ...] = ()
@@ -96,7 +103,7 @@ class Simulation:
         self.arrived, self.travelled, self.is_over = 0, 0.0, False
         self._process = os.getpid()
         if self._config.backend == "libsumo":
-            _try_loading(self._network)
+            self._try_loading()
         command = [*self._options(seed), *more]
         self._messages = SumoMessages() if self._config.backend == "libsumo" else None
         try:
@@ -278,27 +285,52 @@ class Simulation:
                 types.setEmissionClass(name, wanted)
         self._known_types = types.getIDCount()
 
+    def _try_loading(self) -> None:
+        """Let SUMO's program load what there is to load, once in a process.
+
+        Raises:
+            SimulationError: it crashes, or does not come to an end.
+        """
+        asked, network = self._files.options, self._files.options["net-file"]
+        if asked in _loadable:
+            return
+        options = {**asked, "begin": str(self._begin), "end": str(self._begin + 1), "xml-validation": "never"}
+        command = [find_program("sumo"), *(f"--{name}={value}" for name, value in options.items())]
+        try:
+            done = subprocess.run(  # noqa: S603 - SUMO's own program, without a shell
+                command, stdin=subprocess.DEVNULL, capture_output=True, timeout=_LOADING_LIMIT, check=False
+            )
+        except subprocess.TimeoutExpired:
+            raise SimulationError(f"SUMO has not loaded {network} after {_LOADING_LIMIT:g} s") from None
+        if done.returncode < 0:
+            name = signal.Signals(-done.returncode).name
+            raise SimulationError(
+                f"SUMO crashes ({name}) when it loads {network} and its demand; see what dojo-maps validate says"
+            )
+        _loadable.append(asked)  # What SUMO refuses, libsumo will tell in SUMO's own words.
+
     def _options(self, seed: int) -> list[str]:
-        """Write SUMO's command line, the user's own options last so that they win."""
-        config, scenario = self._config, self._scenario
-        options = ["-c", str(scenario.config)] if scenario.config else []
-        options += ["-n", str(self._network)]
-        for option, files in (("-r", scenario.routes), ("-a", scenario.additional)):
-            options += [option, ",".join(map(str, files))] if files else []
-        settings = {
-            "--begin": self._begin,
-            "--seed": seed % _LARGEST_SEED,
-            "--max-depart-delay": config.max_depart_delay,
-            "--waiting-time-memory": config.waiting_time_memory,
-            "--time-to-teleport": config.time_to_teleport,
-            "--step-length": 1,
-            "--no-step-log": "true",
-            "--xml-validation": "never",
-            "--xml-validation.net": "never",
-            "--no-warnings": "false" if config.sumo_warnings else "true",
+        """Write SUMO's command line: what its configuration asks for, our settings, and the user's own words.
+
+        A value stands in one word with its name, or it could be taken for an option itself.
+        """
+        config = self._config
+        words = shlex.split(config.additional_sumo_cmd)
+        given = {full_name(word.lstrip("-").partition("=")[0]) for word in words if word.startswith("-")}
+        options = {name: value for name, value in self._files.options.items() if name not in given}
+        options |= {
+            "begin": str(self._begin),
+            "seed": str(seed % _LARGEST_SEED),
+            "max-depart-delay": str(config.max_depart_delay),
+            "waiting-time-memory": str(config.waiting_time_memory),
+            "time-to-teleport": str(config.time_to_teleport),
+            "step-length": "1",
+            "no-step-log": "true",
+            "xml-validation": "never",
+            "xml-validation.net": "never",
+            "no-warnings": "false" if config.sumo_warnings else "true",
         }
-        options += [word for name, value in settings.items() for word in (name, str(value))]
-        return options + shlex.split(config.additional_sumo_cmd)
+        return [*(f"--{name}={value}" for name, value in options.items()), *words]
 
     def _connect(self, command: list[str]) -> None:
         if self._config.backend == "libsumo":
@@ -348,29 +380,6 @@ class _TraciGetters:
         found = getattr(getattr(self._connection, domain), getter)
         setattr(self, name, found)
         return found
-
-
-def _try_loading(network: Path) -> None:
-    """Let SUMO's program load a network, once.
-
-    Raises:
-        SimulationError: it crashes, or does not come to an end.
-    """
-    if network in _loadable:
-        return
-    command = [find_program("sumo"), "-n", str(network), "--end", "1", "--xml-validation.net", "never"]
-    try:
-        done = subprocess.run(  # noqa: S603 - SUMO's own program, without a shell
-            command, stdin=subprocess.DEVNULL, capture_output=True, timeout=_LOADING_LIMIT, check=False
-        )
-    except subprocess.TimeoutExpired:
-        raise SimulationError(f"SUMO has not loaded {network} after {_LOADING_LIMIT:g} s") from None
-    if done.returncode < 0:
-        raise SimulationError(
-            f"SUMO crashes ({signal.Signals(-done.returncode).name}) when it loads {network}; "
-            "dojo-maps validate may tell what is wrong with it"
-        )
-    _loadable.add(network)  # What SUMO refuses, libsumo will tell in SUMO's own words.
 
 
 def _floats(values: Iterable[float]) -> Figures:

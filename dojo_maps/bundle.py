@@ -1,6 +1,7 @@
 """The bundle on disk: one folder per map, written whole or not at all, and read back with care."""
 
 import contextlib
+import hashlib
 import json
 import shutil
 import tempfile
@@ -9,9 +10,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from dojo_maps.consistency import check_description
 from dojo_maps.description import RoadMap
 from dojo_maps.errors import DescriptionError, UsageError
-from dojo_maps.serialization import from_json
+from dojo_maps.serialization import check_format, from_json
 
 if TYPE_CHECKING:
     from dojo_maps.meshes.mesh import Mesh
@@ -72,22 +74,49 @@ class Bundle:
 
 
 def read_bundle(folder: Path | str) -> Bundle:
-    """Read a bundle's description.
+    """Read a bundle's description, to look at it.
 
     Raises:
         DescriptionError: the folder is not a bundle, or its map.json is not a valid description.
     """
-    folder = Path(folder)
+    path, value = _read_description(Path(folder))
+    return Bundle(folder=path.parent, road_map=from_json(value, path=path))
+
+
+def open_bundle(folder: Path | str) -> Bundle:
+    """Read a bundle to act on it: its parts fit each other, and what its network says comes from the network.
+
+    Raises:
+        DescriptionError: the folder is not a bundle, a part of it is missing, or two contradict each other.
+        SourceError: the network cannot be read.
+    """
+    from dojo_maps.sources.files import read_bytes  # noqa: PLC0415 - who only looks at a bundle reads none
+    from dojo_maps.sources.sumo_net import read_network  # noqa: PLC0415
+
+    path, value = _read_description(Path(folder))
+    check_format(value, path)
+    network = path.parent / NETWORK
+    if not network.is_file():
+        raise DescriptionError(folder, f"it has no {NETWORK}; convert the map again")
+    data = read_bytes(network)
+    described, _ = read_network(data, path=network, name="", sha256="")
+    road_map = check_description(value, described, path)
+    if road_map.source.network_sha256 not in ("", hashlib.sha256(data).hexdigest()):
+        raise DescriptionError(path, f"{NETWORK} has changed since; convert the map again")
+    return Bundle(folder=path.parent, road_map=road_map)
+
+
+def _read_description(folder: Path) -> tuple[Path, Any]:
+    """Read map.json as JSON values; returns also its path."""
     path = folder / DESCRIPTION
     if not path.is_file():
         raise DescriptionError(
             folder, f"not a bundle: it has no {DESCRIPTION}; make one with dojo-maps convert"
         )
     try:
-        value = json.loads(path.read_bytes())
+        return path, json.loads(path.read_bytes())
     except (OSError, ValueError, RecursionError) as error:
         raise DescriptionError(path, f"not readable as JSON ({error}); convert the map again") from error
-    return Bundle(folder=folder, road_map=from_json(value, path=path))
 
 
 def write_json(path: Path, value: Any) -> None:

@@ -1,5 +1,6 @@
 """From a network or an extract to a bundle, in named steps: read, furnish, build, check, write."""
 
+import hashlib
 import os
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
@@ -108,6 +109,8 @@ def _convert(
             on_stage("Adding sidewalks and crossings to the network")
             data, changes = enrich_network(data, path=path)
         described, issues = read_network(data, path=path, name=name, sha256=sha256)
+    source = replace(described.source, network_sha256=hashlib.sha256(data).hexdigest())
+    described = replace(described, source=source)
     road_map, meshes = furnish_and_build(described, options, on_stage)
     with bundle.replace_bundle(folder) as fresh:
         on_stage("Writing")

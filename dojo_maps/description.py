@@ -61,12 +61,16 @@ class LinkKind(StrEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Source:
-    """The file a map was made from; `sha256` is of its bytes as they lie on disk."""
+    """The file a map was made from; `sha256` is of its bytes as they lie on disk.
+
+    `network_sha256` is of the SUMO network that the description speaks of, as it lies in the bundle.
+    """
 
     kind: str
     file: str
     sha256: str
     sumo_version: str
+    network_sha256: str = ""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -29,17 +29,28 @@ def from_json(value: Any, *, path: object = "map.json") -> RoadMap:
     Raises:
         DescriptionError: a field is missing or has another type than the format gives it.
     """
-    if not isinstance(value, Mapping) or value.get("format") != FORMAT:
-        raise DescriptionError(path, f'not a map description: its format is not "{FORMAT}"')
-    if value.get("version") != VERSION:
-        raise DescriptionError(
-            path, f"version {value.get('version')!r}, this program reads {VERSION}; convert the map again"
-        )
+    check_format(value, path)
     try:
         road_map: RoadMap = _decode(RoadMap, value, "map")
     except _FieldError as error:
         raise DescriptionError(path, str(error)) from None
+    except RecursionError:
+        raise DescriptionError(path, "its values are nested too deep; convert the map again") from None
     return road_map
+
+
+def check_format(value: Any, path: object) -> None:
+    """Refuse JSON values that are no description, or one of another version.
+
+    Raises:
+        DescriptionError: they are.
+    """
+    if not isinstance(value, Mapping) or value.get("format") != FORMAT:
+        raise DescriptionError(path, f'not a map description: its format is not "{FORMAT}"')
+    if value.get("version") != VERSION:
+        raise DescriptionError(
+            path, f"version {value.get('version')!r:.20}, this program reads {VERSION}; convert the map again"
+        )
 
 
 class _FieldError(Exception):
