@@ -305,7 +305,7 @@ class Simulation:
         if done.returncode < 0:
             name = signal.Signals(-done.returncode).name
             raise SimulationError(
-                f"SUMO crashes ({name}) when it loads {network} and its demand; see what dojo-maps validate says"
+                f"SUMO crashes ({name}) when it loads {network} with its demand; try dojo-maps validate on it"
             )
         _loadable.append(asked)  # What SUMO refuses, libsumo will tell in SUMO's own words.
 
