@@ -130,6 +130,18 @@ def find_scenario(value: str | Path | Scenario) -> Scenario:
     raise ConfigError(f"scenario {str(value)!r} is not known; give a .sumocfg, a Scenario, or one of {known}")
 
 
+def find_map(value: str | Path) -> Scenario:
+    """Find a map, with or without demand: a scenario's, or any bundle or network by path.
+
+    Raises:
+        ConfigError: there is none.
+    """
+    path = Path(value)
+    if str(value) in PACKAGED or path.name.endswith((".sumocfg", ".sumocfg.xml")) or not path.exists():
+        return find_scenario(value)
+    return Scenario(map=path)
+
+
 def packaged_scenario(name: str) -> Scenario:
     """Build a packaged scenario from the installed sumo-rl package, which is not imported.
 
