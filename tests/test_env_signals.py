@@ -1,5 +1,6 @@
 """The signal layer: no action can make a signal unsafe, and the watch sees it when one is."""
 
+import re
 from collections.abc import Callable
 from dataclasses import replace
 from functools import lru_cache, partial
@@ -238,6 +239,31 @@ def test_watch_counts_priority_before_walkers_are_across() -> None:
     for time, state in ((0, "rrrgGgrrrgGgGrGr"), (20, "rrrgygrrrgygrrrr"), (22, "rrrGrgrrrGrgrrrr")):
         watch.look(float(time), state)
     assert set(log.counts) == {"walker_cut_off"}
+
+
+def test_walkers_of_both_directions_are_cleared_by_letters_of_their_own(
+    network_path: Callable[[str], Path],
+) -> None:
+    """SUMO's second link index of a crossing: the way that leaves it is a link, too."""
+    path = network_path("right_hand")
+    text = path.read_text(encoding="utf-8")
+    there = {c: int(k) for c, k in re.findall(r'to=":(c_c\d)".* linkIndex="(\d+)"', text)}
+    first = len(re.findall(r'state="(\w+)"/>\n', text.partition("<phase ")[2])[0])
+    back = {crossing: first + k for k, crossing in enumerate(there)}
+    for crossing, index in back.items():
+        text = re.sub(f'(from=":{crossing}" to=":c_w.*?") dir', rf'\1 tl="c" linkIndex="{index}" dir', text)
+    letters = [there[crossing] for crossing in back]
+    text = re.sub(
+        r'(<phase .*state=")(\w+)"', lambda m: f'{m[1]}{m[2]}{"".join(m[2][k] for k in letters)}"', text
+    )
+    found, _ = read_network(text.encode(), path=path, name="w", sha256="")
+    plan = build_plan(found, found.signals[0], SignalConfig())
+    assert len(back) == 4
+    for crossing, index in back.items():
+        assert plan.is_crossing[index]
+        assert plan.clearance[index] == plan.clearance[there[crossing]] > 5
+        assert (plan.conflicts.foes[index] == plan.conflicts.foes[there[crossing]]).all()
+        assert plan.conflicts.foes[index].any()
 
 
 @pytest.mark.parametrize("phases", ["program", "computed"])

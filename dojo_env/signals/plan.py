@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from dojo_env.config import SignalConfig
 from dojo_env.errors import ConfigError
-from dojo_env.signals.conflicts import GREEN, Conflicts, read_conflicts
+from dojo_env.signals.conflicts import GREEN, Conflicts, list_walks, read_conflicts
 from dojo_maps.description import LinkKind, RoadMap, Signal
 
 _REACTION, _BRAKING = 1.0, 3.05
@@ -153,9 +153,9 @@ def _yellow(speed: float, config: SignalConfig) -> float:
 def _clearances(road_map: RoadMap, signal: Signal, count: int, speed: float) -> NDArray[np.float64]:
     """Compute the whole seconds that a walker needs from kerb to kerb."""
     seconds = np.zeros(count)
-    for crossing in road_map.crossings:
-        if crossing.signal == signal.id and crossing.link_index is not None:
-            length = float(np.linalg.norm(np.diff(crossing.shape[:, :2], axis=0), axis=1).sum())
-            needed = math.ceil(round(length / speed, 6))
-            seconds[crossing.link_index] = max(seconds[crossing.link_index], needed)
+    shapes = {crossing.id: crossing.shape for crossing in road_map.crossings}
+    for index, crossing in list_walks(signal):
+        if crossing in shapes:
+            length = float(np.linalg.norm(np.diff(shapes[crossing][:, :2], axis=0), axis=1).sum())
+            seconds[index] = max(seconds[index], math.ceil(round(length / speed, 6)))
     return seconds
