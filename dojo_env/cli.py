@@ -251,14 +251,15 @@ def _prove(options: argparse.Namespace, interrupted: Interruption) -> int:
     ]
     plans = MapManager(open_map(found), configs[0], additional=found.additional).plans
     states = proved = 0
-    print("result    phases    states  signal")
+    print("result    phases    states  longest change  signal")
     for signal, plan in plans.items():
         proofs = [prove(plan, config) for config in configs]
         visited = sum(proof.states for proof in proofs)
         broken = [(proof.mode, example) for proof in proofs for example in proof.counterexamples]
         states, proved = states + visited, proved + (not broken)
         result = "VIOLATED" if broken else "proved"
-        print(f"{result:8}{len(plan.phases):8}{visited:10}  {signal}", flush=True)
+        longest = max(proof.longest_change for proof in proofs)
+        print(f"{result:8}{len(plan.phases):8}{visited:10}{longest:14g} s  {signal}", flush=True)
         for mode, example in broken:
             print(f"  {mode}: {example}")
     print(f"{found.name}: {proved} of {len(plans)} signals proved in every action mode, {states} states")
