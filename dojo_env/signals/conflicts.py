@@ -62,9 +62,9 @@ def list_walks(signal: Signal) -> Iterator[tuple[int, str]]:
 def read_conflicts(road_map: RoadMap, signal: Signal, count: int) -> Conflicts:
     """Collect the conflicts of a signal's links at all of its junctions; several ways may share a link."""
     places: dict[str, set[int]] = defaultdict(set)
-    for way in (*road_map.connections, *road_map.crossings):
-        if way.signal == signal.id and way.link_index is not None:
-            places[way.id].add(way.link_index)
+    for connection in road_map.connections:
+        if connection.signal == signal.id and connection.link_index is not None:
+            places[connection.id].add(connection.link_index)
     for index, crossing in list_walks(signal):
         places[crossing].add(index)
     foes, yields = np.zeros((count, count), dtype=bool), np.zeros((count, count), dtype=bool)
