@@ -146,7 +146,7 @@ def find_scenario(value: str | Path | Scenario) -> Scenario:
     if str(value) in PACKAGED:
         return packaged_scenario(str(value))
     path = Path(value)
-    if path.name.endswith((".sumocfg", ".sumocfg.xml")) or _read_root(path) in ROOTS:
+    if _is_configuration(path):
         return _read_sumocfg(path)
     if (path / DEMAND).is_file():
         return Scenario(map=path, routes=(path / DEMAND,), end=float(_DURATION))
@@ -156,6 +156,18 @@ def find_scenario(value: str | Path | Scenario) -> Scenario:
         )
     known = ", ".join(PACKAGED)
     raise ConfigError(f"scenario {str(value)!r} is not known; give a .sumocfg, a Scenario, or one of {known}")
+
+
+def find_map(value: str | Path) -> Scenario:
+    """Find a map, with or without demand: a scenario's, or any bundle or network by path.
+
+    Raises:
+        ConfigError: there is none.
+    """
+    path = Path(value)
+    if str(value) in PACKAGED or _is_configuration(path) or not path.exists():
+        return find_scenario(value)
+    return Scenario(map=path)
 
 
 def packaged_scenario(name: str) -> Scenario:
@@ -245,6 +257,11 @@ def _paths(files: Files) -> tuple[Path, ...]:
 def say_once(message: str) -> None:
     """Log a warning, once in a process."""
     _LOG.warning(" ".join(message.split()))
+
+
+def _is_configuration(path: Path) -> bool:
+    """Tell by name, or else by its root element, whether a file is a configuration of SUMO's."""
+    return path.name.endswith((".sumocfg", ".sumocfg.xml")) or _read_root(path) in ROOTS
 
 
 class _RootFoundError(Exception):

@@ -1,6 +1,8 @@
 """The signal layer: no action can make a signal unsafe, and the watch sees it when one is."""
 
+import re
 from collections.abc import Callable
+from dataclasses import replace
 from functools import lru_cache, partial
 from pathlib import Path
 
@@ -86,8 +88,15 @@ def _wish(count: int, step: int | None, switch: SignalSwitch) -> int | None:
     return None if step is None else (switch.phase + step) % count
 
 
-# Signals of ingolstadt21 have letters that no lane heeds.
-@pytest.mark.parametrize("name", ["cologne1", "cologne1+", "ingolstadt1+", "ingolstadt7", "ingolstadt21"])
+GREEDY = (
+    "cologne1", "cologne1+", "ingolstadt1+", "ingolstadt7",
+    "ingolstadt21",  # has letters that no lane heeds
+    "RiLSA1-rilsa1",  # gives left turns priority after walkers
+    "fkk_in-ingolstadt",  # has letters for cyclists and walkers at once, and phases within others
+)  # fmt: skip
+
+
+@pytest.mark.parametrize("name", GREEDY)
 @pytest.mark.parametrize("phases", ["program", "computed"])
 def test_greedy_requests_never_break_a_rule(name: str, phases: str) -> None:
     config = SignalConfig(yellow_time="speed", all_red=2, min_green=1, max_green=30, phases=phases)
@@ -127,6 +136,24 @@ def test_conflicting_priorities_are_told_and_made_permissive() -> None:
         assert not any(plan.conflicts.find_unsafe(state) for state in plan.phases)
 
 
+def test_links_that_vehicles_and_walkers_share_get_yellow_and_clearance() -> None:
+    plan = plans("fkk_in-ingolstadt", SignalConfig())[1]
+    shared = np.flatnonzero((plan.yellow > 0) & (plan.clearance > 0))
+    assert shared.tolist() == [11, 13, 15, 17]
+    assert not plan.is_crossing[shared].any()
+
+
+def test_yellow_by_speed_is_that_of_a_links_fastest_lane() -> None:
+    found = road_map("fkk_in-ingolstadt")
+    config = SignalConfig(yellow_time="speed")
+    (signal,) = (signal for signal in found.signals if signal.id == "gneJ21")
+    lanes = [link.from_id for link in signal.links if link.index == 1 and link.kind is LinkKind.VEHICLE]
+    for fast in lanes:
+        changed = tuple(replace(lane, speed=30.0) if lane.id == fast else lane for lane in found.lanes)
+        assert build_plan(replace(found, lanes=changed), signal, config).yellow[1] == 6
+    assert len(lanes) == 3
+
+
 def test_crossings_are_cleared_before_traffic_gets_green() -> None:
     config = SignalConfig(min_green=5)
     (plan,) = plans("cologne1+", config)
@@ -155,6 +182,7 @@ def test_crossings_are_cleared_before_traffic_gets_green() -> None:
         ((("GGrGGrGGrGGr", 20),), "conflict"),
         ((("GGrrrrGG", 20),), "unknown_state"),
         ((("GGrrrrGGrrrr", 70),), "long_green"),
+        ((("gGrrrrgGrrrr", 20), ("yyrrrryyrrrr", 2), ("rrGrrrrrGrrr", 61)), "long_green"),
     ],
 )
 def test_watch_counts_what_breaks_a_rule(states: tuple[tuple[str, int], ...], rule: str) -> None:
@@ -200,6 +228,42 @@ def test_watch_counts_walkers_that_are_cut_off_and_greens_without_all_red() -> N
             switch.request_phase(switch.next_phase)
         counted |= set(log.counts)
     assert {"walker_cut_off", "short_red"} <= counted
+
+
+def test_watch_counts_priority_before_walkers_are_across() -> None:
+    """Left turns that yielded to the walkers get priority two seconds after these lost their green."""
+    config = SignalConfig()
+    (plan,) = plans("RiLSA1-rilsa1", config)
+    log = SafetyLog()
+    watch = SignalWatch(plan, config, log, time=0.0)
+    for time, state in ((0, "rrrgGgrrrgGgGrGr"), (20, "rrrgygrrrgygrrrr"), (22, "rrrGrgrrrGrgrrrr")):
+        watch.look(float(time), state)
+    assert set(log.counts) == {"walker_cut_off"}
+
+
+def test_walkers_of_both_directions_are_cleared_by_letters_of_their_own(
+    network_path: Callable[[str], Path],
+) -> None:
+    """SUMO's second link index of a crossing: the way that leaves it is a link, too."""
+    path = network_path("right_hand")
+    text = path.read_text(encoding="utf-8")
+    there = {c: int(k) for c, k in re.findall(r'to=":(c_c\d)".* linkIndex="(\d+)"', text)}
+    first = len(re.findall(r'state="(\w+)"/>\n', text.partition("<phase ")[2])[0])
+    back = {crossing: first + k for k, crossing in enumerate(there)}
+    for crossing, index in back.items():
+        text = re.sub(f'(from=":{crossing}" to=":c_w.*?") dir', rf'\1 tl="c" linkIndex="{index}" dir', text)
+    letters = [there[crossing] for crossing in back]
+    text = re.sub(
+        r'(<phase .*state=")(\w+)"', lambda m: f'{m[1]}{m[2]}{"".join(m[2][k] for k in letters)}"', text
+    )
+    found, _ = read_network(text.encode(), path=path, name="w", sha256="")
+    plan = build_plan(found, found.signals[0], SignalConfig())
+    assert len(back) == 4
+    for crossing, index in back.items():
+        assert plan.is_crossing[index]
+        assert plan.clearance[index] == plan.clearance[there[crossing]] > 5
+        assert (plan.conflicts.foes[index] == plan.conflicts.foes[there[crossing]]).all()
+        assert plan.conflicts.foes[index].any()
 
 
 @pytest.mark.parametrize("phases", ["program", "computed"])

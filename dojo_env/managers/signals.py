@@ -32,6 +32,7 @@ class SignalManager(Manager):
         self._simulation, self._plans, self._config, self._interval = simulation, plans, config, interval
         self._switches: dict[str, SignalSwitch] = {}
         self._watches: dict[str, SignalWatch] = {}
+        self._phases: dict[str, int] = {}
         self.safety = SafetyLog()
 
     def count_actions(self, signal: str) -> int:
@@ -51,6 +52,7 @@ class SignalManager(Manager):
         """Show each signal's first phase, or hand it to SUMO."""
         time = self._simulation.time
         self._switches = {name: SignalSwitch(plan, self._config) for name, plan in self._plans.items()}
+        self._phases = dict.fromkeys(self._plans, 0)
         self._watches = {
             name: SignalWatch(plan, self._config, self.safety, time=time)
             for name, plan in self._plans.items()
@@ -117,8 +119,9 @@ class SignalManager(Manager):
                 lanes=lanes,
             )
         state = self._simulation.read_state(signal)
-        phase = plan.phases.index(state) if state in plan.phases else switch.phase
-        switch.phase = phase
+        if state in plan.phases:
+            self._phases[signal] = plan.phases.index(state)
+        phase = self._phases[signal]
         return SignalView(plan=plan, phase=phase, state=state, green_time=0.0, may_change=True, lanes=lanes)
 
     def _show(self, signal: str, state: str) -> None:

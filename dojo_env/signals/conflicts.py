@@ -1,12 +1,14 @@
 """Which links of a signal must not be green together, from the network's own foes."""
 
+from collections import defaultdict
+from collections.abc import Iterator
 from dataclasses import dataclass
-from itertools import combinations
+from itertools import combinations, product
 
 import numpy as np
 from numpy.typing import NDArray
 
-from dojo_maps.description import RoadMap, Signal
+from dojo_maps.description import LinkKind, RoadMap, Signal
 
 Matrix = NDArray[np.bool_]
 GREEN = frozenset("Gg")
@@ -50,12 +52,21 @@ class Conflicts:
         return "".join(letters)
 
 
+def list_walks(signal: Signal) -> Iterator[tuple[int, str]]:
+    """List the links of walkers, each with both ends of its way: one of them is the crossing."""
+    for link in signal.links:
+        if link.kind is LinkKind.PEDESTRIAN:
+            yield from ((link.index, end) for end in (link.from_id, link.to_id))
+
+
 def read_conflicts(road_map: RoadMap, signal: Signal, count: int) -> Conflicts:
     """Collect the conflicts of a signal's links at all of its junctions; several ways may share a link."""
-    places = {
-        **{c.id: c.link_index for c in road_map.connections if c.signal == signal.id},
-        **{c.id: c.link_index for c in road_map.crossings if c.signal == signal.id},
-    }
+    places: dict[str, set[int]] = defaultdict(set)
+    for connection in road_map.connections:
+        if connection.signal == signal.id and connection.link_index is not None:
+            places[connection.id].add(connection.link_index)
+    for index, crossing in list_walks(signal):
+        places[crossing].add(index)
     foes, yields = np.zeros((count, count), dtype=bool), np.zeros((count, count), dtype=bool)
     waits: dict[tuple[int, int], bool] = {}
     wanted = set(signal.junctions)
@@ -63,13 +74,13 @@ def read_conflicts(road_map: RoadMap, signal: Signal, count: int) -> Conflicts:
         ways = junction.right_of_way
         for own, way in enumerate(ways):
             for other in way.foes:
-                a, b = places.get(way.link), places.get(ways[other].link)
-                if a is None or b is None or a == b or max(a, b) >= count:
-                    continue
-                foes[a, b] = foes[b, a] = True
-                # Links that control several ways yield only where all of those ways do.
-                waits[a, b] = waits.get((a, b), True) and other in way.response
-                waits.setdefault((b, a), own in ways[other].response)
+                for a, b in product(places.get(way.link, ()), places.get(ways[other].link, ())):
+                    if a == b or max(a, b) >= count:
+                        continue
+                    foes[a, b] = foes[b, a] = True
+                    # Links that control several ways yield only where all of those ways do.
+                    waits[a, b] = waits.get((a, b), True) and other in way.response
+                    waits.setdefault((b, a), own in ways[other].response)
     for (a, b), yielding in waits.items():
         yields[a, b] = yielding
     return Conflicts(foes=foes, yields=yields)

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from dojo_env.config import SignalConfig
 from dojo_env.errors import ConfigError
-from dojo_env.signals.conflicts import GREEN, Conflicts, read_conflicts
+from dojo_env.signals.conflicts import GREEN, Conflicts, list_walks, read_conflicts
 from dojo_maps.description import LinkKind, RoadMap, Signal
 
 _REACTION, _BRAKING = 1.0, 3.05
@@ -25,9 +25,9 @@ class SignalPlan:
         signal: its id.
         phases: the state of each green phase.
         conflicts: which links must not be green together.
-        is_crossing: (n,) per link: it is for walkers.
-        yellow: (n,) seconds of yellow after a link's green.
-        clearance: (n,) seconds that a walker needs to get across; 0 for vehicles.
+        is_crossing: (n,) per link: it is for walkers alone.
+        yellow: (n,) seconds of yellow after a link's green; 0 for walkers alone.
+        clearance: (n,) seconds that a walker needs to get across; 0 for vehicles alone.
         lanes: the lanes that lead to the signal, each once, in the order of their links.
         out_lanes: the lanes that lead away from it, in the same order.
         links: (index, from lane, to lane) of each vehicle link, with multiplicity.
@@ -62,23 +62,27 @@ def build_plan(road_map: RoadMap, signal: Signal, config: SignalConfig) -> Signa
     states = [phase.state for program in signal.programs for phase in program.phases]
     count = max([*map(len, states), *(link.index + 1 for link in signal.links)])
     conflicts = read_conflicts(road_map, signal, count)
-    crossings = np.zeros(count, dtype=bool)
-    crossings[[link.index for link in signal.links if link.kind is LinkKind.PEDESTRIAN]] = True
-    own = [] if config.phases == "computed" else _program_phases(signal, crossings)
-    wanted = own or _computed_phases(conflicts, links, crossings, count)
+    walked = np.zeros(count, dtype=bool)
+    walked[[link.index for link in signal.links if link.kind is LinkKind.PEDESTRIAN]] = True
+    own = [] if config.phases == "computed" else _program_phases(signal, walked)
+    wanted = own or _computed_phases(conflicts, links, walked, count)
+    crossings = walked.copy()
+    crossings[[index for index, _, _ in links]] = False
     safe = [conflicts.make_safe(state) for state in wanted]
     # A program may show the same letters twice; for who chooses phases, that is one.
     phases = tuple(dict.fromkeys(safe))
     lane_of = {lane.id: lane for lane in road_map.lanes}
     lanes = tuple(dict.fromkeys(source for _, source, _ in links))
-    speeds = {index: lane_of[source].speed for index, source, _ in links}
+    speeds = np.zeros(count)
+    for index, source, _ in links:
+        speeds[index] = max(speeds[index], lane_of[source].speed)
     return SignalPlan(
         signal=signal.id,
         phases=phases,
         conflicts=conflicts,
         is_crossing=crossings,
         # A letter that no lane heeds is shown like the others: with yellow.
-        yellow=np.where(crossings, 0.0, [_yellow(speeds.get(k, 0.0), config) for k in range(count)]),
+        yellow=np.where(crossings, 0.0, [_yellow(speed, config) for speed in speeds.tolist()]),
         clearance=_clearances(road_map, signal, count, config.walking_speed),
         lanes=lanes,
         out_lanes=tuple(dict.fromkeys(target for _, _, target in links)),
@@ -149,9 +153,9 @@ def _yellow(speed: float, config: SignalConfig) -> float:
 def _clearances(road_map: RoadMap, signal: Signal, count: int, speed: float) -> NDArray[np.float64]:
     """Compute the whole seconds that a walker needs from kerb to kerb."""
     seconds = np.zeros(count)
-    for crossing in road_map.crossings:
-        if crossing.signal == signal.id and crossing.link_index is not None:
-            length = float(np.linalg.norm(np.diff(crossing.shape[:, :2], axis=0), axis=1).sum())
-            needed = math.ceil(round(length / speed, 6))
-            seconds[crossing.link_index] = max(seconds[crossing.link_index], needed)
+    shapes = {crossing.id: crossing.shape for crossing in road_map.crossings}
+    for index, crossing in list_walks(signal):
+        if crossing in shapes:
+            length = float(np.linalg.norm(np.diff(shapes[crossing][:, :2], axis=0), axis=1).sum())
+            seconds[index] = max(seconds[index], math.ceil(round(length / speed, 6)))
     return seconds

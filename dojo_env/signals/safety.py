@@ -43,8 +43,8 @@ class SignalWatch:
 
     Rules: `unknown_state`, `conflict` (two links green that must not be), `skipped_yellow`, `short_yellow`,
     `short_green`, `long_green`, `short_red` (green before all-red is over) and `walker_cut_off` (green
-    before walkers are across). A program that no agent controls has its own greens; there only conflicts
-    and skipped yellows count.
+    before walkers are across). To get priority while green counts as a start of green. A program that no
+    agent controls has its own greens; there only conflicts and skipped yellows count.
     """
 
     def __init__(self, plan: SignalPlan, config: SignalConfig, log: SafetyLog, *, time: float) -> None:
@@ -84,7 +84,8 @@ class SignalWatch:
             self._report("long_green", time, greens)
 
     def _judge_changes(self, time: float, state: str) -> None:
-        self._phase_since = time
+        # Where the next phase only takes green away, all-red looks like it, and is no part of it.
+        self._phase_since = time + self._config.all_red if "y" in self._state else time
         for link, (old, new) in enumerate(zip(self._state, state, strict=True)):
             if old == new:
                 continue
@@ -92,7 +93,7 @@ class SignalWatch:
                 self._judge_end_of_green(link, time, new)
             elif old == "y":
                 self._judge_end_of_yellow(link, time, new)
-            if new in GREEN and old not in GREEN:
+            if new == "G" or (new in GREEN and old not in GREEN):
                 self._judge_start_of_green(link, time, state)
             if (old in GREEN) != (new in GREEN) or "y" in (old, new):
                 self._since[link] = time
@@ -119,7 +120,7 @@ class SignalWatch:
                     self._report("short_red", time, (link, foe))
                 continue
             stopped = time if self._state[foe] in GREEN or self._state[foe] == "y" else self._stopped[foe]
-            if self._walks[foe] and time - stopped < self._plan.clearance[foe]:
+            if time - stopped < self._plan.clearance[foe]:
                 self._report("walker_cut_off", time, (link, foe))
             elif not self._walks[foe] and time - stopped < self._config.all_red:
                 self._report("short_red", time, (link, foe))

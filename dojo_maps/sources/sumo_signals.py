@@ -48,7 +48,9 @@ def read_signals(
         links[connection.signal].append(link)
         junctions[connection.signal][road_of_lane[connection.from_lane].to_junction] = None
     for walk in walks:
-        if "_c" not in walk.get("to", ""):
+        # Who comes the other way has a letter of its own where the way that leaves the crossing has one.
+        crossing = next((walk[end] for end in ("to", "from") if _is_crossing(walk.get(end, ""))), None)
+        if crossing is None:
             continue
         what = f"connection {walk.get('from')}->{walk.get('to')}"
         controller, index = read_link(walk, path, what)
@@ -58,11 +60,11 @@ def read_signals(
             index=index,
             kind=LinkKind.PEDESTRIAN,
             from_id=walk.get("from", ""),
-            to_id=walk["to"],
+            to_id=walk.get("to", ""),
             direction=walk.get("dir", ""),
         )
         links[controller].append(link)
-        junctions[controller][walk["to"].removeprefix(":").rpartition("_c")[0]] = None
+        junctions[controller][crossing.removeprefix(":").rpartition("_c")[0]] = None
     return tuple(
         Signal(
             id=signal,
@@ -72,6 +74,11 @@ def read_signals(
         )
         for signal in dict.fromkeys([*programs, *links])
     )
+
+
+def _is_crossing(edge: str) -> bool:
+    """Tell a crossing (:J_c0) from a walking area (:J_w0), an edge inside a junction (:J_0) and roads."""
+    return edge.startswith(":") and edge.rpartition("_")[2].startswith("c")
 
 
 def read_program(record: LogicRecord, path: Path) -> Program:
