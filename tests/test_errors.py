@@ -5,9 +5,10 @@ import inspect
 import pickle
 import pkgutil
 
+import pytest
+
 import dojo_env
 import dojo_maps
-import pytest
 from dojo_maps.errors import DojoError, SourceError
 
 _OPTIONAL = "dojo_env.encoders"
