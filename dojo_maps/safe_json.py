@@ -30,7 +30,15 @@ def read_json(path: Path, *, error: type[SourceError] = SourceError) -> Any:
             UTF-8, not JSON as its standard has it (NaN, Infinity, a name twice in one object), or text that
             cannot be written again.
     """
-    data = read_bytes(path, most=MAX_BYTES, error=error)
+    return parse_json(read_bytes(path, most=MAX_BYTES, error=error), path, error=error)
+
+
+def parse_json(data: bytes, path: Path, *, error: type[SourceError] = SourceError) -> Any:
+    """Read JSON out of bytes; `path` is named in errors.
+
+    Raises:
+        SourceError: as `read_json`.
+    """
     if sum(map(data.count, (b",", b"[", b"{"))) > MAX_VALUES:
         raise error(path, f"holds more than {MAX_VALUES} values; refused as unsafe")
     try:
