@@ -6,7 +6,6 @@ A network that is not yet a bundle is converted on first use, into a cache of th
 import fcntl
 import hashlib
 import importlib.util
-import tempfile
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
@@ -19,6 +18,7 @@ from dojo_env.demand import write_two_way_demand
 from dojo_env.elements import read_elements
 from dojo_env.errors import ConfigError
 from dojo_maps.bundle import DEMAND, Bundle, read_bundle
+from dojo_maps.input_files import sha256_of
 
 Files = str | Path | Sequence[str | Path]
 
@@ -160,13 +160,14 @@ def open_map(scenario: Scenario, *, on_stage: Callable[[str], None] = lambda _st
     """
     if scenario.map.is_dir():
         return read_bundle(scenario.map)
-    digest = hashlib.sha256(scenario.map.read_bytes() + _converter_fingerprint()).hexdigest()[:16]
-    stem = scenario.map.name.split(".")[0]
+    source = sha256_of(scenario.map).encode()
+    digest = hashlib.sha256(source + _converter_fingerprint()).hexdigest()[:16]
+    stem = scenario.map.name.split(".")[0][:80]
     folder = cache_folder() / f"{stem}-{digest}.dojo"
     if not folder.is_dir():
         with _locked(folder.with_suffix(".lock")):
             if not folder.is_dir():
-                _convert_into(scenario.map, folder, on_stage)
+                dojo_maps.convert(str(scenario.map), folder, on_stage=on_stage)
     return read_bundle(folder)
 
 
@@ -176,14 +177,6 @@ def with_files(
     """Replace a scenario's network or routes."""
     changed = scenario if net_file is None else replace(scenario, map=Path(net_file))
     return changed if route_file is None else replace(changed, routes=_paths(route_file))
-
-
-def _convert_into(network: Path, folder: Path, on_stage: Callable[[str], None]) -> None:
-    """Convert beside the target and move it there whole, so that readers never see a part of it."""
-    with tempfile.TemporaryDirectory(dir=folder.parent, prefix=".converting-") as work:
-        fresh = Path(work) / folder.name
-        dojo_maps.convert(str(network), fresh, on_stage=on_stage)
-        fresh.rename(folder)
 
 
 @contextmanager

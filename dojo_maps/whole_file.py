@@ -59,19 +59,22 @@ def replaced(path: Path, *, overwrite: bool = True, parents: bool = False) -> It
 
 
 @contextmanager
-def replaced_folder(folder: Path, *, keeps: Callable[[Path], bool] = lambda _entry: False) -> Iterator[Path]:
+def replaced_folder(
+    folder: Path, *, keeps: Callable[[Path], bool] = lambda _entry: False, parents: bool = False
+) -> Iterator[Path]:
     """Give a new folder to fill, and put it in the place of `folder` only once all went well.
 
     Args:
         folder: what to make, or to make anew.
         keeps: tells which of an older folder's entries move along.
+        parents: make the folder around it where there is none.
 
     Raises:
         UsageError: there is no folder to make it in.
         WriteError: the system refuses.
     """
     with _named(folder):
-        _check_folder(folder.parent)
+        _make_folder(folder.parent) if parents else _check_folder(folder.parent)
         with _working_folder(folder.parent, folder.name) as work:
             fresh = work / "new"
             fresh.mkdir()
@@ -131,9 +134,9 @@ def write_json(path: Path, value: Any) -> None:
     write_text(path, json.dumps(value, indent=1) + "\n")
 
 
-def write_table(path: Path, head: Sequence[str], rows: Iterable[Sequence[Any]]) -> None:
-    """Write comma-separated values, whole or not at all."""
-    with replaced(path) as fresh, fresh.open("w", newline="", encoding="utf-8") as file:
+def write_table(path: Path, head: Sequence[str], rows: Iterable[Sequence[Any]], **options: bool) -> None:
+    """Write comma-separated values, whole or not at all; options as `replaced` has them."""
+    with replaced(path, **options) as fresh, fresh.open("w", newline="", encoding="utf-8") as file:
         csv.writer(file).writerows([head, *rows])
 
 

@@ -205,10 +205,9 @@ def _keep(path: Path, data: bytes, request: dict[str, str]) -> Download:
     date = time.strftime("%Y-%m-%d", time.gmtime())
     request = {**request, "date": date, "sha256": hashlib.sha256(data).hexdigest()}
     try:
-        folder.parent.mkdir(parents=True, exist_ok=True)
-        with replaced_folder(folder) as fresh:
+        with replaced_folder(folder, parents=True) as fresh:
             (fresh / path.name).write_bytes(data)
             (fresh / _REQUEST).write_text(json.dumps(request, indent=1) + "\n", encoding="utf-8")
-    except (OSError, WriteError) as error:
-        raise UsageError(f"cache {folder}: {error}; name another folder in DOJO_CACHE") from error
+    except (UsageError, WriteError) as error:
+        raise type(error)(f"cache {error}; name another folder in DOJO_CACHE") from error
     return Download(path=path, date=date)
