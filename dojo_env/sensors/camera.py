@@ -78,7 +78,7 @@ class Camera:
             ),
             (
                 "width and height",
-                f"whole numbers from 1 to {LARGEST_SIDE}, pixels",
+                f"whole numbers, 1 to {LARGEST_SIDE} pixels",
                 all(1 <= side <= LARGEST_SIDE and side == int(side) for side in sides),
             ),
             ("field_of_view_deg", "1 to 160", 1.0 <= self.field_of_view_deg <= 160.0),

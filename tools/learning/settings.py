@@ -115,11 +115,7 @@ class Training:
         Raises:
             ConfigError: a value is of another type than its default, unknown, or out of its range.
         """
-        for setting in dataclasses.fields(self):
-            value, default = getattr(self, setting.name), setting.default
-            kind = Mapping if default is dataclasses.MISSING else type(default)
-            if not isinstance(value, kind) or (isinstance(value, bool) and kind is not bool):
-                raise ConfigError(f"{setting.name}={value!r}: expected {kind.__name__}")
+        _check_types(self)
         known = {
             "algorithm": tuple(ALGORITHMS),
             "observation": OBSERVATIONS,
@@ -191,6 +187,15 @@ class Training:
         if CONDITIONS[self.conditions]:
             keywords["conditions"] = CONDITIONS[self.conditions]
         return {**keywords, "reward_fn": dict(self.reward)}
+
+
+def _check_types(training: Training) -> None:
+    """Refuse a value of another type than the setting's default."""
+    for setting in dataclasses.fields(training):
+        value = getattr(training, setting.name)
+        kind = Mapping if setting.default is dataclasses.MISSING else type(setting.default)
+        if not isinstance(value, kind) or (isinstance(value, bool) and kind is not bool):
+            raise ConfigError(f"{setting.name}={value!r}: expected {kind.__name__}")
 
 
 def _complete(algorithm: str, given: Mapping[str, Any]) -> dict[str, Any]:
