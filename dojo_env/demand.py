@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from dojo_maps.whole_file import replaced
+from dojo_maps.whole_file import write_text
 
 _PERIOD = 900
 """Seconds from one change of the demand to the next."""
@@ -34,7 +34,6 @@ def build_two_way_demand() -> str:
 def write_two_way_demand(folder: Path) -> Path:
     """Write the demand into a folder, whole, unless it lies there already."""
     path, text = folder / "two-way.rou.xml", build_two_way_demand()
-    if not path.is_file() or path.read_text(encoding="utf-8") != text:
-        with replaced(path) as fresh:
-            fresh.write_text(text, encoding="utf-8")
+    if not path.is_file() or path.read_bytes() != text.encode():
+        write_text(path, text)
     return path

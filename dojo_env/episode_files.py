@@ -1,10 +1,9 @@
 """A CSV and a JSON file per episode; none is lost and none is overwritten."""
 
-import csv
 from pathlib import Path
 from typing import Any
 
-from dojo_maps.whole_file import write_json
+from dojo_maps.whole_file import write_json, write_table
 
 
 class EpisodeFiles:
@@ -35,21 +34,17 @@ class EpisodeFiles:
         rows, self._rows = self._rows, []
         if self._stem is None or not rows:
             return
-        self._stem.parent.mkdir(parents=True, exist_ok=True)
-        path = self._claim(episode)
-        with path.open("w", newline="", encoding="utf-8") as file:
-            writer = csv.DictWriter(file, fieldnames=list(rows[0]))
-            writer.writeheader()
-            writer.writerows(rows)
+        head = list(rows[0])
+        path = self._write(episode, head, [[row[name] for name in head] for row in rows])
         write_json(path.with_suffix(".json"), figures)
 
-    def _claim(self, episode: int) -> Path:
+    def _write(self, episode: int, head: list[str], rows: list[list[Any]]) -> Path:
         """Take the first label that no environment, in whatever process, has taken with this stem."""
         label = 0 if self.label is None else self.label
         while True:
             path = Path(f"{self._stem}_conn{label}_ep{episode}.csv")
             try:
-                path.touch(exist_ok=False)
+                write_table(path, head, rows, overwrite=False, parents=True)
             except FileExistsError:
                 label += 1
             else:

@@ -13,6 +13,14 @@ class ScenarioError(SourceError, ConfigError):
     """A scenario's file is missing, unreadable, not what it claims to be, or unsafe to run."""
 
 
+class CameraError(SourceError, ConfigError):
+    """A file of cameras is missing, unreadable, or holds what no camera can be."""
+
+
+class EncoderError(SourceError, ConfigError):
+    """An encoder's file is missing, unreadable, or no network that encodes pictures."""
+
+
 class SnapshotError(DojoError, ValueError):
     """A snapshot holds values that no simulated instant can have."""
 

@@ -5,8 +5,6 @@ table; numbers keep all their digits, so a picture of a recording equals the pic
 is read within bounds and checked, whoever made it.
 """
 
-import math
-import zipfile
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
@@ -15,7 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dojo_env.errors import RecordingError, SnapshotError
-from dojo_env.snapshot import Snapshot
+from dojo_env.plain_arrays import TEXT, read_arrays
+from dojo_env.snapshot import LARGEST_SIZE, Kind, Snapshot
 from dojo_maps.whole_file import replaced
 
 _VERSION = 1
@@ -23,10 +22,15 @@ _MAX_BYTES = 1 << 31
 """The largest recording that is read, unpacked: an hour of about 8,000 road users."""
 _COLUMNS = ("positions", "headings", "slopes", "speeds", "lights")
 """What changes from one snapshot to the next, a row per road user."""
-_ARRAYS = (
-    "version", "times", "counts", "users", "lanes", "user_ids", "numbers", "kinds", "sizes", "colours",
-    "lane_ids", "signals", "states", "shown", "scenario", "map_sha256", "seed", *_COLUMNS,
-)  # fmt: skip
+_KINDS = {
+    "version": "<i8", "scenario": TEXT, "map_sha256": TEXT, "seed": "<i8", "times": "<f8", "counts": "<i4",
+    "positions": "<f8", "headings": "<f8", "slopes": "<f8", "speeds": "<f8", "lights": "|u1",
+    "users": "<i4", "lanes": "<i4", "user_ids": TEXT, "numbers": "<i4", "kinds": "|u1", "sizes": "<f8",
+    "colours": "|u1", "lane_ids": TEXT, "signals": TEXT, "states": TEXT, "shown": "<i4",
+}  # fmt: skip
+"""Every array of a file and its type."""
+_FARTHEST = {"times": 1e12, "positions": 1e8, "headings": 1e3, "slopes": 2.0, "speeds": 1e10}
+"""What no value can be beyond: seconds, metres, radians, m/s."""
 
 
 class Recorder:
@@ -94,8 +98,7 @@ class Recorder:
             "states": np.array(list(self._states) or [""]),
             "shown": np.array(self._shown, np.int32).reshape(len(self._times), -1),
         }
-        path.parent.mkdir(parents=True, exist_ok=True)
-        with replaced(path) as fresh, fresh.open("wb") as file:
+        with replaced(path, parents=True) as fresh, fresh.open("wb") as file:
             np.savez_compressed(file, **arrays)  # type: ignore[arg-type]
 
 
@@ -123,6 +126,7 @@ class Recording(Sequence[Snapshot]):
         self.signals: tuple[str, ...] = tuple(arrays["signals"].tolist()) if arrays["shown"].size else ()
         self.scenario, self.map_sha256 = str(arrays["scenario"]), str(arrays["map_sha256"])
         self.seed = int(arrays["seed"])
+        self._states: list[str] = arrays["states"].tolist()
 
     @classmethod
     def open(cls, path: Path | str) -> "Recording":
@@ -149,7 +153,7 @@ class Recording(Sequence[Snapshot]):
         k = range(len(self))[number]
         a, end = self._arrays, int(self._ends[k])
         rows = slice(end - int(a["counts"][k]), end)
-        users, states = a["users"][rows], a["states"].tolist()
+        users = a["users"][rows]
         try:
             return Snapshot(
                 time=float(self.times[k]),
@@ -158,7 +162,7 @@ class Recording(Sequence[Snapshot]):
                 **{name: a[name][rows] for name in _COLUMNS},
                 lanes=tuple(a["lane_ids"][a["lanes"][rows]].tolist()),
                 signals={
-                    name: states[shown]
+                    name: self._states[shown]
                     for name, shown in zip(self.signals, a["shown"][k].tolist(), strict=True)
                 },
             )
@@ -173,30 +177,52 @@ class Recording(Sequence[Snapshot]):
         a = self._arrays
         if a["version"].shape != () or int(a["version"]) != _VERSION:
             raise RecordingError(self._path, f"version {a['version']}, this program reads {_VERSION}")
-        instants, total, users = len(a["times"]), int(a["counts"].sum(dtype=np.int64)), len(a["numbers"])
+        wrong = self._find_misfits() or self._find_impossible()
+        if wrong:
+            raise RecordingError(self._path, f"its {wrong} do not fit the rest; record the episode again")
+
+    def _find_misfits(self) -> str | None:
+        """Name an array whose length or indices do not go with the others'."""
+        a = self._arrays
+        instants, total, users = a["times"].size, int(a["counts"].sum(dtype=np.int64)), a["numbers"].size
         shapes = {
             "times": (instants,), "counts": (instants,), "users": (total,), "lanes": (total,),
             "positions": (total, 3), "headings": (total,), "slopes": (total,), "speeds": (total,),
             "lights": (total,), "numbers": (users,), "kinds": (users,), "sizes": (users, 3),
             "colours": (users, 3), "user_ids": (max(users, 1),), "scenario": (), "map_sha256": (), "seed": (),
+            "signals": (max(a["shown"].shape[-1:], (1,))), "lane_ids": (a["lane_ids"].size,),
+            "states": (a["states"].size,), "shown": (instants, *a["shown"].shape[1:2]),
         }  # fmt: skip
+        bounds = {"users": users, "lanes": a["lane_ids"].size, "shown": a["states"].size}
         wrong = [name for name, shape in shapes.items() if a[name].shape != shape]
-        bounds = (("users", users), ("lanes", len(a["lane_ids"])), ("shown", len(a["states"])))
         wrong += [
-            name for name, end in bounds if a[name].size and not 0 <= a[name].min() <= a[name].max() < end
+            name
+            for name, end in bounds.items()
+            if a[name].size and not 0 <= a[name].min() <= a[name].max() < end
         ]
-        if a["seed"].dtype.kind not in "iu":
-            wrong.append("seed")
-        if not (instants and np.isfinite(a["times"]).all() and (np.diff(a["times"]) > 0).all()):
-            wrong.append("times")
-        if not np.isfinite(a["speeds"]).all():
-            wrong.append("speeds")
-        if a["shown"].ndim != 2 or len(a["shown"]) != instants or (a["counts"] < 0).any():
-            wrong.append("shown")
-        elif a["shown"].size and a["signals"].shape != a["shown"].shape[1:]:
-            wrong.append("signals")
-        if wrong:
-            raise RecordingError(self._path, f"its {wrong[0]} do not fit the rest; record the episode again")
+        return wrong[0] if wrong else None
+
+    def _find_impossible(self) -> str | None:
+        """Name an array with a value that no instant can have."""
+        a = self._arrays
+        possible = {name: (np.abs(a[name]) <= most).all() for name, most in _FARTHEST.items()}
+        possible["times"] &= len(a["times"]) > 0 and (np.diff(a["times"]) > 0).all()
+        possible["counts"] = (a["counts"] >= 0).all()
+        possible["seed"] = a["seed"] >= 0
+        possible["sizes"] = ((a["sizes"] > 0) & (a["sizes"] < LARGEST_SIZE)).all()
+        possible["kinds"] = (a["kinds"] <= max(Kind)).all()
+        possible["numbers"] = (a["numbers"] >= 1).all() and self._are_apart(a["numbers"])
+        possible["user_ids"] = self._are_apart(a["user_ids"])
+        possible["signals"] = len(set(a["signals"].tolist())) == len(a["signals"])
+        return next((name for name, is_possible in possible.items() if not is_possible), None)
+
+    def _are_apart(self, names: NDArray[Any]) -> bool:
+        """Tell whether no two road users of one instant have the same name or number."""
+        a = self._arrays
+        known, codes = np.unique(names, return_inverse=True)
+        instants = np.repeat(np.arange(len(a["counts"])), np.maximum(a["counts"], 0))
+        pairs = instants * len(known) + codes[a["users"]]
+        return len(np.unique(pairs)) == len(pairs)
 
 
 def read_recording(path: Path | str) -> Recording:
@@ -206,33 +232,7 @@ def read_recording(path: Path | str) -> Recording:
         RecordingError: the file is missing, damaged, too large, or no recording.
     """
     path = Path(path)
-    try:
-        with zipfile.ZipFile(path) as archive:
-            sizes = {entry.filename: entry.file_size for entry in archive.infolist()}
-            if set(sizes) != {f"{name}.npy" for name in _ARRAYS}:
-                raise RecordingError(path, "not a recording: it holds other arrays")
-            if sum(sizes.values()) > _MAX_BYTES:
-                raise RecordingError(path, f"unpacks to more than {_MAX_BYTES} bytes; refused as unsafe")
-            arrays = {name: _read_array(archive, f"{name}.npy", sizes[f"{name}.npy"]) for name in _ARRAYS}
-        return Recording(arrays, path)
-    except (OSError, ValueError, EOFError, zipfile.BadZipFile, NotImplementedError, RuntimeError) as error:
-        raise RecordingError(path, f"cannot be read ({error}); record the episode again") from error
-
-
-def _read_array(archive: zipfile.ZipFile, name: str, size: int) -> NDArray[Any]:
-    """Read plain numbers or text, no more than the archive says there is."""
-    with archive.open(name) as member:
-        version = np.lib.format.read_magic(member)
-        if version != (1, 0):
-            raise ValueError(f"{name} has format {version}")
-        shape, fortran, dtype = np.lib.format.read_array_header_1_0(member)
-        wanted = math.prod(shape) * dtype.itemsize
-        if dtype.kind not in "fiuU" or fortran or wanted > size:
-            raise ValueError(f"{name} is not a plain array of {size} bytes")
-        data = member.read(wanted)
-    if len(data) != wanted:
-        raise ValueError(f"{name} ends early")
-    return np.frombuffer(data, dtype=dtype).reshape(shape)
+    return Recording(read_arrays(path, _KINDS, most=_MAX_BYTES, error=RecordingError), path)
 
 
 def _number(table: dict[Any, int], key: Any) -> int:

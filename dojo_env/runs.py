@@ -11,7 +11,7 @@ from dojo_env.config import build_config
 from dojo_env.controllers import make_controller
 from dojo_env.metrics import SIX
 from dojo_env.watch import FilmShow, open_views
-from dojo_env.watching.video import Video
+from dojo_env.watching.video import open_video
 from dojo_env.world_process import open_world
 
 
@@ -45,7 +45,7 @@ def run_controller(
     config = build_config(**{"show_links": video is not None, **keywords, **controller.settings})
     figures = []
     with ExitStack() as stack:
-        film = stack.enter_context(Video(video)) if video is not None else None
+        film = stack.enter_context(open_video(video)) if video is not None else None
         world = stack.enter_context(closing(open_world(config, own_process=True)))
         show = None
         if film is not None:

@@ -8,7 +8,6 @@ import hashlib
 import importlib.util
 import logging
 import math
-import tempfile
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
@@ -22,6 +21,7 @@ from dojo_env.elements import read_elements
 from dojo_env.errors import ConfigError, ScenarioError
 from dojo_env.sumo_options import ROOTS, Configuration, read_configuration
 from dojo_maps.bundle import DEMAND, Bundle, open_bundle
+from dojo_maps.input_files import sha256_of
 
 Files = str | Path | Sequence[str | Path]
 LETS_THROUGH = "sumo_outputs, or --sumo-outputs FOLDER, lets outputs through"
@@ -200,17 +200,14 @@ def open_map(scenario: Scenario, *, on_stage: Callable[[str], None] = lambda _st
     """
     if scenario.map.is_dir():
         return open_bundle(scenario.map)
-    if not scenario.map.is_file():
-        raise ScenarioError(scenario.map, "neither a network's file nor a bundle's folder")
-    with scenario.map.open("rb") as file:
-        digest = hashlib.file_digest(file, "sha256")
-    digest.update(_converter_fingerprint())
-    stem = scenario.map.name.split(".")[0]
-    folder = cache_folder() / f"{stem}-{digest.hexdigest()[:16]}.dojo"
+    source = sha256_of(scenario.map, error=ScenarioError).encode()
+    digest = hashlib.sha256(source + _converter_fingerprint()).hexdigest()[:16]
+    stem = scenario.map.name.split(".")[0][:80]
+    folder = cache_folder() / f"{stem}-{digest}.dojo"
     if not folder.is_dir():
         with _locked(folder.with_suffix(".lock")):
             if not folder.is_dir():
-                _convert_into(scenario.map, folder, on_stage)
+                dojo_maps.convert(str(scenario.map), folder, on_stage=on_stage)
     return open_bundle(folder)
 
 
@@ -220,14 +217,6 @@ def with_files(
     """Replace a scenario's network or routes."""
     changed = scenario if net_file is None else replace(scenario, map=Path(net_file))
     return changed if route_file is None else replace(changed, routes=_paths(route_file))
-
-
-def _convert_into(network: Path, folder: Path, on_stage: Callable[[str], None]) -> None:
-    """Convert beside the target and move it there whole, so that readers never see a part of it."""
-    with tempfile.TemporaryDirectory(dir=folder.parent, prefix=".converting-") as work:
-        fresh = Path(work) / folder.name
-        dojo_maps.convert(str(network), fresh, on_stage=on_stage)
-        fresh.rename(folder)
 
 
 @contextmanager

@@ -5,7 +5,6 @@ networks alike may hold them. In a copy they write into the folder that the user
 file that names none goes to SUMO as it is.
 """
 
-import gzip
 import os
 import re
 import sys
@@ -17,10 +16,11 @@ from typing import IO, Any, cast
 from xml.sax import make_parser
 from xml.sax.saxutils import XMLGenerator
 
-from dojo_env.elements import read_elements
+from dojo_env.elements import MAX_BYTES, read_elements
 from dojo_env.errors import ConfigError, ScenarioError
 from dojo_env.scenario import LETS_THROUGH, Scenario, say_once
 from dojo_env.sumo_options import OUTPUT_FILES
+from dojo_maps.input_files import read_pieces
 
 NOWHERE = "NUL"
 """SUMO's name of a file that keeps nothing."""
@@ -133,12 +133,11 @@ class SumoFiles:
     def _copy(self, path: Path) -> Path:
         file, place = _open_private(path.name)
         weakref.finalize(self, file.close)
-        parser = make_parser()  # noqa: S317 - `read_elements` has refused what is unsafe
+        parser: Any = make_parser()  # noqa: S317 - `read_elements` has refused what is unsafe
         parser.setContentHandler(_Copier(self, path, file))
-        with path.open("rb") as source:
-            is_packed = source.read(2) == b"\x1f\x8b"
-        with gzip.open(path) if is_packed else path.open("rb") as source:
-            parser.parse(cast("Any", source))
+        for piece in read_pieces(path, most=MAX_BYTES, error=ScenarioError):
+            parser.feed(piece)
+        parser.close()
         file.flush()
         return place
 

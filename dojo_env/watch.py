@@ -24,7 +24,7 @@ from dojo_env.watching.pace import Pace
 from dojo_env.watching.page import PageState
 from dojo_env.watching.poster import draw_poster
 from dojo_env.watching.server import LiveServer
-from dojo_env.watching.video import Video
+from dojo_env.watching.video import Video, open_video
 from dojo_env.watching.views import Frame, choose_cameras, draw_views
 from dojo_env.world_process import open_world
 from dojo_maps.bundle import Bundle
@@ -222,7 +222,7 @@ class Rerun:
             ConfigError: the path cannot be written.
             ToolMissingError: no codec for it is installed.
         """
-        with Video(path) as video:
+        with open_video(path) as video:
             show = FilmShow(self._eyes, self._plans, self._title, video)
             for snapshot in self._recording:
                 show.add(snapshot)

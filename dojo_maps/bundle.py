@@ -1,11 +1,9 @@
 """The bundle on disk: one folder per map, written whole or not at all, and read back with care."""
 
-import contextlib
 import hashlib
 import json
-import shutil
-import tempfile
 from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -13,7 +11,10 @@ from typing import TYPE_CHECKING, Any
 from dojo_maps.consistency import check_description
 from dojo_maps.description import RoadMap
 from dojo_maps.errors import DescriptionError, UsageError
+from dojo_maps.input_files import read_bytes
+from dojo_maps.safe_json import read_json
 from dojo_maps.serialization import check_format, from_json
+from dojo_maps.whole_file import replaced_folder
 
 if TYPE_CHECKING:
     from dojo_maps.meshes.mesh import Mesh
@@ -90,8 +91,7 @@ def open_bundle(folder: Path | str) -> Bundle:
         DescriptionError: the folder is not a bundle, a part of it is missing, or two contradict each other.
         SourceError: the network cannot be read.
     """
-    from dojo_maps.sources.files import read_bytes  # noqa: PLC0415 - who only looks at a bundle reads none
-    from dojo_maps.sources.sumo_net import read_network  # noqa: PLC0415
+    from dojo_maps.sources.sumo_net import read_network  # noqa: PLC0415 - who only looks at a bundle reads none
 
     path, value = _read_description(Path(folder))
     check_format(value, path)
@@ -113,10 +113,7 @@ def _read_description(folder: Path) -> tuple[Path, Any]:
         raise DescriptionError(
             folder, f"not a bundle: it has no {DESCRIPTION}; make one with dojo-maps convert"
         )
-    try:
-        return path, json.loads(path.read_bytes())
-    except (OSError, ValueError, RecursionError) as error:
-        raise DescriptionError(path, f"not readable as JSON ({error}); convert the map again") from error
+    return path, read_json(path, error=DescriptionError)
 
 
 def write_json(path: Path, value: Any) -> None:
@@ -126,29 +123,19 @@ def write_json(path: Path, value: Any) -> None:
     )
 
 
-@contextlib.contextmanager
+@contextmanager
 def replace_bundle(folder: Path) -> Iterator[Path]:
     """Give a new folder to fill, and put it in the place of `folder` only once all went well.
 
     Files in an older bundle that are not part of the format, such as saved cameras, move along.
 
     Raises:
-        UsageError: `folder` exists and is something else than a bundle, or cannot be written.
+        UsageError: `folder` exists and is something else than a bundle.
+        WriteError: it cannot be written.
     """
     check_replaceable(folder)
-    try:
-        work = Path(tempfile.mkdtemp(prefix=f".{folder.name}.", dir=folder.parent))
-    except OSError as error:
-        raise UsageError(
-            f"{folder.parent}: cannot be written ({error.strerror}); choose another with -o"
-        ) from error
-    try:
-        fresh = work / "new"
-        fresh.mkdir()
+    with replaced_folder(folder, keeps=lambda entry: entry.name not in _OURS) as fresh:
         yield fresh
-        _swap(fresh, folder, work / "old")
-    finally:
-        shutil.rmtree(work, ignore_errors=True)
 
 
 def check_replaceable(folder: Path) -> None:
@@ -163,21 +150,3 @@ def check_replaceable(folder: Path) -> None:
         raise UsageError(f"{folder}: exists and is not a folder; choose another with -o")
     if folder.is_dir() and any(folder.iterdir()) and not (folder / DESCRIPTION).is_file():
         raise UsageError(f"{folder}: exists and is not a bundle; it stays as it is, choose another with -o")
-
-
-def _swap(fresh: Path, folder: Path, old: Path) -> None:
-    if not folder.exists():
-        fresh.rename(folder)
-        return
-    for entry in folder.iterdir():
-        if entry.name not in _OURS:
-            copy = shutil.copytree if entry.is_dir() and not entry.is_symlink() else shutil.copy2
-            copy(entry, fresh / entry.name)
-    try:
-        folder.rename(old)
-        fresh.rename(folder)
-    except BaseException:
-        # An interruption may come right after either step.
-        if not folder.exists():
-            old.rename(folder)
-        raise

@@ -18,6 +18,7 @@ from dojo_maps.errors import GeometryError, UsageError
 from dojo_maps.exports import EXPORTERS
 from dojo_maps.geometry.arrangement import paved_ground
 from dojo_maps.geometry.pieces import build_pieces
+from dojo_maps.input_files import read_bytes, sha256_of
 from dojo_maps.issue import Issue
 from dojo_maps.memory import without_cycle_search
 from dojo_maps.meshes.gltf import write_scene
@@ -27,7 +28,7 @@ from dojo_maps.report.overview import draw_overview
 from dojo_maps.report.page import write_page
 from dojo_maps.serialization import to_json
 from dojo_maps.sources.enrich_net import enrich_network
-from dojo_maps.sources.files import find_network, read_bytes, sha256_of
+from dojo_maps.sources.files import find_network
 from dojo_maps.sources.osm import is_osm, read_osm
 from dojo_maps.sources.osm.context import read_context
 from dojo_maps.sources.osm.network import build_network

@@ -38,6 +38,10 @@ class GeometryError(DojoError):
     """A shape cannot be built from the description."""
 
 
+class WriteError(DojoError):
+    """The system lets nothing be written there: no room, no right, or nobody who reads a pipe."""
+
+
 class ExportError(DojoError):
     """A map cannot be written in the wanted format."""
 

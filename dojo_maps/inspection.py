@@ -7,14 +7,14 @@ from typing import Any
 
 from dojo_maps import bundle
 from dojo_maps.description import RoadMap
-from dojo_maps.errors import UsageError
+from dojo_maps.input_files import is_there, read_bytes, sha256_of
 from dojo_maps.issue import Issue
 from dojo_maps.memory import without_cycle_search
 from dojo_maps.meshes.mesh import Mesh
 from dojo_maps.report.formats import as_geojson, as_sarif
 from dojo_maps.report.netedit import write_netedit_files
 from dojo_maps.report.page import write_page
-from dojo_maps.sources.files import find_network, read_bytes, sha256_of
+from dojo_maps.sources.files import find_network
 from dojo_maps.sources.line_numbers import find_lines
 from dojo_maps.sources.sumo_net import read_network
 from dojo_maps.validation.exclusions import Exclusion
@@ -40,7 +40,7 @@ def read_source(source: str) -> Inspected:
     Raises:
         SourceError: it cannot be read.
     """
-    if (Path(source) / bundle.DESCRIPTION).is_file():
+    if is_there(Path(source) / bundle.DESCRIPTION):
         found = bundle.read_bundle(source)
         path, name, meshes = found.network, found.road_map.name, found.read_meshes()
     else:
@@ -80,22 +80,20 @@ def write_reports(
     """Write a report in each format that has a path; each file whole or not at all.
 
     Raises:
-        UsageError: a path cannot be written.
+        UsageError: a path is a folder, or lies in none.
+        WriteError: a path cannot be written.
     """
-    try:
-        if json is not None:
-            with replaced(json) as fresh:
-                bundle.write_json(fresh, report)
-        if sarif is not None:
-            with replaced(sarif) as fresh:
-                bundle.write_json(fresh, as_sarif(report, read.path.name, find_lines(read.data)))
-        if geojson is not None:
-            with replaced(geojson) as fresh:
-                bundle.write_json(fresh, as_geojson(report))
-        if html is not None:
-            with replaced(html) as fresh:
-                write_page(report, read.road_map, fresh)
-        if netedit is not None:
-            write_netedit_files(report, netedit)
-    except OSError as error:
-        raise UsageError(f"{error.filename}: cannot be written ({error.strerror})") from error
+    if json is not None:
+        with replaced(json) as fresh:
+            bundle.write_json(fresh, report)
+    if sarif is not None:
+        with replaced(sarif) as fresh:
+            bundle.write_json(fresh, as_sarif(report, read.path.name, find_lines(read.data)))
+    if geojson is not None:
+        with replaced(geojson) as fresh:
+            bundle.write_json(fresh, as_geojson(report))
+    if html is not None:
+        with replaced(html) as fresh:
+            write_page(report, read.road_map, fresh)
+    if netedit is not None:
+        write_netedit_files(report, netedit)

@@ -4,6 +4,7 @@ What is read is checked against the dataclasses' own types, so a map.json made b
 The same rules for other tools stand in map.schema.json.
 """
 
+import math
 import types
 from collections.abc import Mapping
 from dataclasses import MISSING, Field, fields, is_dataclass
@@ -102,10 +103,12 @@ def _decode_plain(kind: Any, value: Any, where: str) -> Any:
             return kind(value)
         except ValueError:
             raise _FieldError(f"{where} is {value!r}, expected one of {', '.join(kind)}") from None
-    if kind is float and isinstance(value, int) and not isinstance(value, bool):
-        return float(value)
+    if kind is float and type(value) is int:
+        value = float(value) if abs(value) < 1e300 else math.inf
     if type(value) is not kind:
         raise _FieldError(f"{where} is {str(value)[:60]!r}, expected {kind.__name__}")
+    if kind is float and not math.isfinite(value):
+        raise _FieldError(f"{where} is not a finite number")
     return value
 
 

@@ -16,7 +16,9 @@ import zipfile
 from importlib import resources
 from pathlib import Path
 
-from dojo_maps.errors import SourceError, ToolMissingError
+from dojo_maps.errors import DescriptionError, ToolMissingError
+from dojo_maps.input_files import read_bytes
+from dojo_maps.whole_file import write_text
 
 _TEMPLATE = "resources/templates/viewer.zip"
 _START, _END = "<script>", "THREE.GLTFLoader=GLTFLoader;})();"
@@ -32,19 +34,18 @@ def write_view(scene: Path, page: Path, *, title: str) -> None:
         title: shown in the page and in the browser's tab, escaped.
 
     Raises:
-        SourceError: the scene is missing or no binary glTF.
+        DescriptionError: the scene is missing or no binary glTF.
+        UsageError: the page is a folder, or lies in none.
+        WriteError: the page cannot be written.
         ToolMissingError: the installed trimesh has no three.js where it is looked for.
     """
-    try:
-        meshes = scene.read_bytes()
-    except OSError as error:
-        raise SourceError(scene, f"cannot be read ({error.strerror}); convert the map again") from error
+    meshes = read_bytes(scene, error=DescriptionError)
     if not meshes.startswith(b"glTF"):
-        raise SourceError(scene, "not a binary glTF file; convert the map again")
+        raise DescriptionError(scene, "not a binary glTF file; convert the map again")
     encoded = base64.b64encode(meshes).decode("ascii")
     shown = html.escape(title)
     parts = (_HEAD, shown, _STYLE, shown, _BODY, encoded, _NEXT, _read_three(), _NEXT, _SCRIPT, _FOOT)
-    page.write_text("".join(parts), encoding="utf-8")
+    write_text(page, "".join(parts))
 
 
 def _read_three() -> str:

@@ -61,7 +61,7 @@ def test_the_cached_bundle_holds_the_network_byte_for_byte() -> None:
         ),
         ("<configuration><net-file value='a.net.xml'/><begin value='7:00'/></configuration>", "h:m:s"),
         ("<!DOCTYPE x [<!ENTITY a 'b'>]><configuration/>", "unsafe"),
-        ("<configuration>", "not a file that SUMO can read"),
+        ("<configuration>", "not well-formed XML"),
     ],
 )
 def test_bad_configurations_get_one_clear_error(tmp_path: Path, text: str, words: str) -> None:

@@ -16,7 +16,8 @@ import sumolib
 from dojo_maps.description import Origin, Projection, Prop, RoadMap, Sidewalk, SignalHead, StopLine, points
 from dojo_maps.errors import ExportError
 from dojo_maps.exports import EXPORTERS
-from dojo_maps.sources.files import find_network, read_bytes
+from dojo_maps.input_files import read_bytes
+from dojo_maps.sources.files import find_network
 from dojo_maps.sources.sumo_net import read_network
 
 _EARTH = pyproj.Geod(ellps="WGS84")

@@ -18,8 +18,9 @@ from dojo_maps.description import LaneKind, Origin, RoadMap, Sidewalk, points
 from dojo_maps.errors import ExportError
 from dojo_maps.exports import EXPORTERS
 from dojo_maps.exports.metadrive_features import build_features, lane_polygon
+from dojo_maps.input_files import read_bytes
 from dojo_maps.serialization import from_json, to_json
-from dojo_maps.sources.files import find_network, read_bytes
+from dojo_maps.sources.files import find_network
 from dojo_maps.sources.sumo_net import read_network
 
 _FIRST_LEVEL = {"id", "version", "length", "metadata", "tracks", "dynamic_map_states", "map_features"}

@@ -16,7 +16,8 @@ from conftest import command_environment
 from dojo_maps.description import RoadMap
 from dojo_maps.errors import DojoError, ExportError
 from dojo_maps.exports import EXPORTERS, file_stem, opendrive
-from dojo_maps.sources.files import find_network, read_bytes
+from dojo_maps.input_files import read_bytes
+from dojo_maps.sources.files import find_network
 from dojo_maps.sources.netconvert import run_netconvert
 from dojo_maps.sources.sumo_net import read_network
 

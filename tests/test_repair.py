@@ -13,11 +13,12 @@ import pytest
 from conftest import dojo_maps
 
 from dojo_maps.cli import main
+from dojo_maps.input_files import read_bytes
 from dojo_maps.repair.fixing import patch_of
 from dojo_maps.repair.joining import _overlay
 from dojo_maps.repair.net_text import NetText
 from dojo_maps.repair.rounds import Fixed, fix_network
-from dojo_maps.sources.files import find_network, read_bytes
+from dojo_maps.sources.files import find_network
 from dojo_maps.sources.sumo_xml import LogicRecord, read_records
 
 # What must fall to zero, by network.

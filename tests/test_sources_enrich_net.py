@@ -16,8 +16,9 @@ from pathlib import Path
 import pytest
 
 from dojo_maps.errors import DojoError, SourceError
+from dojo_maps.input_files import read_bytes
 from dojo_maps.sources.enrich_net import compare_programs, enrich_network
-from dojo_maps.sources.files import find_network, read_bytes
+from dojo_maps.sources.files import find_network
 from dojo_maps.sources.netconvert import NetconvertError, find_netconvert
 from dojo_maps.sources.pedestrian_links import TransplantError
 from dojo_maps.sources.pedestrian_timing import Foe, TimedPhase, Walk, compute_greens, traffic_letter

@@ -18,9 +18,10 @@ from mutations import lights, shapes, ways
 
 from dojo_maps.description import RoadMap
 from dojo_maps.errors import SourceError
+from dojo_maps.input_files import read_bytes
 from dojo_maps.issue import Severity
 from dojo_maps.meshes.mesh import Mesh
-from dojo_maps.sources.files import find_network, read_bytes
+from dojo_maps.sources.files import find_network
 from dojo_maps.sources.sumo_net import read_network
 from dojo_maps.validation import runner
 from dojo_maps.validation.catalogue import CHECKS

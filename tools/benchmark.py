@@ -7,7 +7,6 @@ is given.
 """
 
 import argparse
-import json
 import multiprocessing
 import os
 import signal
@@ -21,9 +20,10 @@ from typing import Any
 
 from dojo_env.errors import ConfigError
 from dojo_env.scenario import find_scenario, open_map
-from dojo_maps.errors import DojoError
+from dojo_maps.errors import DojoError, WriteError
 from learning import cluster_rows
 from learning.cluster import LOCAL
+from learning.outcomes import read_published
 from learning.rows import GROUPS, ROWS
 from learning.run_row import describe, is_done, run_row
 from learning.scenarios import check_scenario
@@ -87,9 +87,7 @@ def main() -> int:
     options = parser.parse_args()
     rows = dict.fromkeys(name for row in options.rows for name in GROUPS.get(row, (row,)))
     try:
-        published = (
-            json.loads(options.paper.read_text(encoding="utf-8"))["scenarios"] if options.paper else {}
-        )
+        published = read_published(options.paper)
         for scenario in options.scenarios:
             open_map(find_scenario(scenario))
         if options.seeds < 1:
@@ -108,7 +106,7 @@ def main() -> int:
         print(write_tables(options.results, ROWS, published))
     except (DojoError, OSError, ValueError, KeyError) as error:
         print(f"benchmark: {error}", file=sys.stderr)
-        return 3
+        return 4 if isinstance(error, WriteError) else 3
     except BrokenProcessPool:
         print("benchmark: a row's process was killed, perhaps for want of memory; the same command goes on "
               "from the last checkpoints, and fewer --jobs need less", file=sys.stderr)  # fmt: skip

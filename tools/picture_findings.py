@@ -18,6 +18,7 @@ import shapely
 
 from dojo_maps import convert
 from dojo_maps.description import RoadMap
+from dojo_maps.errors import WriteError
 from dojo_maps.geometry.pieces import lane_strips
 from dojo_maps.meshes.mesh import Mesh
 from dojo_maps.report.overview import draw_overview
@@ -46,7 +47,8 @@ def draw(road_map: RoadMap, meshes: tuple[Mesh, ...], issue: dict[str, Any], pat
             points = np.round(pixels * 16).astype(np.int32)
             cv2.polylines(picture, [points], False, _OTHER if k else _RED, 2, cv2.LINE_AA, 4)
     cv2.circle(picture, (_SIZE // 2, _SIZE // 2), 5, _RED, -1, cv2.LINE_AA)
-    cv2.imwrite(str(path), picture // 16 * 16 + 8, [cv2.IMWRITE_PNG_COMPRESSION, 9])
+    if not cv2.imwrite(str(path), picture // 16 * 16 + 8, [cv2.IMWRITE_PNG_COMPRESSION, 9]):
+        raise WriteError(f"{path}: cannot be written; is the disk full?")
 
 
 def outline(road_map: RoadMap, element: dict[str, str]) -> Iterator[shapely.Geometry]:

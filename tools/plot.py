@@ -4,7 +4,6 @@ The same files give the same bytes: pictures carry no date and no version.
 """
 
 import argparse
-import json
 import sys
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
@@ -20,11 +19,11 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import ScalarFormatter
 
 from dojo_env.metrics import SIX
-from dojo_maps.errors import DojoError
-from learning.kept import KeptRow, Numbers, read_kept
+from dojo_maps.errors import DojoError, WriteError
+from dojo_maps.whole_file import replaced
+from learning.kept import KeptRow, read_kept
+from learning.outcomes import Numbers, Published, read_published
 
-Published = Mapping[str, Mapping[str, Mapping[str, float]]]
-"""Mean and standard deviation by row and figure."""
 REFERENCE = "MaxPressure"
 ALL_TRIPS = "mean_trip_duration_all"
 """What tells good policies: unlike travel time it counts vehicles that have not arrived."""
@@ -75,11 +74,13 @@ def draw_all(results: Path, published: Mapping[str, Published], rows: Sequence[s
             }
             for kind, figure in figures.items():
                 path = folder / f"{scenario}-{kind}.png"
-                path.unlink(missing_ok=True)
-                if figure is not None:
-                    figure.savefig(path, metadata={"Software": None})
-                    plt.close(figure)
-                    drawn.append(path)
+                if figure is None:
+                    path.unlink(missing_ok=True)
+                    continue
+                with replaced(path) as fresh:
+                    figure.savefig(fresh, metadata={"Software": None})
+                plt.close(figure)
+                drawn.append(path)
     return drawn
 
 
@@ -263,11 +264,6 @@ def _legend(figure: Figure, *axes: Axes) -> None:
     figure.legend(found.values(), found.keys(), loc="outside lower center", ncols=6)
 
 
-def read_published(path: Path | None) -> Mapping[str, Published]:
-    """Read a file of published figures; nothing without one."""
-    return json.loads(path.read_text(encoding="utf-8"))["scenarios"] if path else {}
-
-
 def main() -> int:
     """Draw."""
     parser = argparse.ArgumentParser(description=__doc__)
@@ -276,14 +272,11 @@ def main() -> int:
     parser.add_argument("--paper", type=Path, metavar="FILE", help="JSON of published figures")
     options = parser.parse_args()
     try:
-        published = (
-            json.loads(options.paper.read_text(encoding="utf-8"))["scenarios"] if options.paper else {}
-        )
-        for path in draw_all(options.results, published, options.rows):
+        for path in draw_all(options.results, read_published(options.paper), options.rows):
             print(path)
     except (DojoError, OSError, ValueError, KeyError) as error:
         print(f"plot: {error}", file=sys.stderr)
-        return 3
+        return 4 if isinstance(error, WriteError) else 3
     return 0
 
 

@@ -13,11 +13,14 @@ from statistics import fmean, median
 
 from dojo_env.config import SignalConfig
 from dojo_env.metrics import SIX
-from dojo_maps.errors import DojoError
+from dojo_maps.errors import DojoError, WriteError
+from dojo_maps.input_files import read_bytes
+from dojo_maps.whole_file import write_text
 from learning.kept import KeptRow, read_kept
+from learning.outcomes import Published, read_published
 from learning.rows import OWN_SETTINGS, ROWS, SCENARIOS
-from learning.settings import ALGORITHMS, INTERVAL, REWARD, Training
-from plot import TITLES, WINDOW, Published, draw_all, read_published
+from learning.settings import ALGORITHMS, INTERVAL, REWARD, RunFileError, Training
+from plot import TITLES, WINDOW, draw_all
 from result_table import write_tables
 
 RIVAL = "MaxPressure"
@@ -108,12 +111,12 @@ def write_report(results: Path, paper: Path | None) -> Path:
         _beside_rival(kept),
         *([_differences(kept, published)] if published else []),
         _show(results, pictures),
-        *([matrix.read_text(encoding="utf-8")] if matrix.is_file() else []),
+        *([read_bytes(matrix, error=RunFileError).decode("utf-8", "replace")] if matrix.is_file() else []),
         _settings(),
         _commands(kept),
     ]
     path = results / "README.md"
-    path.write_text("\n".join(parts), encoding="utf-8")
+    write_text(path, "\n".join(parts))
     return path
 
 
@@ -268,7 +271,7 @@ def main() -> int:
         print(write_report(options.results, options.paper))
     except (DojoError, OSError, ValueError, KeyError) as error:
         print(f"report: {error}", file=sys.stderr)
-        return 3
+        return 4 if isinstance(error, WriteError) else 3
     return 0
 
 

@@ -1,11 +1,11 @@
 """The benchmark's tables: Markdown for people, CSV for programs, from the files of the rows."""
 
-import csv
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from dojo_env.metrics import SIX
+from dojo_maps.whole_file import write_table, write_text
 from learning.kept import read_kept
 
 Figures = Mapping[str, Mapping[str, float]]
@@ -34,13 +34,9 @@ def write_tables(folder: Path, order: Sequence[str], published: Mapping[str, Map
         parts.append(_section(scenario, names, kept, theirs))
         lines += [line for name in names for line in _lines(scenario, name, kept, theirs)]
     text = "\n".join(parts)
-    (folder / "table.md").write_text(text, encoding="utf-8")
-    with (folder / "table.csv").open("w", newline="", encoding="utf-8") as file:
-        writer = csv.writer(file)
-        writer.writerow(
-            ["scenario", "row", "figure", "mean", "std", "published", "published_std", "difference"]
-        )
-        writer.writerows(lines)
+    write_text(folder / "table.md", text)
+    head = ["scenario", "row", "figure", "mean", "std", "published", "published_std", "difference"]
+    write_table(folder / "table.csv", head, lines)
     return text
 
 

@@ -6,9 +6,6 @@ is there already for the same policy is not run again.
 """
 
 import argparse
-import csv
-import hashlib
-import json
 import shlex
 import sys
 from collections.abc import Collection, Mapping, Sequence
@@ -21,10 +18,20 @@ from dojo_env.errors import ConfigError
 from dojo_env.metrics import SIX
 from dojo_env.runs import summarize
 from dojo_env.sensor_observations import Detector
-from dojo_maps.errors import DojoError
-from dojo_maps.whole_file import write_json
+from dojo_maps.errors import DojoError, WriteError
+from dojo_maps.input_files import sha256_of
+from dojo_maps.whole_file import write_json, write_table, write_text
 from learning.kept import KeptRow, read_kept
-from learning.settings import CONDITIONS, IMAGES, POLICY, SETTINGS, list_versions, read_training
+from learning.outcomes import read_result
+from learning.settings import (
+    CONDITIONS,
+    IMAGES,
+    POLICY,
+    SETTINGS,
+    RunFileError,
+    list_versions,
+    read_training,
+)  # fmt: skip
 
 FILE = "robustness.json"
 CAMERAS: dict[str, dict[str, Any]] = {
@@ -61,12 +68,12 @@ def run_under(row: KeptRow, names: Sequence[str], seeds: int, seconds: int) -> N
              "--seeds", str(seeds), "--seconds", str(seconds)]  # fmt: skip
     basis = {
         "row": row.name,
-        "policy": hashlib.sha256((row.folder / POLICY).read_bytes()).hexdigest(),
+        "policy": sha256_of(row.folder / POLICY, error=RunFileError),
         "seeds": seeds,
         "seconds": seconds,
     }
     path = row.folder / FILE
-    kept = json.loads(path.read_text(encoding="utf-8")) if path.is_file() else {}
+    kept = read_result(path, "under") if path.is_file() else {}
     done = kept["under"] if basis.items() <= kept.items() else {}
     for name in (name for name in known if name in (names or known)):
         told = {setting: _plain(value) for setting, value in known[name].items()}
@@ -113,7 +120,7 @@ def write_matrix(results: Path) -> str:
     """Write `matrix.md` and `matrix.csv` of all rows that were evaluated so; returns the first."""
     parts, lines = [_TEXT], []
     for scenario, rows in read_kept(results).items():
-        found = {name: json.loads((row.folder / FILE).read_text(encoding="utf-8"))["under"]
+        found = {name: read_result(row.folder / FILE, "under")["under"]
                  for name, row in rows.items() if (row.folder / FILE).is_file()}  # fmt: skip
         for known in (CAMERAS, DETECTORS):
             shown = {name: under for name, under in found.items() if under.keys() & known}
@@ -126,11 +133,8 @@ def write_matrix(results: Path) -> str:
         ]
     parts.append(_explain({under for _, _, under, *_ in lines}))
     text = "\n".join(parts)
-    (results / "matrix.md").write_text(text, encoding="utf-8")
-    with (results / "matrix.csv").open("w", newline="", encoding="utf-8") as file:
-        writer = csv.writer(file)
-        writer.writerow(["scenario", "row", "under", "figure", "mean", "std"])
-        writer.writerows(lines)
+    write_text(results / "matrix.md", text)
+    write_table(results / "matrix.csv", ["scenario", "row", "under", "figure", "mean", "std"], lines)
     return text
 
 
@@ -183,7 +187,7 @@ def main() -> int:
         print(write_matrix(options.results))
     except (DojoError, OSError, ValueError, KeyError) as error:
         print(f"robustness: {error}", file=sys.stderr)
-        return 3
+        return 4 if isinstance(error, WriteError) else 3
     return 0
 
 

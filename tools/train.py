@@ -13,7 +13,7 @@ from typing import Any
 
 from dojo_env.errors import ConfigError
 from dojo_env.rewards import REWARDS
-from dojo_maps.errors import DojoError
+from dojo_maps.errors import DojoError, WriteError
 from learning.scenarios import check_scenario
 from learning.settings import AGENTS, ALGORITHMS, CONDITIONS, OBSERVATIONS, PATCHES, Training
 
@@ -108,7 +108,7 @@ def main() -> int:
         print(options.out)
     except (DojoError, OSError) as error:
         print(f"train: {error}", file=sys.stderr)
-        return 3
+        return 4 if isinstance(error, WriteError) else 3
     except KeyboardInterrupt:
         print(
             f"train: interrupted; --resume goes on from the last checkpoint in {options.out}", file=sys.stderr

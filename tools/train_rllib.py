@@ -8,7 +8,7 @@ import argparse
 import sys
 
 from dojo_env.errors import ConfigError
-from dojo_maps.errors import DojoError
+from dojo_maps.errors import DojoError, WriteError
 from learning.cluster import LOCAL, open_cluster
 from learning.scenarios import check_scenario
 from learning.settings import Training
@@ -61,7 +61,7 @@ def main() -> int:
         print(options.out)
     except (DojoError, OSError) as error:
         print(f"train_rllib: {error}", file=sys.stderr)
-        return 3
+        return 4 if isinstance(error, WriteError) else 3
     except KeyboardInterrupt:
         print(
             f"train_rllib: interrupted; --resume goes on from the last checkpoint in {options.out}",

@@ -9,8 +9,9 @@ from pathlib import Path
 
 from dojo_env.encoders.base import Encoder, RememberingEncoder, import_needed
 from dojo_env.encoders.efficientnet import open_efficientnet
-from dojo_env.encoders.onnx_file import OnnxEncoder, open_dinov2
-from dojo_env.errors import ConfigError
+from dojo_env.encoders.onnx_file import INSTALL, OnnxEncoder, open_dinov2
+from dojo_env.errors import ConfigError, EncoderError
+from dojo_maps.input_files import read_bytes
 
 _MAKERS: dict[str, Callable[[], Encoder]] = {
     "efficientnet-lite0": open_efficientnet,
@@ -18,6 +19,8 @@ _MAKERS: dict[str, Callable[[], Encoder]] = {
 }
 ENCODERS = tuple(_MAKERS)
 """Encoders that go by a name; beside them, `open_clip:MODEL:WEIGHTS` and paths of ONNX files."""
+_LARGEST = (1 << 31) - 1
+"""Bytes of a network, as its format has it."""
 
 
 def load_encoder(name: str) -> Encoder:
@@ -28,8 +31,8 @@ def load_encoder(name: str) -> Encoder:
             path of an `.onnx` file.
 
     Raises:
-        ConfigError: there is none of that name, a package or a file is missing, or the file is of the wrong
-            kind.
+        ConfigError: there is none of that name, or a package is missing.
+        EncoderError: the file is missing, no network, or one of another kind.
     """
     return RememberingEncoder(_open_encoder(name))
 
@@ -46,7 +49,8 @@ def _open_encoder(name: str) -> Encoder:
 
         return ClipEncoder(name)
     if name.endswith(".onnx"):
-        return OnnxEncoder(name, Path(name))
+        import_needed("onnxruntime", name, INSTALL)
+        return OnnxEncoder(name, read_bytes(Path(name), most=_LARGEST, error=EncoderError))
     known = ", ".join((*ENCODERS, "open_clip:MODEL:WEIGHTS", "the path of an .onnx file"))
     raise ConfigError(f"encoder {name!r}: expected one of {known}")
 

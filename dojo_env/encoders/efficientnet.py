@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 from dojo_env.cache import cache_folder
 from dojo_env.encoders.base import Scaling, import_needed
 from dojo_env.encoders.onnx_file import INSTALL, OnnxEncoder
-from dojo_env.errors import ConfigError
+from dojo_env.errors import ConfigError, EncoderError
+from dojo_maps.input_files import read_bytes
 from dojo_maps.whole_file import replaced
 
 NAME = "efficientnet-lite0"
@@ -42,10 +43,9 @@ def open_efficientnet() -> OnnxEncoder:
     file = cache_folder() / "encoders" / f"{_WEIGHTS}-{_BLOCKS}-{_PLACES}x{_PLACES}.onnx"
     if not file.is_file():
         content = build_network(read_weights())
-        file.parent.mkdir(parents=True, exist_ok=True)
-        with replaced(file) as fresh:  # Other processes may be at it, too.
+        with replaced(file, parents=True) as fresh:  # Other processes may be at it, too.
             fresh.write_bytes(content)
-    return OnnxEncoder(NAME, file, SCALING)
+    return OnnxEncoder(NAME, read_bytes(file, error=EncoderError), SCALING)
 
 
 def read_weights() -> Weights:

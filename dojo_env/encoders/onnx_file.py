@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 
 from dojo_env.encoders.base import BATCH, Features, Images, Scaling, import_needed
-from dojo_env.errors import ConfigError
+from dojo_env.errors import ConfigError, EncoderError
 
 INSTALL = "install it: pip install 'traffic-dojo[encoders]'"
-_FREE_SIDE = 224
-"""Pixels, where a network takes any size: what most were trained on."""
+_FREE_SIDE, _LARGEST_SIDE = 224, 2048
+"""Pixels, where a network takes any size: what most were trained on; and the most that one may ask for."""
 _DINOV2_TOKENS = "/backbone/layernorm/Add_1_output_0"
 
 
@@ -22,16 +22,17 @@ class OnnxEncoder:
     A map (n, channels, h, w) is averaged over its places. Pixels are scaled as for ImageNet unless told.
     """
 
-    def __init__(self, name: str, model: Path | bytes, scaling: Scaling | None = None) -> None:
+    def __init__(self, name: str, model: bytes, scaling: Scaling | None = None) -> None:
         """Open the network and try it on a black picture.
 
         Args:
             name: of the encoder.
-            model: a file, or its content.
+            model: the content of a file.
             scaling: None takes ImageNet's, at the size that the network asks for.
 
         Raises:
-            ConfigError: the file is missing, no network, or one of another kind; or onnxruntime is missing.
+            ConfigError: onnxruntime is missing.
+            EncoderError: the model is no network, or one of another kind.
         """
         runtime = import_needed("onnxruntime", name, INSTALL)
         self.name = name
@@ -60,9 +61,8 @@ class OnnxEncoder:
         fits = len(inputs) == 1 and inputs[0].type == "tensor(float)" and len(shape) == 4
         if not fits or (isinstance(shape[1], int) and shape[1] != 3):
             found = ", ".join(f"{each.name} {each.type} {each.shape}" for each in inputs)
-            raise ConfigError(
-                f"encoder {self.name!r}: expected a network with one input of floats (n, 3, h, w); "
-                f"it has {found}"
+            raise self._refusal(
+                f"expected a network with one input of floats (n, 3, h, w); it has {found[:300]}"
             )
         on_accelerator = self._session.get_providers()[0] != "CPUExecutionProvider"
         batch, height, width = (
@@ -70,9 +70,9 @@ class OnnxEncoder:
             for side, free in zip((shape[0], *shape[2:]), (BATCH, _FREE_SIDE, _FREE_SIDE), strict=True)
         )
         if batch not in (1, BATCH):
-            raise ConfigError(
-                f"encoder {self.name!r}: it takes {batch} pictures at once; export it for one or any number"
-            )
+            raise self._refusal(f"it takes {batch} pictures at once; export it for one or any number")
+        if not (1 <= height <= _LARGEST_SIDE and 1 <= width <= _LARGEST_SIDE):
+            raise self._refusal(f"it takes pictures of {height} x {width}; at most {_LARGEST_SIDE} a side")
         return inputs[0].name, batch if on_accelerator else 1, height, width
 
     def _find_output(self) -> str:
@@ -82,31 +82,32 @@ class OnnxEncoder:
         try:
             tried = self._session.run(None, {self._input: blank})
         except Exception as error:  # onnxruntime's errors have no common class of their own
-            raise ConfigError(f"encoder {self.name!r}: the network fails on a picture: {error}") from error
+            raise self._refusal(f"the network fails on a picture: {error}") from error
         for output, value in zip(outputs, tried, strict=True):
             if getattr(value, "dtype", None) == np.float32 and value.ndim in (2, 4) and len(value) == count:
                 return str(output.name)
         found = ", ".join(f"{each.name} {each.type} {each.shape}" for each in outputs)
-        raise ConfigError(
-            f"encoder {self.name!r}: expected an output of floats (n, size) or (n, channels, h, w); "
-            f"it has {found}"
+        raise self._refusal(
+            f"expected an output of floats (n, size) or (n, channels, h, w); it has {found[:300]}"
         )
 
+    def _refusal(self, problem: str) -> EncoderError:
+        return EncoderError(f"encoder {self.name!r}", problem)
 
-def _open_session(runtime: Any, name: str, model: Path | bytes) -> Any:
-    if isinstance(model, Path) and not model.is_file():
-        raise ConfigError(f"encoder {name!r}: there is no such file")
+
+def _open_session(runtime: Any, name: str, model: bytes) -> Any:
     options = runtime.SessionOptions()
     options.log_severity_level = 3
     # Threads that wait busily would take the cores from the simulations.
     options.add_session_config_entry("session.intra_op.allow_spinning", "0")
     known = runtime.get_available_providers()
     providers = [each for each in ("CUDAExecutionProvider", "CPUExecutionProvider") if each in known]
-    source = model if isinstance(model, bytes) else str(model)
     try:
-        return runtime.InferenceSession(source, options, providers=providers)
+        return runtime.InferenceSession(model, options, providers=providers)
     except Exception as error:  # onnxruntime's errors have no common class of their own
-        raise ConfigError(f"encoder {name!r}: onnxruntime cannot read it as a network: {error}") from error
+        raise EncoderError(
+            f"encoder {name!r}", f"onnxruntime cannot read it as a network: {error}"
+        ) from error
 
 
 def open_dinov2() -> OnnxEncoder:

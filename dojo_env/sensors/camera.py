@@ -1,15 +1,16 @@
 """Cameras: pinholes with a place, a direction and, if wanted, a lens that bends."""
 
-import json
 from collections.abc import Iterable
 from dataclasses import asdict, dataclass, fields
-from math import cos, isfinite, radians, sin, tan
+from math import cos, radians, sin, tan
 from pathlib import Path
+from typing import NoReturn
 
 import numpy as np
 from numpy.typing import NDArray
 
-from dojo_env.errors import ConfigError
+from dojo_env.errors import CameraError, ConfigError
+from dojo_maps.safe_json import read_json
 from dojo_maps.whole_file import write_json
 
 Floats = NDArray[np.float64]
@@ -18,6 +19,9 @@ BEV = "bev"
 """Name of the camera straight above a signal."""
 LARGEST_SIDE = 8192
 """Pixels; larger pictures are refused."""
+_MOST_PIXELS = LARGEST_SIDE**2
+"""Of all cameras of a file together."""
+_FARTHEST, _MOST_BENT = 1e8, 1e3
 _NUMBERS = ("heading_deg", "pitch_deg", "roll_deg", "field_of_view_deg", "near", "far")
 
 
@@ -57,24 +61,47 @@ class Camera:
         Raises:
             ConfigError: a number is missing, not finite, or out of its range.
         """
-        object.__setattr__(self, "position", tuple(float(x) for x in self.position))
-        object.__setattr__(self, "distortion", tuple(float(k) for k in self.distortion))
-        if len(self.position) != 3 or not all(map(isfinite, self.position)):
-            self._refuse("position", "three finite numbers, metres")
-        if not all(isfinite(getattr(self, name)) for name in _NUMBERS):
-            self._refuse("angles, near and far", "finite numbers")
-        if not (1 <= self.width <= LARGEST_SIDE and 1 <= self.height <= LARGEST_SIDE):
-            self._refuse("width and height", f"1 to {LARGEST_SIDE} pixels")
-        if not 1.0 <= self.field_of_view_deg <= 160.0:
-            self._refuse("field_of_view_deg", "1 to 160")
-        if not 0.01 <= self.near < self.far <= 1e5:
-            self._refuse("near and far", "0.01 <= near < far <= 100,000 metres")
-        if len(self.distortion) not in (0, 4, 5) or not all(map(isfinite, self.distortion)):
-            self._refuse("distortion", "none, four or five finite numbers: k1, k2, p1, p2, k3")
+        for name in ("position", "distortion"):
+            values = getattr(self, name)
+            if not isinstance(values, Iterable) or not all(map(_is_number, values := tuple(values))):
+                self._refuse(name, "finite numbers")
+            object.__setattr__(self, name, tuple(float(value) for value in values))
+        if not all(_is_number(getattr(self, name)) for name in (*_NUMBERS, "width", "height")):
+            self._refuse("angles, near, far, width and height", "finite numbers")
+        sides, bends = (self.width, self.height), self.distortion
+        possible = (
+            ("name", "a text", isinstance(self.name, str)),
+            (
+                "position",
+                f"three numbers up to {_FARTHEST:g}, metres",
+                len(self.position) == 3 and max(map(abs, self.position)) <= _FARTHEST,
+            ),
+            (
+                "width and height",
+                f"whole numbers, 1 to {LARGEST_SIDE} pixels",
+                all(1 <= side <= LARGEST_SIDE and side == int(side) for side in sides),
+            ),
+            ("field_of_view_deg", "1 to 160", 1.0 <= self.field_of_view_deg <= 160.0),
+            (
+                "near and far",
+                "0.01 <= near < far <= 100,000 metres",
+                0.01 <= self.near < self.far <= 1e5,
+            ),
+            (
+                "distortion",
+                f"none, four or five numbers up to {_MOST_BENT:g}: k1, k2, p1, p2, k3",
+                len(bends) in (0, 4, 5) and max(map(abs, bends), default=0.0) <= _MOST_BENT,
+            ),
+        )
+        for what, wanted, is_possible in possible:
+            if not is_possible:
+                self._refuse(what, wanted)
+        for name in ("width", "height"):
+            object.__setattr__(self, name, int(getattr(self, name)))
 
-    def _refuse(self, what: str, wanted: str) -> None:
+    def _refuse(self, what: str, wanted: str) -> NoReturn:
         got = {f.name: getattr(self, f.name) for f in fields(self) if f.name in what or f.name in _NUMBERS}
-        raise ConfigError(f"camera {self.name!r}: {what} must be {wanted}; got {got}")
+        raise ConfigError(f"camera {str(self.name)[:60]!r}: {what} must be {wanted}; got {str(got)[:300]}")
 
     @property
     def focal_length(self) -> float:
@@ -138,15 +165,25 @@ def read_cameras(path: Path | str) -> tuple[Camera, ...]:
     """Read cameras back.
 
     Raises:
-        ConfigError: the file is missing, not JSON, or does not hold cameras.
+        CameraError: the file is missing, not JSON, or does not hold cameras.
     """
+    path = Path(path)
+    value = read_json(path, error=CameraError)
+    if not isinstance(value, dict) or (value.get("format"), value.get("version")) != ("dojo-cameras", 1):
+        raise CameraError(path, "not a dojo-cameras file of version 1")
     try:
-        value = json.loads(Path(path).read_text(encoding="utf-8"))
-        if value["format"] != "dojo-cameras" or value["version"] != 1:
-            raise ConfigError(f"{path}: not a dojo-cameras file of version 1")
         cameras = tuple(Camera(**each) for each in value["cameras"])
-    except (OSError, ValueError, RecursionError, TypeError, KeyError) as error:
-        raise ConfigError(f"{path}: holds no cameras ({error})") from error
-    if len({camera.name for camera in cameras}) != len(cameras):
-        raise ConfigError(f"{path}: two cameras share a name; each needs its own")
+    except (ConfigError, TypeError, KeyError) as error:
+        raise CameraError(path, f"holds no cameras ({error})") from error
+    if not cameras or len({camera.name for camera in cameras}) != len(cameras):
+        raise CameraError(path, "holds no camera, or two that share a name; each needs its own")
+    if sum(camera.width * camera.height for camera in cameras) > _MOST_PIXELS:
+        raise CameraError(path, f"its pictures have more than {_MOST_PIXELS} pixels together; take less")
     return cameras
+
+
+def _is_number(value: object) -> bool:
+    """Tell numbers from texts, nan, infinity, and whole numbers too large for any float."""
+    if isinstance(value, bool) or not isinstance(value, int | float | np.integer | np.floating):
+        return False
+    return bool(-1e300 < value < 1e300)

@@ -1,46 +1,62 @@
 """A video of what was shown, written whole or not at all."""
 
-import tempfile
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
-from types import TracebackType
-from typing import Any, Self
+from typing import Any
 
 import cv2
 
 from dojo_env.errors import ConfigError
 from dojo_env.watching.views import Image
-from dojo_maps.errors import ToolMissingError
+from dojo_maps.errors import ToolMissingError, WriteError
+from dojo_maps.whole_file import replaced
 
+os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")  # Else it says on standard error what we say.
 FRAME_RATE = 10.0
 """Frames per second, each of them a simulated second."""
 _CODECS = {".mp4": "mp4v", ".webm": "VP80"}
 """MPEG-4 for players, and VP8, which browsers play too and takes longer to write."""
 
 
-class Video:
-    """Collects pictures of one size; leave it as a context, and the file is there, or after an error none."""
+@contextmanager
+def open_video(path: Path | str) -> Iterator["Video"]:
+    """Give a video to add pictures to; the file is there when the context is left, or after an error none.
 
-    def __init__(self, path: Path | str) -> None:
-        """Choose the file; its suffix says which kind, `.mp4` or `.webm`.
+    Args:
+        path: the file; its suffix says which kind, `.mp4` or `.webm`.
 
-        Raises:
-            ConfigError: another suffix, or the folder cannot be written to.
-            ToolMissingError: the installed OpenCV cannot write this kind.
-        """
-        self._path = Path(path)
-        self._codec = _CODECS.get(self._path.suffix.lower(), "")
-        if not self._codec:
-            raise ConfigError(f"{path}: a video's name ends in {' or '.join(_CODECS)}")
-        if self._path.is_dir():
-            raise ConfigError(f"{path}: is a folder; give the video another name")
+    Raises:
+        ConfigError: another suffix, or the path is a folder or a device.
+        ToolMissingError: the installed OpenCV cannot write this kind.
+        UsageError: the path lies in no folder.
+        WriteError: the folder cannot be written, or has no room for all pictures.
+    """
+    path = Path(path)
+    if path.suffix.lower() not in _CODECS:
+        raise ConfigError(f"{path}: a video's name ends in {' or '.join(_CODECS)}")
+    if path.exists() and not path.is_file():
+        raise ConfigError(f"{path}: is a folder or a device; give the video another name")
+    with replaced(path) as fresh:
+        video = Video(fresh)
         try:
-            self._work = tempfile.TemporaryDirectory(dir=self._path.parent, prefix=".video-")
-        except OSError as error:
-            raise ConfigError(
-                f"{path}: cannot be written ({error.strerror}); choose another folder"
-            ) from error
-        self._fresh = Path(self._work.name) / f"video{self._path.suffix.lower()}"
+            yield video
+        finally:
+            video.close()
+        written = _count_frames(fresh)
+        if not video.count or written != video.count:
+            raise WriteError(f"{path}: {written} of {video.count} pictures were written; is the disk full?")
+
+
+class Video:
+    """Collects pictures of one size; `count` tells how many."""
+
+    def __init__(self, path: Path) -> None:
+        """Take where to write; the file begins with the first picture."""
+        self._path = path
         self._writer: Any = None
+        self.count = 0
 
     def add(self, picture: Image) -> None:
         """Add a picture: (h, w, 3) uint8 RGB, h and w even.
@@ -50,28 +66,28 @@ class Video:
         """
         if self._writer is None:
             height, width = picture.shape[:2]
-            code = cv2.VideoWriter.fourcc(*self._codec)
-            self._writer = cv2.VideoWriter(str(self._fresh), code, FRAME_RATE, (width, height))
+            codec = _CODECS[self._path.suffix.lower()]
+            code = cv2.VideoWriter.fourcc(*codec)
+            self._writer = cv2.VideoWriter(str(self._path), code, FRAME_RATE, (width, height))
             if not self._writer.isOpened():
                 raise ToolMissingError(
-                    f"the installed OpenCV cannot write {self._path.suffix} videos ({self._codec}); "
+                    f"the installed OpenCV cannot write {self._path.suffix} videos ({codec}); "
                     f"try another suffix of {', '.join(_CODECS)}, or pip install opencv-python-headless"
                 )
         self._writer.write(cv2.cvtColor(picture, cv2.COLOR_RGB2BGR))
+        self.count += 1
 
-    def __enter__(self) -> Self:
-        """Begin."""
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        """Put the file in its place, or leave nothing."""
-        with self._work:
-            if self._writer is None:
-                return
+    def close(self) -> None:
+        """Write what is left."""
+        if self._writer is not None:
             self._writer.release()
-            if kind is None:
-                if not self._fresh.stat().st_size:
-                    raise ToolMissingError(f"{self._path}: OpenCV wrote nothing; is the disk full?")
-                self._fresh.replace(self._path)
+
+
+def _count_frames(path: Path) -> int:
+    """Count what can be played of a video, for OpenCV does not tell when it could not write."""
+    if not path.is_file():
+        return 0
+    capture = cv2.VideoCapture(str(path))
+    count = round(capture.get(cv2.CAP_PROP_FRAME_COUNT))
+    capture.set(cv2.CAP_PROP_POS_FRAMES, count - 1)
+    return count if capture.grab() else 0

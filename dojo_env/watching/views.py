@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dojo_env.eyes import Eyes
-from dojo_env.sensors.camera import BEV, Camera
+from dojo_env.sensors.camera import BEV, LARGEST_SIDE, Camera
 from dojo_env.snapshot import Snapshot
 from dojo_env.watching.board import Board
 
@@ -39,7 +39,8 @@ def choose_cameras(eyes: Eyes, signals: Iterable[str]) -> dict[str, Camera]:
         return {name: _main(eyes.cameras(name)) for name in names}
     cameras = eyes.cameras(names[0])
     main = _main(cameras)
-    large = replace(main, width=2 * main.width, height=2 * main.height)
+    scale = 2 if 2 * max(main.width, main.height) <= LARGEST_SIDE else 1
+    large = replace(main, width=scale * main.width, height=scale * main.height)
     return {_title(main): large} | {_title(camera): camera for camera in cameras if camera is not main}
 
 

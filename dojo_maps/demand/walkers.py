@@ -5,8 +5,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from dojo_maps.description import Crossing, Lane, LaneKind, Origin, RoadMap
-from dojo_maps.sources.files import read_bytes
-from dojo_maps.sources.safe_xml import parse_xml
+from dojo_maps.input_files import read_bytes
+from dojo_maps.safe_xml import parse_xml
 
 _SIGNALLED, _OTHER = 60.0, 20.0
 """Walkers per hour over a crossing."""
@@ -49,7 +49,7 @@ def find_walks(road_map: RoadMap, network: Path) -> tuple[Walk, ...]:
     doors = _doors(joined, sidewalks)
     walks = []
     for crossing in crossings:
-        sides = [doors[area] for area in sorted(joined[crossing.id]) if area in doors]
+        sides = [doors[area] for area in sorted(joined.get(crossing.id, ())) if area in doors]
         if len(sides) == 2 and sides[0][0].road != sides[1][0].road:
             walks += [_walk(*pair, rate=_rate(crossing) / 2) for pair in (sides, sides[::-1])]
     share = min(1.0, _MOST / max(sum(walk.rate for walk in walks), 1.0))

@@ -6,7 +6,7 @@ from pathlib import Path
 from dojo_maps.description import Program
 from dojo_maps.repair.edits import SetPhases
 from dojo_maps.repair.net_text import key_of
-from dojo_maps.sources.safe_xml import Attributes
+from dojo_maps.safe_xml import Attributes
 from dojo_maps.sources.sumo_signals import read_program
 from dojo_maps.sources.sumo_xml import LogicRecord
 from dojo_maps.validation.programs import following, least

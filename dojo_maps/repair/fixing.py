@@ -12,7 +12,7 @@ from dojo_maps.repair.patch import plain_files
 from dojo_maps.repair.repairs import ON_REQUEST, REPAIRS
 from dojo_maps.repair.rounds import Fixed, fix_network
 from dojo_maps.report.formats import printable
-from dojo_maps.whole_file import replaced
+from dojo_maps.whole_file import added_files, replaced
 
 
 def fix(source: str, only: Collection[str] = ()) -> Fixed:
@@ -63,19 +63,14 @@ def write_fixed(fixed: Fixed, output: Path | None, patch: Path | None) -> None:
     """Write the network, packed if its name says so, and the patch's files; each whole or not at all.
 
     Raises:
-        UsageError: a path cannot be written.
+        UsageError: a path is a folder, or lies in none.
+        WriteError: a path cannot be written.
     """
-    try:
-        if patch is not None:
-            patch.mkdir(parents=True, exist_ok=True)
+    if patch is not None:
+        with added_files(patch) as fresh:
             for name, text in patch_of(fixed).items():
-                with replaced(patch / name) as fresh:
-                    fresh.write_text(text, encoding="utf-8")
-        if output is not None:
-            if output.is_dir():
-                raise UsageError(f"{output}: is a folder; name the network to write with -o")
-            data = fixed.after.data
-            with replaced(output) as fresh:
-                fresh.write_bytes(gzip.compress(data, mtime=0) if output.name.endswith(".gz") else data)
-    except OSError as error:
-        raise UsageError(f"{error.filename}: cannot be written ({error.strerror})") from error
+                (fresh / name).write_text(text, encoding="utf-8")
+    if output is not None:
+        data = fixed.after.data
+        with replaced(output) as fresh:
+            fresh.write_bytes(gzip.compress(data, mtime=0) if output.name.endswith(".gz") else data)

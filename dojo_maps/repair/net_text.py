@@ -9,7 +9,7 @@ from xml.parsers import expat
 from xml.sax.saxutils import quoteattr
 
 from dojo_maps.errors import SourceError
-from dojo_maps.sources.safe_xml import Attributes
+from dojo_maps.safe_xml import Attributes
 from dojo_maps.sources.sumo_xml import LogicRecord, read_records
 
 Span = tuple[int, int]

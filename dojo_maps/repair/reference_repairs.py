@@ -7,7 +7,7 @@ from dojo_maps.issue import Element, Issue
 from dojo_maps.repair.draft import Draft
 from dojo_maps.repair.edits import Change, Edit, Key, Rebuild, Remove, SetAttributes, Site, named
 from dojo_maps.repair.net_text import key_of
-from dojo_maps.sources.safe_xml import Attributes
+from dojo_maps.safe_xml import Attributes
 
 _TOUCHES = 2.0
 """Metres between a lane's end and the start of a way that leaves it."""

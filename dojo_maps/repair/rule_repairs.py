@@ -4,7 +4,7 @@ from collections.abc import Iterator, Sequence
 
 from dojo_maps.issue import Element, Issue
 from dojo_maps.repair.edits import Change, Edit, Rebuild, SetRequests, Site, named
-from dojo_maps.sources.safe_xml import Attributes
+from dojo_maps.safe_xml import Attributes
 
 
 def complete_rules(site: Site, issues: Sequence[Issue]) -> Iterator[Edit]:

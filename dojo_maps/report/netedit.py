@@ -6,6 +6,8 @@ from pathlib import Path
 from typing import Any
 from xml.sax.saxutils import quoteattr
 
+from dojo_maps.whole_file import added_files
+
 _KINDS = {
     "road": "edge",
     "lane": "lane",
@@ -32,20 +34,24 @@ def write_netedit_files(report: Mapping[str, Any], folder: Path) -> None:
     """Write a selection per check, and a selection and a view per issue, into a folder.
 
     Use them as `netedit -s NET --selection-file 0007.selection.txt -g 0007.view.xml`.
+
+    Raises:
+        UsageError: a file is in the folder's way.
+        WriteError: the folder cannot be written; none of the files is there then.
     """
-    folder.mkdir(parents=True, exist_ok=True)
     by_check: dict[str, list[Mapping[str, Any]]] = defaultdict(list)
-    for number, issue in enumerate(report["issues"], 1):
-        by_check[issue["check"]].append(issue)
-        if number <= _MOST_VIEWS:
-            _write_selection(folder / f"{number:04}.selection.txt", [issue])
-            x, y = (quoteattr(f"{value:.2f}") for value in issue["position"][:2])
-            (folder / f"{number:04}.view.xml").write_text(
-                f'<viewsettings>\n    <viewport zoom="{_ZOOM}" x={x} y={y} angle="0"/>\n</viewsettings>\n',
-                encoding="utf-8",
-            )
-    for check, issues in by_check.items():
-        _write_selection(folder / f"{check}.selection.txt", issues)
+    with added_files(folder) as fresh:
+        for number, issue in enumerate(report["issues"], 1):
+            by_check[issue["check"]].append(issue)
+            if number <= _MOST_VIEWS:
+                _write_selection(fresh / f"{number:04}.selection.txt", [issue])
+                x, y = (quoteattr(f"{value:.2f}") for value in issue["position"][:2])
+                view = f'<viewport zoom="{_ZOOM}" x={x} y={y} angle="0"/>'
+                (fresh / f"{number:04}.view.xml").write_text(
+                    f"<viewsettings>\n    {view}\n</viewsettings>\n", encoding="utf-8"
+                )
+        for check, issues in by_check.items():
+            _write_selection(fresh / f"{check}.selection.txt", issues)
 
 
 def _write_selection(path: Path, issues: Iterable[Mapping[str, Any]]) -> None:

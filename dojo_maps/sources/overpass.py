@@ -8,7 +8,6 @@ import hashlib
 import json
 import math
 import re
-import tempfile
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -16,9 +15,12 @@ from pathlib import Path
 from urllib.parse import quote_plus
 
 from dojo_maps.cache import cache_folder
-from dojo_maps.errors import SourceError, ToolMissingError, UsageError
+from dojo_maps.errors import SourceError, ToolMissingError, UsageError, WriteError
+from dojo_maps.input_files import sha256_of
+from dojo_maps.safe_json import read_json
+from dojo_maps.safe_xml import parse_xml
 from dojo_maps.sources.download import BusyError, Patience, check_url, fetch, quote, within
-from dojo_maps.sources.safe_xml import parse_xml
+from dojo_maps.whole_file import replaced_folder
 
 SERVER = "https://overpass-api.de/api/interpreter"
 MAX_SIDE = 5_000.0
@@ -190,11 +192,10 @@ def _check(answer: bytes, server: str) -> None:
 def _kept(path: Path) -> Download | None:
     """Find an earlier download; one that was changed since is not trusted."""
     try:
-        request = json.loads(path.with_name(_REQUEST).read_bytes())
-        with path.open("rb") as file:
-            same = hashlib.file_digest(file, "sha256").hexdigest() == request["sha256"]
+        request = read_json(path.with_name(_REQUEST))
+        same = sha256_of(path) == request["sha256"]
         return Download(path=path, date=str(request["date"])[:10]) if same else None
-    except (OSError, ValueError, KeyError, TypeError, RecursionError):
+    except (SourceError, KeyError, TypeError):
         return None
 
 
@@ -204,15 +205,9 @@ def _keep(path: Path, data: bytes, request: dict[str, str]) -> Download:
     date = time.strftime("%Y-%m-%d", time.gmtime())
     request = {**request, "date": date, "sha256": hashlib.sha256(data).hexdigest()}
     try:
-        folder.parent.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryDirectory(dir=folder.parent, prefix=".new-") as work:
-            fresh = Path(work) / "new"
-            fresh.mkdir()
+        with replaced_folder(folder, parents=True) as fresh:
             (fresh / path.name).write_bytes(data)
             (fresh / _REQUEST).write_text(json.dumps(request, indent=1) + "\n", encoding="utf-8")
-            if folder.exists():
-                folder.rename(Path(work) / "old")
-            fresh.rename(folder)
-    except OSError as error:
-        raise UsageError(f"cache {folder}: {error.strerror}; name another folder in DOJO_CACHE") from error
+    except (UsageError, WriteError) as error:
+        raise type(error)(f"cache {error}; name another folder in DOJO_CACHE") from error
     return Download(path=path, date=date)

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 from dojo_maps.description import Connection, Junction, RightOfWay
 from dojo_maps.issue import Element, Issue, Severity
-from dojo_maps.sources.safe_xml import Attributes
+from dojo_maps.safe_xml import Attributes
 from dojo_maps.sources.sumo_xml import NetRecords
 
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from dojo_maps.description import Connection, Lane, Points, Walk, points
 from dojo_maps.issue import Element, Issue, Severity
-from dojo_maps.sources.safe_xml import Attributes
+from dojo_maps.safe_xml import Attributes
 from dojo_maps.sources.values import read_link
 
 

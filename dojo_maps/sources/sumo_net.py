@@ -22,11 +22,11 @@ from dojo_maps.description import (
 )  # fmt: skip
 from dojo_maps.errors import SourceError
 from dojo_maps.issue import Element, Issue, Severity
+from dojo_maps.safe_xml import Attributes
 from dojo_maps.sources.limits import check_limits, measure_bounds
 from dojo_maps.sources.lost_connections import find_lost_connections
 from dojo_maps.sources.permissions import allowed_classes, lane_kind
 from dojo_maps.sources.right_of_way import read_right_of_way
-from dojo_maps.sources.safe_xml import Attributes
 from dojo_maps.sources.sumo_connections import ConnectionReader
 from dojo_maps.sources.sumo_pavement import (
     read_crossing,

@@ -7,7 +7,7 @@ import shapely
 
 from dojo_maps.description import Crossing, Lane, LaneKind, Origin, Points, Sidewalk, WalkingArea
 from dojo_maps.geometry.polylines import strip_outline
-from dojo_maps.sources.safe_xml import Attributes
+from dojo_maps.safe_xml import Attributes
 from dojo_maps.sources.sumo_xml import EdgeRecord
 from dojo_maps.sources.values import MIN_WIDTH, read_float, read_link, read_shape
 

@@ -5,7 +5,7 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 from dojo_maps.description import Connection, Link, LinkKind, Phase, Program, Road, Signal
-from dojo_maps.sources.safe_xml import Attributes
+from dojo_maps.safe_xml import Attributes
 from dojo_maps.sources.sumo_xml import LogicRecord
 from dojo_maps.sources.values import read_float, read_link, read_text
 

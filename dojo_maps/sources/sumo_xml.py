@@ -8,7 +8,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from dojo_maps.sources.safe_xml import Attributes, parse_xml
+from dojo_maps.safe_xml import Attributes, parse_xml
 
 
 @dataclass(slots=True)

@@ -5,7 +5,7 @@ from pathlib import Path
 
 from dojo_maps.description import Points, points
 from dojo_maps.errors import SourceError
-from dojo_maps.sources.safe_xml import Attributes
+from dojo_maps.safe_xml import Attributes
 
 _MAX_COORDINATE = 1e8
 """Metres; farther out, double precision no longer keeps the millimetre that meshes are made with."""

@@ -5,7 +5,6 @@
 `check` may end in `*`; without `element` the rule holds for every issue of the check.
 """
 
-import json
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
@@ -14,6 +13,7 @@ from typing import Any
 
 from dojo_maps.errors import SourceError
 from dojo_maps.issue import Issue
+from dojo_maps.safe_json import read_json
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -36,12 +36,7 @@ def read_exclusions(path: Path) -> tuple[Exclusion, ...]:
     Raises:
         SourceError: the file is missing or not in the format; a rule without a reason is refused.
     """
-    try:
-        value = json.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise SourceError(path, f"cannot be read: {error.strerror}") from error
-    except (ValueError, RecursionError) as error:
-        raise SourceError(path, f"not readable as JSON ({error})") from error
+    value = read_json(path)
     rules = value.get("exclude") if isinstance(value, dict) else None
     if not isinstance(rules, list):
         raise SourceError(path, 'expected {"exclude": [{"check": ..., "element": ..., "reason": ...}]}')

@@ -15,6 +15,7 @@ import numpy as np
 
 import dojo_env  # noqa: F401 - makes the environment known to gymnasium
 from dojo_env.runs import run_controller
+from dojo_maps.whole_file import replaced
 
 CANDIDATES, KEPT = 16, 4
 UNSEEN_SEED = 1000
@@ -65,7 +66,8 @@ def main() -> None:
         rows[name] = run_controller(name, [UNSEEN_SEED], **keywords)[0]["accumulated_waiting"]
     for name, waiting in rows.items():
         print(f"{name:14} accumulated waiting {waiting:8.1f} s")
-    np.save(options.bundle.with_suffix(".npy"), policy)
+    with replaced(options.bundle.with_suffix(".npy")) as fresh:
+        np.save(fresh, policy)
 
 
 if __name__ == "__main__":

@@ -1,20 +1,14 @@
 """What the rows of a results folder hold, read back for pictures and reports; torch is not needed."""
 
-import csv
-import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
+from .outcomes import Numbers, read_columns, read_result
 from .rows import ROWS
 from .run_row import CURVES, FIGURES, SERIES
 from .settings import CURVE
-
-Numbers = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,28 +35,24 @@ class KeptRow:
 
     def read_series(self) -> tuple[Numbers, dict[str, Numbers]]:
         """Read the first seed's hour: minutes since its begin, and what was measured at each decision."""
-        with (self.folder / SERIES).open(encoding="utf-8") as file:
-            lines = list(csv.DictReader(file))
-        seconds = np.array([float(line["second"]) for line in lines])
+        series = read_columns(self.folder / SERIES, ("second", *CURVES))
+        seconds = series["second"]
         interval = seconds[1] - seconds[0] if len(seconds) > 1 else 0.0
-        series = {name: np.array([float(line[name]) for line in lines]) for name in CURVES}
-        return (seconds - seconds[0] + interval) / 60, series
+        return (seconds - seconds[:1] + interval) / 60, {name: series[name] for name in CURVES}
 
     def read_curve(self, part: str = "validation") -> dict[str, Numbers]:
         """Read its training: steps and figures of one part; empty where there is none."""
         if not (self.folder / CURVE).is_file():
             return {}
-        with (self.folder / CURVE).open(encoding="utf-8") as file:
-            lines = [line for line in csv.DictReader(file) if line["part"] == part]
-        names = [name for name in (lines[0] if lines else ()) if name not in ("part", "reward")]
-        return {name: np.array([float(line[name]) for line in lines]) for name in names}
+        columns = read_columns(self.folder / CURVE, (), part=part)
+        return {name: values for name, values in columns.items() if name != "reward"}
 
 
 def read_kept(results: Path) -> dict[str, dict[str, KeptRow]]:
     """Read every row that is there, by scenario and name, in the tables' order."""
     found: dict[str, dict[str, KeptRow]] = {}
     for path in sorted(results.glob(f"*/*/{FIGURES}")):
-        row = KeptRow(path.parent, json.loads(path.read_text(encoding="utf-8")))
+        row = KeptRow(path.parent, read_result(path, "row", "figures", "seeds"))
         found.setdefault(path.parent.parent.name, {})[row.name] = row
     order = {name: place for place, name in enumerate(ROWS)}
     return {

@@ -1,6 +1,5 @@
 """One training run, from its settings to the best policy in its folder; goes on where it was interrupted."""
 
-import csv
 from contextlib import ExitStack, closing
 from pathlib import Path
 
@@ -11,6 +10,7 @@ from dojo_env.errors import ConfigError
 from .environments import VALIDATION_SEEDS, open_environments, open_evaluation
 from .machine import prepare_process
 from .models import average_weights, build_model, read_checkpoint, restore_checkpoint
+from .outcomes import read_columns
 from .progress import Progress
 from .settings import CHECKPOINT, CURVE, POLICY, SETTINGS, Training, read_training, write_training
 
@@ -49,8 +49,7 @@ def is_trained(training: Training, folder: Path) -> bool:
         raise ConfigError(f"{folder}: trained with other settings; delete it, or name another --results")
     if not (folder / POLICY).is_file() or not (folder / CURVE).is_file():
         return False
-    with (folder / CURVE).open(encoding="utf-8") as file:
-        return any(int(row["steps"]) >= training.whole_steps for row in csv.DictReader(file))
+    return bool((read_columns(folder / CURVE, ("steps",))["steps"] >= training.whole_steps).any())
 
 
 def train(training: Training, folder: Path, *, resume: bool = False, tensorboard: bool = False) -> None:
@@ -65,7 +64,8 @@ def train(training: Training, folder: Path, *, resume: bool = False, tensorboard
     check_folder(training, folder, resume=resume)
     prepare_process()
     known = read_checkpoint(folder / CHECKPOINT) if resume else None
-    done = known["known"]["rows"][-1]["steps"] if known else 0
+    rows = known["known"]["rows"] if known else []
+    done = rows[-1]["steps"] if rows else 0
     with ExitStack() as stack:
         environments = stack.enter_context(closing(open_environments(training, done=done)))
         validation = stack.enter_context(closing(open_evaluation(training, VALIDATION_SEEDS)))

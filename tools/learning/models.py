@@ -18,12 +18,12 @@ from stable_baselines3.common.vec_env import VecEnv
 from torch.optim.swa_utils import AveragedModel
 
 from dojo_env.errors import ConfigError
-from dojo_maps.whole_file import replaced
 
 from .buffers import NStepDictReplayBuffer
 from .independent import Independent, Policies
 from .networks import EncodedNet, ViewNet
-from .settings import Training
+from .settings import RunFileError, Training
+from .tensor_files import load, save
 from .updates import BesideDQN, TwoThreadPPO
 
 CLASSES: dict[str, type[BaseAlgorithm]] = {"ppo": PPO, "a2c": A2C, "dqn": DQN}
@@ -37,6 +37,8 @@ _COUNTERS = (
     "_current_progress_remaining",
     "exploration_rate",
 )
+_STATE = {"parameters", "counters", "torch", "numpy", "actions", "buffer"}
+"""What a checkpoint tells of an algorithm."""
 _BUFFERED = ("observations", "next_observations", "actions", "rewards", "dones", "timeouts")
 
 
@@ -132,13 +134,14 @@ def load_policy(policy: BasePolicy | Policies, path: Path) -> None:
     """Take weights from a file.
 
     Raises:
-        ConfigError: they are no weights, or those of another policy.
+        RunFileError: they are no weights, or those of another policy.
     """
     try:
         policy.load_state_dict(load(path))
-    except RuntimeError as error:
-        raise ConfigError(
-            f"{path}: weights of another policy; give the folder they were trained in ({error})"
+    except (RuntimeError, TypeError, AttributeError) as error:
+        problem = " ".join(str(error).split())[:300]
+        raise RunFileError(
+            path, f"weights of another policy; give the folder they were trained in ({problem})"
         ) from error
 
 
@@ -163,12 +166,22 @@ def read_checkpoint(path: Path) -> dict[str, Any]:
     """Read a checkpoint.
 
     Raises:
-        ConfigError: it is none.
+        RunFileError: it is none.
     """
     state = load(path)
-    if not isinstance(state, dict) or "counters" not in state:
-        raise ConfigError(f"{path}: not a checkpoint; start anew in another folder")
+    if not isinstance(state, dict) or not state.keys() >= _STATE or not are_known(state.get("known")):
+        raise RunFileError(path, "not a checkpoint; start anew in another folder")
     return state
+
+
+def are_known(known: Any) -> bool:
+    """Tell whether a checkpoint knows what a run's curve needs: its rows so far, and the best of them."""
+    rows = known.get("rows") if isinstance(known, dict) else None
+    return (
+        isinstance(rows, list)
+        and all(isinstance(row, dict) and isinstance(row.get("steps"), int) for row in rows)
+        and isinstance(known.get("best", math.inf), float)
+    )
 
 
 def restore_checkpoint(
@@ -177,23 +190,24 @@ def restore_checkpoint(
     """Put a model where it was; returns what the caller knew.
 
     Raises:
-        ConfigError: the checkpoint is another run's.
+        RunFileError: the checkpoint is another run's.
     """
     try:
         models = model.models if isinstance(model, Independent) else [model]
         for each, own in zip(models, [state, *state.get("others", [])], strict=True):
             _put_state(each, own)
-    except (KeyError, TypeError, ValueError, RuntimeError) as error:
-        raise ConfigError(
-            f"{path}: another run's checkpoint ({error}); start anew in another folder"
+    except (LookupError, TypeError, ValueError, AttributeError, RuntimeError) as error:
+        raise RunFileError(
+            path, f"another run's checkpoint ({error}); start anew in another folder"
         ) from error
     return state["known"]
 
 
 def _put_state(model: BaseAlgorithm, state: dict[str, Any]) -> None:
     model.set_parameters(copy.deepcopy(state["parameters"]))  # Optimizers keep what they are given.
-    for name, value in state["counters"].items():
-        setattr(model, name, value)
+    for name in _COUNTERS:
+        if name in state["counters"]:
+            setattr(model, name, state["counters"][name])
     torch.set_rng_state(state["torch"])
     np.random.set_state(tuple(state["numpy"]))  # noqa: NPY002
     model.action_space.np_random.bit_generator.state = state["actions"]
@@ -230,25 +244,3 @@ def _map(function: Any, value: Any) -> Any:
 
 def _plain(state: tuple[Any, ...]) -> list[Any]:
     return [part.tolist() if isinstance(part, np.ndarray) else part for part in state]
-
-
-def save(state: Any, path: Path) -> None:
-    """Write tensors and plain values, whole or not at all."""
-    with replaced(path) as fresh:
-        torch.save(state, fresh)
-
-
-def load(path: Path) -> Any:
-    """Read tensors and plain values, and no code.
-
-    Tensors stay in the file until they are used: a buffer that fits memory once need not fit it twice.
-
-    Raises:
-        ConfigError: there is no such file, or it holds something else.
-    """
-    try:
-        return torch.load(path, map_location="cpu", weights_only=True, mmap=True)
-    except FileNotFoundError as error:
-        raise ConfigError(f"{path}: there is no such file") from error
-    except Exception as error:  # torch raises whatever its readers do
-        raise ConfigError(f"{path}: neither weights nor a checkpoint ({error})") from error

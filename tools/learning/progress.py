@@ -1,6 +1,5 @@
 """What happens between updates: figures of each round of episodes, the best policy, checkpoints."""
 
-import csv
 import sys
 import time
 from collections import deque
@@ -14,7 +13,7 @@ from stable_baselines3.common.vec_env import VecEnv
 from torch.optim.swa_utils import AveragedModel
 
 from dojo_env.metrics import SIX
-from dojo_maps.whole_file import replaced
+from dojo_maps.whole_file import write_table
 
 from .evaluation import evaluate
 from .models import save_checkpoint, save_policy
@@ -60,13 +59,9 @@ class Curve:
         self._tell(row)
 
     def _write(self) -> None:
-        path = self._folder / CURVE
-        with replaced(path) as fresh, fresh.open("w", newline="", encoding="utf-8") as file:
-            writer = csv.DictWriter(file, COLUMNS)
-            writer.writeheader()
-            writer.writerows(
-                {n: round(v, 4) if isinstance(v, float) else v for n, v in r.items()} for r in self.rows
-            )
+        told = ([row[name] for name in COLUMNS] for row in self.rows)
+        rows = ([round(each, 4) if isinstance(each, float) else each for each in row] for row in told)
+        write_table(self._folder / CURVE, COLUMNS, rows)
 
     def _tell(self, row: dict[str, Any]) -> None:
         steps, total = row["steps"], self._training.whole_steps

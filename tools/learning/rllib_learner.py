@@ -15,15 +15,14 @@ from ray.rllib.utils.metrics import ENV_RUNNER_RESULTS, NUM_ENV_STEPS_SAMPLED_LI
 from ray.tune.registry import register_env
 from ray.tune.trainable import trainable
 
-from dojo_env.errors import ConfigError
-
 from .environments import VALIDATION_SEEDS, open_environment, open_evaluation
 from .learner import check_folder, prepare_folder
 from .machine import prepare_process
-from .models import load, save
+from .models import are_known
 from .progress import Curve
 from .rllib_settings import ENVIRONMENT, FIGURES, build_config
-from .settings import CHECKPOINT, Training
+from .settings import CHECKPOINT, RunFileError, Training
+from .tensor_files import load, save
 
 
 def train(training: Training, folder: Path, *, resume: bool = False) -> None:
@@ -93,11 +92,13 @@ def read_checkpoint(path: Path) -> dict[str, Any]:
     """Read a checkpoint of a cluster's run.
 
     Raises:
-        ConfigError: it is none.
+        RunFileError: it is none.
     """
     state = load(path)
-    if not isinstance(state, dict) or "module" not in state:
-        raise ConfigError(f"{path}: not from a cluster; go on with tools/train.py, or name another --out")
+    if not isinstance(state, dict) or not {"module", "optimizers", "steps"} <= state.keys():
+        raise RunFileError(path, "not from a cluster; go on with tools/train.py, or name another --out")
+    if not isinstance(state["steps"], int) or not are_known(state.get("known")):
+        raise RunFileError(path, "not a checkpoint; name another --out")
     return state
 
 
@@ -105,7 +106,7 @@ def restore(algorithm: Algorithm, state: dict[str, Any], path: Path) -> None:
     """Put learner and runners where they were.
 
     Raises:
-        ConfigError: the checkpoint is another run's.
+        RunFileError: the checkpoint is another run's.
     """
     learner = algorithm.learner_group._learner
     try:
@@ -114,8 +115,8 @@ def restore(algorithm: Algorithm, state: dict[str, Any], path: Path) -> None:
             learner.get_optimizers_for_module(), state["optimizers"], strict=True
         ):
             optimizer.load_state_dict(known)
-    except (RuntimeError, ValueError) as error:
-        raise ConfigError(f"{path}: another run's checkpoint ({error}); name another --out") from error
+    except (RuntimeError, ValueError, TypeError, AttributeError, KeyError) as error:
+        raise RunFileError(path, f"another run's checkpoint ({error}); name another --out") from error
     algorithm.env_runner_group.sync_weights(
         from_worker_or_learner_group=algorithm.learner_group, inference_only=True
     )

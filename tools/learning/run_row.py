@@ -1,7 +1,5 @@
 """Run one row of the benchmark: train its policy where it learns, evaluate it, keep all that came out."""
 
-import csv
-import json
 import shlex
 from collections.abc import Mapping
 from dataclasses import asdict
@@ -10,8 +8,9 @@ from typing import Any
 
 from dojo_env.metrics import SIX
 from dojo_env.runs import run_controller, summarize
-from dojo_maps.whole_file import write_json
+from dojo_maps.whole_file import write_json, write_table
 
+from .outcomes import read_result
 from .rows import CONTROLLERS, find_settings, find_training, learns
 from .settings import Training, list_versions
 
@@ -40,9 +39,9 @@ def describe(row: str, scenario: str, seeds: int, seconds: int) -> dict[str, Any
 def is_done(task: Mapping[str, Any], results: Path) -> bool:
     """Tell whether a row's figures are there, made with the same settings."""
     path = find_folder(task["row"], task["scenario"], results) / FIGURES
-    known = json.loads(path.read_text(encoding="utf-8")) if path.is_file() else {}
+    known = read_result(path) if path.is_file() else {}
     if "training" in known:  # A setting that came later had its default before.
-        known["training"] = asdict(Training(**known["training"]))
+        known = {**known, "training": asdict(Training(**known["training"]))}
     return all(known.get(name) == value for name, value in task.items())
 
 
@@ -51,12 +50,8 @@ def run_row(task: Mapping[str, Any], results: Path) -> None:
     folder = find_folder(task["row"], task["scenario"], results)
     folder.mkdir(parents=True, exist_ok=True)
     episodes, infos = _run_policy(task, folder) if "training" in task else _run_controller(task)
-    with (folder / SERIES).open("w", newline="", encoding="utf-8") as file:
-        writer = csv.writer(file)
-        writer.writerow(["second", *CURVES])
-        writer.writerows(
-            [int(info["step"]), *(round(info[name], 3) for name in CURVES.values())] for info in infos
-        )
+    series = ([int(info["step"]), *(round(info[name], 3) for name in CURVES.values())] for info in infos)
+    write_table(folder / SERIES, ["second", *CURVES], series)
     words = ["python", "tools/benchmark.py", "--rows", task["row"], "--scenarios", task["scenario"],
              "--seeds", str(task["seeds"]), "--seconds", str(task["seconds"])]  # fmt: skip
     result = {

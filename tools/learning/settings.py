@@ -1,6 +1,7 @@
 """Everything that a training run depends on, kept beside its policy as JSON."""
 
 import dataclasses
+import hashlib
 import json
 import math
 import platform
@@ -11,6 +12,8 @@ from pathlib import Path
 from typing import Any
 
 from dojo_env.errors import ConfigError
+from dojo_maps.errors import SourceError
+from dojo_maps.safe_json import read_json
 from dojo_maps.whole_file import write_json
 
 ALGORITHMS: dict[str, dict[str, Any]] = {
@@ -49,6 +52,10 @@ _SEEDS = 2**32
 """As many as numpy's and Stable-Baselines3's generators take."""
 INTERVAL = 5
 """Seconds from decision to decision."""
+
+
+class RunFileError(SourceError, ConfigError):
+    """A file of a training run is missing, damaged, or not what it should be."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -103,7 +110,12 @@ class Training:
     hyperparameters: Mapping[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        """Refuse what cannot be."""
+        """Refuse what cannot be.
+
+        Raises:
+            ConfigError: a value is of another type than its default, unknown, or out of its range.
+        """
+        _check_types(self)
         known = {
             "algorithm": tuple(ALGORITHMS),
             "observation": OBSERVATIONS,
@@ -177,6 +189,15 @@ class Training:
         return {**keywords, "reward_fn": dict(self.reward)}
 
 
+def _check_types(training: Training) -> None:
+    """Refuse a value of another type than the setting's default."""
+    for setting in dataclasses.fields(training):
+        value = getattr(training, setting.name)
+        kind = Mapping if setting.default is dataclasses.MISSING else type(setting.default)
+        if not isinstance(value, kind) or (isinstance(value, bool) and kind is not bool):
+            raise ConfigError(f"{setting.name}={value!r}: expected {kind.__name__}")
+
+
 def _complete(algorithm: str, given: Mapping[str, Any]) -> dict[str, Any]:
     """Add an algorithm's usual settings to those that are given.
 
@@ -202,18 +223,30 @@ def read_training(path: Path) -> Training:
     """Read a run's settings.
 
     Raises:
-        ConfigError: there is none, or it is not one of ours.
+        RunFileError: there is none, it is not one of ours, or not as it was written.
     """
+    value = read_json(path, error=RunFileError)
+    # Settings that were kept before there were checksums have none.
+    if not isinstance(value, dict) or value.keys() - {"sha256"} != {"training", "versions"}:
+        raise RunFileError(path, "not the settings of a training run")
+    if value.pop("sha256", _sha256(value)) != _sha256(value):
+        raise RunFileError(path, "is damaged, or was edited: its sha256 is another; train anew")
     try:
-        return Training(**json.loads(path.read_text(encoding="utf-8"))["training"])
-    except (OSError, ValueError, KeyError, TypeError) as error:
-        raise ConfigError(f"{path}: not the settings of a training run ({error})") from error
+        return Training(**value["training"])
+    except (ConfigError, TypeError) as error:
+        raise RunFileError(path, f"not the settings of a training run ({error})") from error
 
 
 def write_training(training: Training, path: Path) -> None:
-    """Write a run's settings, and the versions of what it ran on."""
+    """Write a run's settings, the versions of what it ran on, and their checksum."""
     known = {"training": dataclasses.asdict(training), "versions": list_versions()}
-    write_json(path, known)
+    write_json(path, {**known, "sha256": _sha256(known)})
+
+
+def _sha256(known: Mapping[str, Any]) -> str:
+    """Hash what is kept, all but the checksum itself."""
+    told = {name: value for name, value in known.items() if name != "sha256"}
+    return hashlib.sha256(json.dumps(told, sort_keys=True).encode()).hexdigest()
 
 
 def list_versions() -> dict[str, str]:

@@ -11,8 +11,8 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from dojo_maps.errors import SourceError, ToolMissingError
-from dojo_maps.sources.files import read_bytes
-from dojo_maps.sources.safe_xml import Attributes, parse_xml
+from dojo_maps.input_files import read_bytes
+from dojo_maps.safe_xml import Attributes, parse_xml
 
 ATTRIBUTION = "© OpenStreetMap contributors, ODbL 1.0, https://www.openstreetmap.org/copyright"
 SUFFIXES = (".osm.pbf", ".pbf", ".osm.xml", ".osm.gz", ".osm.bz2", ".osm")

@@ -1,0 +1,195 @@
+"""The one way in: bytes of files that anybody may have made, within bounds, with one kind of error for each.
+
+Only regular files are read, judged by what was opened and not by its name, so nothing waits for a pipe or a
+device. gzip and bzip2 are told by their first bytes and unpacked piece by piece.
+"""
+
+import bz2
+import csv
+import hashlib
+import io
+import os
+import stat
+import zlib
+from collections.abc import Collection, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from dojo_maps.errors import SourceError
+
+MAX_BYTES = 1 << 30
+"""The largest file read, in bytes once unpacked: a network of about twice the largest city in public use."""
+MAX_EXPANSION = 200
+"""How many times its own size a packed file may unpack to; networks reach about 15."""
+_PIECE = 1 << 20
+_GZIP, _BZIP2 = b"\x1f\x8b", b"BZh"
+
+ErrorClass = type[SourceError]
+
+
+@contextmanager
+def opened(
+    path: Path, *, most: int = MAX_BYTES, error: ErrorClass = SourceError
+) -> Iterator[io.BufferedReader]:
+    """Open a regular file for reading.
+
+    Args:
+        path: the file.
+        most: bytes that it may have.
+        error: raised for whatever is wrong with it, also with reading inside of the context.
+
+    Raises:
+        SourceError: of the class `error`: the file is missing, not a regular file, or too large; or the
+            system refuses to read it.
+    """
+    try:
+        # Opening must not wait either, as it does for a pipe that nobody writes to.
+        with open(path, "rb", opener=_open_at_once) as file:
+            found = os.fstat(file.fileno())
+            if not stat.S_ISREG(found.st_mode):
+                raise error(path, "not a file")
+            if found.st_size > most:
+                raise error(path, f"{found.st_size} bytes; at most {most} are read")
+            yield file
+    except FileNotFoundError as problem:
+        raise error(path, "no such file") from problem
+    except IsADirectoryError as problem:
+        raise error(path, "not a file") from problem
+    except OSError as problem:
+        raise error(path, f"cannot be read: {problem.strerror or problem}") from problem
+
+
+def is_there(path: Path) -> bool:
+    """Tell whether a path leads to something; what cannot be a path, as one far too long, does not."""
+    try:
+        return path.exists()
+    except (OSError, ValueError):
+        return False
+
+
+def check_file(path: Path, *, most: int = MAX_BYTES, error: ErrorClass = SourceError) -> None:
+    """See that a library which opens files itself gets a regular one within bounds.
+
+    Raises:
+        SourceError: as `opened`.
+    """
+    with opened(path, most=most, error=error):
+        pass
+
+
+def read_pieces(path: Path, *, most: int = MAX_BYTES, error: ErrorClass = SourceError) -> Iterator[bytes]:
+    """Read a file piece by piece, unpacked if it is gzip or bzip2.
+
+    Args:
+        path: the file.
+        most: bytes that it may have, unpacked.
+        error: raised for whatever is wrong with it.
+
+    Raises:
+        SourceError: of the class `error`: as `opened`; or empty, broken as gzip or bzip2, or unpacking to
+            more than it may.
+    """
+    with opened(path, most=most, error=error) as file:
+        total, blank, limit = 0, True, most
+        if file.peek().startswith((_GZIP, _BZIP2)):
+            limit = min(most, max(MAX_EXPANSION * os.fstat(file.fileno()).st_size, _PIECE))
+        elif path.name.endswith(".gz"):
+            raise error(path, "not a gzip file, though its name says so; rename or repack it")
+        for piece in _unpacked(file, path, error):
+            total += len(piece)
+            if total > limit:
+                raise error(path, f"unpacks to more than {limit} bytes; refused as unsafe")
+            blank = blank and not piece.strip()
+            yield piece
+        if blank:
+            raise error(path, "the file is empty")
+
+
+def read_bytes(path: Path, *, most: int = MAX_BYTES, error: ErrorClass = SourceError) -> bytes:
+    """Read a file whole, unpacked if it is gzip or bzip2.
+
+    Raises:
+        SourceError: as `read_pieces`.
+    """
+    return b"".join(read_pieces(path, most=most, error=error))
+
+
+def read_table(
+    path: Path, columns: Collection[str], *, error: ErrorClass = SourceError
+) -> list[dict[str, str]]:
+    """Read a CSV file with a head; each row by its columns' names.
+
+    Raises:
+        SourceError: of the class `error`: as `read_pieces`; no UTF-8, or a row lacks one of `columns`.
+    """
+    try:
+        text = read_bytes(path, error=error).decode("utf-8")
+        rows = list(csv.DictReader(text.splitlines()))
+    except (UnicodeDecodeError, csv.Error) as problem:
+        raise error(path, f"not a table of comma-separated values ({problem})") from problem
+    for number, row in enumerate(rows, 1):
+        if missing := [name for name in columns if row.get(name) is None]:
+            raise error(path, f"has no {missing[0]}", f"row {number}")
+    return rows
+
+
+def sha256_of(path: Path, *, most: int = MAX_BYTES, error: ErrorClass = SourceError) -> str:
+    """Hash a file as it lies on disk.
+
+    Raises:
+        SourceError: as `opened`.
+    """
+    with opened(path, most=most, error=error) as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def _open_at_once(path: str, flags: int) -> int:
+    return os.open(path, flags | os.O_NONBLOCK | os.O_NOCTTY)
+
+
+def _unpacked(file: io.BufferedReader, path: Path, error: ErrorClass) -> Iterator[bytes]:
+    start = file.peek()
+    if start.startswith(_GZIP):
+        return _gunzip(file, path, error)
+    return _bunzip2(file, path, error) if start.startswith(_BZIP2) else _plain(file)
+
+
+def _plain(file: io.BufferedReader) -> Iterator[bytes]:
+    while piece := file.read(_PIECE):
+        yield piece
+
+
+def _gunzip(file: io.BufferedReader, path: Path, error: ErrorClass) -> Iterator[bytes]:
+    member, begun = zlib.decompressobj(wbits=31), False
+    try:
+        for packed in _plain(file):
+            left = packed
+            # Zeros may fill up the space between and after members.
+            while left := left if begun else left.lstrip(b"\0"):
+                begun = True
+                yield member.decompress(left, _PIECE)
+                left = member.unconsumed_tail
+                if member.eof:
+                    left = member.unused_data
+                    member, begun = zlib.decompressobj(wbits=31), False
+    except zlib.error as problem:
+        raise error(path, f"broken gzip data ({problem}); copy or download the file again") from problem
+    if begun:
+        raise error(path, "the gzip data ends early; copy or download the file again")
+
+
+def _bunzip2(file: io.BufferedReader, path: Path, error: ErrorClass) -> Iterator[bytes]:
+    stream, begun = bz2.BZ2Decompressor(), False
+    try:
+        for packed in _plain(file):
+            left = packed
+            while left or (begun and not stream.needs_input):
+                begun = True
+                yield stream.decompress(left, _PIECE)
+                left = stream.unused_data if stream.eof else b""
+                if stream.eof:
+                    stream, begun = bz2.BZ2Decompressor(), False
+    except OSError as problem:
+        raise error(path, f"broken bzip2 data ({problem}); copy or download the file again") from problem
+    if begun:
+        raise error(path, "the bzip2 data ends early; copy or download the file again")
