@@ -256,7 +256,6 @@ def build_config(
         groups[group] = given if given is not None else _build_group(cls, named)
     if keywords:
         raise ConfigError(_unknown(next(iter(keywords))))
-    found.say_left_out(outputs=groups["traffic"].sumo_outputs is not None)
     return EnvConfig(scenario=found, **groups, **top)
 
 

@@ -6,7 +6,6 @@ A network that is not yet a bundle is converted on first use, into a cache of th
 import fcntl
 import hashlib
 import importlib.util
-import logging
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -25,7 +24,6 @@ from dojo_maps.input_files import sha256_of
 
 Files = str | Path | Sequence[str | Path]
 LETS_THROUGH = "sumo_outputs, or --sumo-outputs FOLDER, lets outputs through"
-_LOG = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -82,12 +80,17 @@ class Scenario:
         for name in ("options", "outputs", "left_out"):
             object.__setattr__(self, name, getattr(configuration, name))
 
-    def say_left_out(self, *, outputs: bool) -> None:
-        """Log once what of the configuration does not hold; `outputs` tells whether these do."""
+    def describe_left_out(self, *, outputs: bool) -> list[str]:
+        """Tell in a line, if any, what of the configuration does not hold.
+
+        Args:
+            outputs: whether its outputs do.
+        """
         names = (*self.left_out, *(() if outputs else self.outputs))
-        if self.config is not None and names:
-            hint = f"; {LETS_THROUGH}" if self.outputs and not outputs else ""
-            say_once(f"{self.config.name}: left out {', '.join(names)}{hint}")
+        if self.config is None or not names:
+            return []
+        hint = f"; {LETS_THROUGH}" if self.outputs and not outputs else ""
+        return [f"{self.config.name}: left out {', '.join(names)}{hint}"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -240,12 +243,6 @@ def _paths(files: Files) -> tuple[Path, ...]:
     if isinstance(files, str):
         return tuple(Path(name.strip()) for name in files.split(",") if name.strip())
     return (files,) if isinstance(files, Path) else tuple(Path(file) for file in files)
-
-
-@cache
-def say_once(message: str) -> None:
-    """Log a warning, once in a process."""
-    _LOG.warning(" ".join(message.split()))
 
 
 def _is_configuration(path: Path) -> bool:

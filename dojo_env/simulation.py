@@ -6,12 +6,14 @@ while it loads would end this process, too, so SUMO's program loads it once befo
 """
 
 import importlib.util
+import logging
 import os
 import shlex
 import signal
 import subprocess
 import weakref
 from collections.abc import Iterable, Mapping, Sequence
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -27,6 +29,7 @@ from dojo_env.sumo_files import SumoFiles
 from dojo_env.sumo_messages import SumoMessages
 from dojo_env.sumo_options import full_name
 
+_LOG = logging.getLogger(__name__)
 _LOGICS = {"actuated": 3, "delay_based": 5}
 """SUMO's numbers of its logics."""
 _LARGEST_SEED = 2**31 - 1
@@ -120,6 +123,8 @@ class Simulation:
         except BaseException:
             self.close()
             raise
+        for note in self._files.notes:
+            _say_once(note)
 
     def fail(self, error: Exception, what: str | None = None) -> SimulationError:
         """End the simulation after one of `failures`, and make the error that tells it.
@@ -380,6 +385,12 @@ class _TraciGetters:
         found = getattr(getattr(self._connection, domain), getter)
         setattr(self, name, found)
         return found
+
+
+@cache
+def _say_once(note: str) -> None:
+    """Log a warning, once in a process."""
+    _LOG.warning(" ".join(note.split()))
 
 
 def _floats(values: Iterable[float]) -> Figures:

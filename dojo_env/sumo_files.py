@@ -18,7 +18,7 @@ from xml.sax.saxutils import XMLGenerator
 
 from dojo_env.elements import MAX_BYTES, read_elements
 from dojo_env.errors import ConfigError, ScenarioError
-from dojo_env.scenario import LETS_THROUGH, Scenario, say_once
+from dojo_env.scenario import LETS_THROUGH, Scenario
 from dojo_env.sumo_options import OUTPUT_FILES
 from dojo_maps.input_files import read_pieces
 
@@ -46,6 +46,7 @@ class SumoFiles:
 
     Attributes:
         options: of SUMO, by their names: the files, and what else the scenario's configuration asks for.
+        notes: what is left out, in a line for each file.
     """
 
     def __init__(self, network: Path, scenario: Scenario, outputs: Path | None) -> None:
@@ -60,6 +61,7 @@ class SumoFiles:
             ScenarioError: a file cannot be read, is unsafe, or would write over another.
             ConfigError: the folder cannot be made.
         """
+        self.notes = scenario.describe_left_out(outputs=outputs is not None)
         self._outputs = outputs.absolute() if outputs is not None else None
         self._safe: dict[Path, Path] = {}
         self._included: dict[Path, int] = {}
@@ -126,7 +128,9 @@ class SumoFiles:
         if writers and self._outputs is None:
             names = [name[:40] for name in list(writers)[:_MOST_NAMED]]
             more = [f"{len(writers) - len(names)} more"] if len(writers) > len(names) else []
-            say_once(f"{path.name}: left out the outputs of {', '.join(names + more)}; {LETS_THROUGH}")
+            self.notes.append(
+                f"{path.name}: left out the outputs of {', '.join(names + more)}; {LETS_THROUGH}"
+            )
         self._safe[path] = self._copy(path) if writers or any(moved) else path
         return self._safe[path]
 
