@@ -11,7 +11,7 @@ import sys
 import tempfile
 
 _STDERR = 2
-_ERROR = "Error: "
+_ERROR, _WARNING = "Error: ", "Warning: "
 _EMPTY = ("", "Process Error")
 """What SUMO raises where it has said the reason before."""
 _SHOWN = 3
@@ -80,7 +80,7 @@ class SumoMessages:
             if line.startswith(_ERROR):
                 is_error = True
                 self._errors.append(" ".join(line.removeprefix(_ERROR).split()))
-            elif is_error and (line.startswith(" ") or not line.strip()):  # It goes on.
+            elif is_error and not line.startswith(_WARNING):  # It goes on.
                 self._errors[-1] = " ".join([self._errors[-1], *line.split()])
             else:
                 is_error = False

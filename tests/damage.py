@@ -5,9 +5,12 @@ import random
 import re
 from collections.abc import Callable
 
+import commands  # noqa: F401 - finds the tools
 import networks
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+
+from fuzz import damage
 
 
 def replaced(good: bytes, old: str, new: str, count: int = 1) -> bytes:
@@ -140,72 +143,6 @@ ODDITIES: dict[str, Callable[[bytes], bytes]] = {
         good, LANE + 'shape="[^"]*"', rf'\1 shape="{_wave(points=400, step=0.01, width=1.0, length=0.04)}"'
     ),
 }
-
-
-def damage(data: bytes, chance: random.Random) -> bytes:
-    """Change a network here and there; the text stays mostly XML."""
-    changed = bytearray(data)
-    # Most damage to single bytes ends in the XML parser; damage to values reaches further in.
-    chance.choice([_damage_bytes, _damage_attributes, _damage_attributes, _damage_lines])(changed, chance)
-    return bytes(changed)
-
-
-def _damage_bytes(data: bytearray, chance: random.Random) -> None:
-    for _ in range(chance.randint(1, 6)):
-        at = chance.randrange(len(data))
-        kind = chance.randrange(4)
-        if kind == 0:
-            data[at] = chance.randrange(256)
-        elif kind == 1:
-            del data[at : at + chance.randint(1, 400)]
-        elif kind == 2:
-            data[at:at] = data[at : at + chance.randint(1, 400)]
-        else:
-            data[at:at] = chance.randbytes(chance.randint(1, 20))
-
-
-WEIRD_VALUES = [
-    "",
-    "nan",
-    "-1",
-    "0",
-    "1e308",
-    "inf",
-    "x",
-    "99999999999",
-    "a b c",
-    "&#10;",
-    "../x",
-    ":c_0",
-    "1,2",
-]
-
-
-def _damage_attributes(data: bytearray, chance: random.Random) -> None:
-    places = list(re.finditer(rb' (\w+)="([^"]*)"', bytes(data)))
-    for place in sorted(chance.sample(places, chance.randint(1, 4)), key=re.Match.start, reverse=True):
-        kind = chance.randrange(3)
-        other = chance.choice(places)
-        new = {
-            0: b"",
-            1: b' %s="%s"' % (place[1], chance.choice(WEIRD_VALUES).encode()),
-            2: b' %s="%s"' % (place[1], other[2]),
-        }[kind]
-        data[place.start() : place.end()] = new
-
-
-def _damage_lines(data: bytearray, chance: random.Random) -> None:
-    lines = bytes(data).split(b"\n")
-    for _ in range(chance.randint(1, 5)):
-        at, other = chance.randrange(len(lines)), chance.randrange(len(lines))
-        kind = chance.randrange(3)
-        if kind == 0:
-            del lines[at]
-        elif kind == 1:
-            lines.insert(at, lines[other])
-        else:
-            lines[at], lines[other] = lines[other], lines[at]
-    data[:] = b"\n".join(lines)
 
 
 def written(positions: list[tuple[float, float]]) -> str:

@@ -30,6 +30,7 @@ def make_world(folder: Path, routes: str, *, own_process: bool = False, **settin
         ('<vehicle depart="0"><route edges="n_t t_s"/></vehicle>', "Attribute 'id' is missing"),
         ('<vehicle id="b" depart="0"><route edges="gone"/></vehicle>', "The edge 'gone'"),
         ('<vehicle id="b" depart="0" type="gone"><route edges="n_t t_s"/></vehicle>', "type 'gone'"),
+        ('<vehicle id="b" depart="0" type="&#10;x"><route edges="n_t t_s"/></vehicle>', "vehicle type"),
         ('<flow id="f" begin="0" end="900" number="x" from="n_t" to="t_s"/>', "'number'"),
     ],
 )

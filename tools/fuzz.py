@@ -11,6 +11,7 @@ runs in, are tried once more through the command that must survive them.
 
 import argparse
 import contextlib
+import importlib.util
 import io
 import json
 import os
@@ -48,6 +49,8 @@ PATIENCE = 120.0
 SECONDS = 20
 """Simulated seconds of an episode."""
 _LONGEST_ERROR = 1500
+_UNNOTICED = 5
+"""The status of a trial whose damage was taken for good."""
 _WEIRD = (
     "", "nan", "-1", "0", "1e308", "inf", "x", "99999999999", "a b c", "&#10;", "../x", ":c_0", "1,2", "-0.0",
     "1e-320", "é", "%s%n", "/dev/zero", "0x10", "true", "1" * 400,
@@ -272,7 +275,14 @@ def make_kinds(folder: Path) -> dict[str, Kind]:
     from_config = {"run": partial(_drive, "s.sumocfg"), "command": (*driven, "--scenario", "s.sumocfg")}
     from_bundle = {"run": partial(_use_bundle, "b.dojo"), "command": (*driven, "--scenario", "b.dojo")}
     recorded = {"r.npz": recording, "n.net.xml": network}
+    learned = {}
+    if importlib.util.find_spec("torch") and importlib.util.find_spec("stable_baselines3"):
+        policy = _make_policy(folder)
+        learned["policy"] = Kind(
+            files=[policy], name="policy.pt", mutate=damage_bytes, run=_load_policy, beside={}
+        )
     return {
+        **learned,
         "network": Kind(files=[network], name="n.net.xml", mutate=damage, run=_use_network, beside={}),
         "osm": Kind(files=[osm], name="m.osm", mutate=damage, run=_use_osm, beside={}),
         "routes": Kind(files=[routes], name="r.rou.xml", mutate=damage, beside=scenario, **from_config),
@@ -349,6 +359,18 @@ def _make_network(folder: Path) -> Path:
         check=True, capture_output=True,
     )  # fmt: skip
     return network
+
+
+def _make_policy(folder: Path) -> Path:
+    """Make weights such as a training keeps, sealed as it seals them."""
+    import torch
+
+    from learning.tensor_files import save
+
+    torch.set_num_threads(1)
+    path = folder / "policy.pt"
+    save({"layer": torch.arange(600.0).reshape(20, 30), "steps": 7}, path)
+    return path
 
 
 def _make_osm() -> str:
@@ -438,6 +460,18 @@ def _replay(folder: Path, _chance: random.Random) -> int:
     return dojo_env.cli.main(command)
 
 
+def _load_policy(folder: Path, _chance: random.Random) -> int:
+    """Load weights: whatever is damaged in them must be noticed."""
+    from learning.tensor_files import load
+
+    try:
+        load(folder / "policy.pt")
+    except DojoError as error:
+        print(f"dojo-env: {' '.join(str(error).split())}", file=sys.stderr)
+        return error.exit_status
+    return _UNNOTICED
+
+
 def run_trial(kinds: Mapping[str, Kind], name: str, seed: int, place: Path) -> Finding | None:
     """Damage an input and see how the program ends.
 
@@ -454,7 +488,10 @@ def run_trial(kinds: Mapping[str, Kind], name: str, seed: int, place: Path) -> F
         copy: Any = shutil.copytree if path.is_dir() else shutil.copy
         copy(path, folder / beside)
     good = chance.choice(list(kind.files)).read_bytes()
-    (folder / kind.name).write_bytes(kind.mutate(good, chance))
+    damaged = kind.mutate(good, chance)
+    while damaged == good:
+        damaged = kind.mutate(good, chance)
+    (folder / kind.name).write_bytes(damaged)
     before = {path.name for path in folder.iterdir()}
     status, said = _run_bounded(partial(kind.run, folder, chance), folder)
     if status in {-signal.SIGSEGV, -signal.SIGABRT} and kind.command:
@@ -522,6 +559,7 @@ def _judge(status: int, said: str) -> str | None:
         "a traceback": "Traceback" in said,
         "a defect that the program admits": "a defect of this program" in said,
         "a hang": status == -signal.SIGKILL,
+        "the damage was not noticed": status == _UNNOTICED,
         f"ended with {status}": status not in {0, 1, 2, 3, 4},
         f"{len(lines)} lines of error": failed and not len(errors) == len(lines) == 1,
         f"an error of {len(said)} characters": failed and len(said) > _LONGEST_ERROR,
