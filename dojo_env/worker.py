@@ -24,9 +24,9 @@ from dojo_env.forks import (
     CAN_FORK,
     Call,
     call_in_fork,
+    interrupts_taken,
     interrupts_wait,
     receive_call,
-    take_interrupts,
 )
 from dojo_env.watching.views import Frame
 from dojo_env.world import Answer, Episode, World
@@ -180,8 +180,7 @@ def _answer(world: World, name: str, arguments: tuple[Any, ...]) -> tuple[Except
 
 def _serve(pipe: Connection, config: EnvConfig) -> None:
     """Answer calls until told to close, or until the other end is gone; forks answer for their episodes."""
-    with contextlib.suppress(KeyboardInterrupt, SimulationError):
-        take_interrupts()
+    with contextlib.suppress(KeyboardInterrupt, SimulationError), interrupts_taken():
         try:
             world = World(config)
         except Exception as error:  # noqa: BLE001 - it is raised at the other end
