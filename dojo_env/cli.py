@@ -8,6 +8,7 @@ from typing import Any
 
 from dojo_env.errors import ConfigError
 from dojo_maps.command import Parser, add_command, run_command
+from dojo_maps.progress import Progress
 from dojo_maps.whole_file import write_json
 
 
@@ -108,13 +109,14 @@ def _run(options: argparse.Namespace) -> int:
                 "let it begin when the demand does (<begin> of a .sumocfg), or give it --seconds",
                 file=sys.stderr,
             )
-        if sys.stderr.isatty():
+        if sys.stderr.isatty() and not options.quiet:
             print(f"seed {figures['seed']}: travel time {figures['travel_time']:.2f} s", file=sys.stderr)
 
     figures = run_controller(
         options.controller,
         range(options.seeds),
         on_episode=tell,
+        on_stage=Progress(quiet=options.quiet),
         scenario=options.scenario,
         num_seconds=options.seconds,
         min_green=options.min_green,
@@ -173,7 +175,7 @@ def _replay(options: argparse.Namespace) -> int:
         target = options.output or options.recording.with_suffix(".metadrive")
         print(f"{target}: {rerun.export(target)} scenarios")
     if options.video:
-        rerun.film(options.video)
+        rerun.film(options.video, on_stage=Progress(quiet=options.quiet))
         print(options.video)
     if not options.export and not options.video:
         rerun.watch(port=options.port, browser=not options.no_browser)

@@ -33,7 +33,7 @@ Call = tuple[str, Any]
 
 @contextlib.contextmanager
 def interrupts_wait() -> Iterator[None]:
-    """Keep interrupts from programs that start here until they take them, and here until these have started."""
+    """Keep interrupts from programs that start in here, until they take them, and from here meanwhile."""
     with held():
         if not CAN_FORK:
             yield

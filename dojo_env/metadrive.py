@@ -4,7 +4,6 @@ A recording has an instant per second and MetaDrive ten; in between, road users 
 longer than three minutes becomes several scenarios. Trains and ships are left out, as their ways are.
 """
 
-import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -22,6 +21,7 @@ from dojo_maps.exports import file_stem
 from dojo_maps.exports.metadrive import assemble_scenario, write_data_set
 from dojo_maps.exports.metadrive_features import Feature, build_features
 from dojo_maps.exports.metadrive_motion import LIGHTS, STEP, build_signal_states
+from dojo_maps.whole_file import work_folder
 
 Floats = NDArray[np.float64]
 
@@ -47,8 +47,8 @@ def export_recording(recording: Recording, bundle: Bundle, folder: Path) -> int:
     if folder.exists():
         raise ConfigError(f"{folder}: is there already; remove it, or choose another with -o")
     folder.parent.mkdir(parents=True, exist_ok=True)
-    with tempfile.TemporaryDirectory(dir=folder.parent, prefix=".exporting-") as work:
-        fresh = Path(work) / folder.name
+    with work_folder(folder.parent, ".exporting-") as work:
+        fresh = work / folder.name
         fresh.mkdir()
         count = write_data_set(fresh, _build_scenarios(recording, bundle.road_map))
         if not count:

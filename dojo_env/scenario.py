@@ -6,7 +6,6 @@ A network that is not yet a bundle is converted on first use, into a cache of th
 import fcntl
 import hashlib
 import importlib.util
-import tempfile
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
@@ -14,11 +13,12 @@ from functools import cache
 from pathlib import Path
 
 import dojo_maps
-from dojo_env.cache import cache_folder
+from dojo_env.cache import cache_folder, writing_cache
 from dojo_env.demand import write_two_way_demand
 from dojo_env.elements import read_elements
 from dojo_env.errors import ConfigError
 from dojo_maps.bundle import DEMAND, Bundle, read_bundle
+from dojo_maps.whole_file import work_folder
 
 Files = str | Path | Sequence[str | Path]
 
@@ -141,7 +141,8 @@ def packaged_scenario(name: str) -> Scenario:
     if spec is None or not spec.submodule_search_locations:
         raise ConfigError(f"scenario {name} is part of the package sumo-rl: pip install sumo-rl")
     nets = Path(spec.submodule_search_locations[0]) / "nets"
-    routes = nets / entry.routes if entry.routes else write_two_way_demand(cache_folder())
+    with writing_cache():
+        routes = nets / entry.routes if entry.routes else write_two_way_demand(cache_folder())
     return Scenario(
         map=nets / entry.network,
         routes=(routes,),
@@ -157,6 +158,7 @@ def open_map(scenario: Scenario, *, on_stage: Callable[[str], None] = lambda _st
 
     Raises:
         SourceError: the map is neither a bundle of this version nor a readable network.
+        ConfigError: the cache cannot be written.
     """
     if scenario.map.is_dir():
         return read_bundle(scenario.map)
@@ -164,7 +166,7 @@ def open_map(scenario: Scenario, *, on_stage: Callable[[str], None] = lambda _st
     stem = scenario.map.name.split(".")[0]
     folder = cache_folder() / f"{stem}-{digest}.dojo"
     if not folder.is_dir():
-        with _locked(folder.with_suffix(".lock")):
+        with writing_cache(), _locked(folder.with_suffix(".lock")):
             if not folder.is_dir():
                 _convert_into(scenario.map, folder, on_stage)
     return read_bundle(folder)
@@ -180,8 +182,8 @@ def with_files(
 
 def _convert_into(network: Path, folder: Path, on_stage: Callable[[str], None]) -> None:
     """Convert beside the target and move it there whole, so that readers never see a part of it."""
-    with tempfile.TemporaryDirectory(dir=folder.parent, prefix=".converting-") as work:
-        fresh = Path(work) / folder.name
+    with work_folder(folder.parent, ".converting-") as work:
+        fresh = work / folder.name
         dojo_maps.convert(str(network), fresh, on_stage=on_stage)
         fresh.rename(folder)
 

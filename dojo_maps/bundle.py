@@ -3,7 +3,6 @@
 import contextlib
 import json
 import shutil
-import tempfile
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 from dojo_maps.description import RoadMap
 from dojo_maps.errors import DescriptionError, UsageError
 from dojo_maps.serialization import from_json
+from dojo_maps.whole_file import work_folder
 
 if TYPE_CHECKING:
     from dojo_maps.meshes.mesh import Mesh
@@ -107,19 +107,17 @@ def replace_bundle(folder: Path) -> Iterator[Path]:
         UsageError: `folder` exists and is something else than a bundle, or cannot be written.
     """
     check_replaceable(folder)
-    try:
-        work = Path(tempfile.mkdtemp(prefix=f".{folder.name}.", dir=folder.parent))
-    except OSError as error:
-        raise UsageError(
-            f"{folder.parent}: cannot be written ({error.strerror}); choose another with -o"
-        ) from error
-    try:
+    with contextlib.ExitStack() as stack:
+        try:
+            work = stack.enter_context(work_folder(folder.parent, f".{folder.name}."))
+        except OSError as error:
+            raise UsageError(
+                f"{folder.parent}: cannot be written ({error.strerror}); choose another with -o"
+            ) from error
         fresh = work / "new"
         fresh.mkdir()
         yield fresh
         _swap(fresh, folder, work / "old")
-    finally:
-        shutil.rmtree(work, ignore_errors=True)
 
 
 def check_replaceable(folder: Path) -> None:

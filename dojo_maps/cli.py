@@ -7,6 +7,7 @@ from pathlib import Path
 
 from dojo_maps.cli_area import add_area_options, find_source, join_signed
 from dojo_maps.command import Parser, add_command, run_command
+from dojo_maps.progress import Progress
 
 EXPORT_NAMES = ("metadrive", "opendrive", "geojson")
 _PROFILES = ("default", "rl", "strict")
@@ -117,7 +118,6 @@ def _volume(text: str) -> float:
 
 def _convert(options: argparse.Namespace) -> int:
     from dojo_maps.conversion import ConvertOptions, convert
-    from dojo_maps.progress import Progress
 
     wanted = ConvertOptions(
         generated=not options.no_generated,
@@ -173,7 +173,11 @@ def _fix(options: argparse.Namespace) -> int:
 
 
 def _import_osm(options: argparse.Namespace) -> int:
-    options.source = find_source(options, lambda message: print(f"dojo-maps: {message}", file=sys.stderr))
+    def say(message: str) -> None:
+        if not options.quiet:
+            print(f"dojo-maps: {message}", file=sys.stderr)
+
+    options.source = find_source(options, say)
     options.enrich_net = False
     return _convert(options)
 

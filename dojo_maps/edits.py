@@ -1,6 +1,5 @@
 """Edits that a bundle keeps: a patch in its folder `edits`, put on every network that is imported into it."""
 
-import tempfile
 from pathlib import Path
 
 from dojo_maps import bundle
@@ -8,6 +7,7 @@ from dojo_maps.errors import SourceError
 from dojo_maps.issue import Element, Issue, Severity
 from dojo_maps.sources.edits import KINDS, Misfit, Patch, apply_patch, make_patch, read_patch
 from dojo_maps.sources.files import read_bytes
+from dojo_maps.whole_file import work_folder
 
 _ELEMENT_KINDS = {"node": "junction", "edge": "road", "tlLogic": "signal"}
 
@@ -29,8 +29,8 @@ def keep_edits(folder: Path, edited: Path) -> int:
     base = folder / bundle.BASE_NETWORK
     source = base if base.is_file() else folder / bundle.NETWORK
     patch = make_patch(read_bytes(source), read_bytes(edited), path=edited)
-    with tempfile.TemporaryDirectory(dir=folder.parent, prefix=f".{folder.name}.") as work:
-        fresh, old = Path(work) / "new", Path(work) / "old"
+    with work_folder(folder.parent, f".{folder.name}.") as work:
+        fresh, old = work / "new", work / "old"
         fresh.mkdir()
         for kind, data in patch.items():
             (fresh / f"{kind}.xml").write_bytes(data)

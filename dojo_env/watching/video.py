@@ -1,6 +1,6 @@
 """A video of what was shown, written whole or not at all."""
 
-import tempfile
+from contextlib import ExitStack
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
@@ -10,6 +10,7 @@ import cv2
 from dojo_env.errors import ConfigError
 from dojo_env.watching.views import Image
 from dojo_maps.errors import ToolMissingError
+from dojo_maps.whole_file import work_folder
 
 FRAME_RATE = 10.0
 """Frames per second, each of them a simulated second."""
@@ -33,13 +34,14 @@ class Video:
             raise ConfigError(f"{path}: a video's name ends in {' or '.join(_CODECS)}")
         if self._path.is_dir():
             raise ConfigError(f"{path}: is a folder; give the video another name")
+        self._work = ExitStack()
         try:
-            self._work = tempfile.TemporaryDirectory(dir=self._path.parent, prefix=".video-")
+            work = self._work.enter_context(work_folder(self._path.parent, ".video-"))
         except OSError as error:
             raise ConfigError(
                 f"{path}: cannot be written ({error.strerror}); choose another folder"
             ) from error
-        self._fresh = Path(self._work.name) / f"video{self._path.suffix.lower()}"
+        self._fresh = work / f"video{self._path.suffix.lower()}"
         self._writer: Any = None
 
     def add(self, picture: Image) -> None:

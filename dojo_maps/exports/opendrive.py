@@ -6,7 +6,6 @@ which OpenDRIVE has since 1.5: netconvert's own default for them mixes both side
 
 import re
 import shutil
-import tempfile
 from pathlib import Path
 from xml.sax.saxutils import quoteattr
 
@@ -14,6 +13,7 @@ from dojo_maps.description import RoadMap
 from dojo_maps.errors import ExportError
 from dojo_maps.exports import file_stem
 from dojo_maps.sources.netconvert import run_netconvert
+from dojo_maps.whole_file import work_folder
 
 _NETWORK, _RESULT = "network.net.xml", "map.xodr"
 _HEADER = re.compile(r'<header revMajor="1" revMinor="\d+" name="" version="([^"]*)" date="[^"]*"')
@@ -30,11 +30,11 @@ def write_opendrive(road_map: RoadMap, network: Path, folder: Path) -> None:
     arguments = ["-s", _NETWORK, "--opendrive-output", _RESULT, "--output.original-names"]
     if road_map.left_hand:
         arguments.append("--opendrive-output.lefthand-left")
-    with tempfile.TemporaryDirectory() as work:
+    with work_folder() as work:
         # Under a plain name, because netconvert splits paths at commas and spaces.
-        shutil.copyfile(network, Path(work, _NETWORK))
-        run_netconvert(arguments, folder=Path(work))
-        text = Path(work, _RESULT).read_text(encoding="utf-8")
+        shutil.copyfile(network, work / _NETWORK)
+        run_netconvert(arguments, folder=work)
+        text = (work / _RESULT).read_text(encoding="utf-8")
     (folder / f"{file_stem(road_map)}.xodr").write_text(_settle(text, road_map), encoding="utf-8")
 
 

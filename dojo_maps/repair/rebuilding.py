@@ -1,6 +1,5 @@
 """Let netconvert build a network anew where no smaller change will do, and keep its signal programs."""
 
-import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -8,6 +7,7 @@ from dojo_maps.repair.edits import Rebuild
 from dojo_maps.sources.enrich_net import KEEP, enrich_network
 from dojo_maps.sources.netconvert import NetconvertError, run_netconvert
 from dojo_maps.sources.sumo_xml import LogicRecord, read_records
+from dojo_maps.whole_file import work_folder
 
 _INPUT, _OUTPUT = "input.net.xml", "output.net.xml"
 
@@ -23,8 +23,7 @@ def rebuild(data: bytes, rebuilds: Sequence[Rebuild], path: Path) -> bytes:
     if added:
         connections = f"<connections>\n{added}</connections>\n"
         return enrich_network(data, path=path, options=("--walkingareas",), connections=connections)[0]
-    with tempfile.TemporaryDirectory(prefix="dojo-fix-") as name:
-        folder = Path(name)
+    with work_folder() as folder:
         (folder / _INPUT).write_bytes(data)
         run_netconvert(["-s", _INPUT, "-o", _OUTPUT, *KEEP], folder=folder)
         built = (folder / _OUTPUT).read_bytes()

@@ -7,7 +7,6 @@ loads beside a network. Elements that speak of what the network no longer has ar
 import re
 import subprocess
 import sys
-import tempfile
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,6 +17,7 @@ from dojo_maps.errors import SourceError, ToolMissingError
 from dojo_maps.sources.net_tree import NetTree
 from dojo_maps.sources.netconvert import NetconvertError, find_netconvert, run_netconvert, sumo_environment
 from dojo_maps.sources.safe_xml import parse_xml
+from dojo_maps.whole_file import work_folder
 
 KINDS = {
     "nod": ("nodes", "-n"),
@@ -60,8 +60,7 @@ def make_patch(base: bytes, edited: bytes, *, path: Path) -> Patch:
     netdiff = program.parent.parent / "tools" / "net" / "netdiff.py"
     if not netdiff.is_file():
         raise ToolMissingError("netdiff is not installed; it is part of SUMO: pip install eclipse-sumo")
-    with tempfile.TemporaryDirectory(prefix="dojo-maps-") as work:
-        folder = Path(work)
+    with work_folder() as folder:
         (folder / "base.net.xml").write_bytes(base)
         (folder / "edited.net.xml").write_bytes(edited)
         command = [sys.executable, str(netdiff), "base.net.xml", "edited.net.xml", "patch"]
@@ -126,8 +125,7 @@ def apply_patch(network: bytes, patch: Mapping[str, bytes], *, path: Path) -> tu
 
 
 def _build(network: bytes, patch: Mapping[str, Element]) -> bytes:
-    with tempfile.TemporaryDirectory(prefix="dojo-maps-") as work:
-        folder = Path(work)
+    with work_folder() as folder:
         (folder / "base.net.xml").write_bytes(network)
         options = ["-s", "base.net.xml", "-o", "built.net.xml", "--offset.disable-normalization"]
         options += ["--output.street-names", "--no-turnarounds.except-deadend"]

@@ -5,7 +5,6 @@ because netconvert replaces each by one of its own. The result is read again and
 what the report calls equal has been compared, and a difference for vehicles is an error, never a report line.
 """
 
-import tempfile
 from collections.abc import Mapping, Sequence
 from decimal import Decimal
 from pathlib import Path
@@ -24,6 +23,7 @@ from dojo_maps.sources.netconvert import NetconvertError, run_netconvert
 from dojo_maps.sources.pedestrian_links import TransplantError, restore_link_indices
 from dojo_maps.sources.pedestrian_timing import Walk
 from dojo_maps.sources.transplant import ProgramChange, transplant_programs
+from dojo_maps.whole_file import work_folder
 
 FORMAT = "dojo-enrichment"
 VERSION = 1
@@ -198,8 +198,7 @@ def _other_attributes(phase: Element) -> dict[str, str]:
 def _convert(
     data: bytes, path: Path, options: Sequence[str], connections: str
 ) -> tuple[bytes, tuple[str, ...]]:
-    with tempfile.TemporaryDirectory(prefix="dojo-enrich-") as name:
-        folder = Path(name)
+    with work_folder() as folder:
         (folder / _INPUT).write_bytes(data)
         arguments = ["-s", _INPUT, "-o", _OUTPUT, *options, *KEEP]
         if connections:

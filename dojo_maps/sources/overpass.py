@@ -8,17 +8,17 @@ import hashlib
 import json
 import math
 import re
-import tempfile
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from urllib.parse import quote_plus
 
-from dojo_maps.cache import cache_folder
+from dojo_maps.cache import cache_folder, writing_cache
 from dojo_maps.errors import SourceError, ToolMissingError, UsageError
 from dojo_maps.sources.download import BusyError, Patience, check_url, fetch, quote, within
 from dojo_maps.sources.safe_xml import parse_xml
+from dojo_maps.whole_file import work_folder
 
 SERVER = "https://overpass-api.de/api/interpreter"
 MAX_SIDE = 5_000.0
@@ -203,16 +203,14 @@ def _keep(path: Path, data: bytes, request: dict[str, str]) -> Download:
     folder = path.parent
     date = time.strftime("%Y-%m-%d", time.gmtime())
     request = {**request, "date": date, "sha256": hashlib.sha256(data).hexdigest()}
-    try:
+    with writing_cache():
         folder.parent.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryDirectory(dir=folder.parent, prefix=".new-") as work:
-            fresh = Path(work) / "new"
+        with work_folder(folder.parent, ".new-") as work:
+            fresh = work / "new"
             fresh.mkdir()
             (fresh / path.name).write_bytes(data)
             (fresh / _REQUEST).write_text(json.dumps(request, indent=1) + "\n", encoding="utf-8")
             if folder.exists():
-                folder.rename(Path(work) / "old")
+                folder.rename(work / "old")
             fresh.rename(folder)
-    except OSError as error:
-        raise UsageError(f"cache {folder}: {error.strerror}; name another folder in DOJO_CACHE") from error
     return Download(path=path, date=date)

@@ -5,7 +5,6 @@ it warns of is counted and tied to its element, and edges that come out too shor
 """
 
 import re
-import tempfile
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -23,6 +22,7 @@ from dojo_maps.sources.osm.outlines import mend_outlines
 from dojo_maps.sources.osm.plain import CONNECTIONS, EDGES, NODES, Plain, write_plain
 from dojo_maps.sources.signal_programs import program_signals
 from dojo_maps.sources.sumo_net import read_network
+from dojo_maps.whole_file import work_folder
 
 _ALWAYS = (
     *("-n", NODES, "-e", EDGES, "-x", CONNECTIONS, "-o", "output.net.xml"),
@@ -81,9 +81,9 @@ def build_network(data: OsmData, *, path: Path, name: str, sha256: str) -> OsmNe
     paved: set[str] = set()
     for _ in range(_ROUNDS):
         layout = lay_out(data, build_graph(data, path), joined, moved)
-        with tempfile.TemporaryDirectory(prefix="dojo-maps-") as folder:
-            plain = write_plain(data, layout, restrictions, Path(folder), paved)
-            built, warnings, dropped = _convert(Path(folder), path, left_hand=layout.graph.left_hand)
+        with work_folder() as folder:
+            plain = write_plain(data, layout, restrictions, folder, paved)
+            built, warnings, dropped = _convert(folder, path, left_hand=layout.graph.left_hand)
         road_map, _ = read_network(built, path=path, name=name, sha256=sha256)
         short, unpaved = _too_short(road_map, plain), _unpaved(warnings)
         moves = _moves(layout, short)
