@@ -6,7 +6,11 @@ Importing it registers `dojo_env/TrafficSignal-v0` with Gymnasium.
 import importlib
 from typing import TYPE_CHECKING, Any
 
-import gymnasium
+from dojo_maps import interruption
+
+interruption.begin_command("dojo-env", "dojo-env: interrupted")  # What follows takes long to load.
+
+import gymnasium  # noqa: E402
 
 if TYPE_CHECKING:
     from dojo_env.config import EnvConfig, EpisodeConfig, SignalConfig, TrafficConfig

@@ -1,5 +1,7 @@
 """Where things are kept that can be made again: converted maps, compiled kernels."""
 
+import contextlib
+from collections.abc import Iterator
 from pathlib import Path
 
 import dojo_maps.cache
@@ -13,7 +15,19 @@ def cache_folder() -> Path:
     Raises:
         ConfigError: the folder cannot be made.
     """
-    try:
+    with writing_cache():
         return dojo_maps.cache.cache_folder()
+
+
+@contextlib.contextmanager
+def writing_cache() -> Iterator[None]:
+    """Write into the cache.
+
+    Raises:
+        ConfigError: it cannot be written.
+    """
+    try:
+        with dojo_maps.cache.writing_cache():
+            yield
     except UsageError as error:
         raise ConfigError(str(error)) from error

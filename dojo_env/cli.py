@@ -6,50 +6,28 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from dojo_maps import interruption
-from dojo_maps.errors import DojoError
-from dojo_maps.interruption import Interruption
+from dojo_env.errors import ConfigError
+from dojo_maps.command import Parser, add_command, run_command
+from dojo_maps.progress import Progress
 from dojo_maps.whole_file import write_json
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run a command and return its exit status.
+    """Run a command and return its exit status; see `dojo_maps.command`.
 
-    0 done, 2 wrong usage, 3 bad input, 4 failure or a tool missing, 130 interrupted.
+    Args:
+        arguments: None for the process's own.
     """
-    status = interruption.STATUS
-    with Interruption("dojo-env: interrupted") as interrupted:
-        status = _do(_parser().parse_args(arguments), interrupted)
-    return interruption.STATUS if interrupted.happened else status
-
-
-def _do(options: argparse.Namespace, interrupted: Interruption) -> int:
-    try:
-        status: int = options.run(options, interrupted)
-        sys.stdout.flush()
-    except BrokenPipeError:
-        return interruption.leave_pipe()
-    except DojoError as error:
-        return _fail(" ".join(str(error).split()), error.exit_status, interrupted)
-    except OSError as error:
-        return _fail(str(error), 4, interrupted)
-    return status
-
-
-def _fail(message: str, status: int, interrupted: Interruption) -> int:
-    """Say what went wrong, unless a library turned an interruption into another error."""
-    if not interrupted.happened:
-        print(f"dojo-env: {message}", file=sys.stderr)
-    return status
+    return run_command("dojo-env", _parser, arguments)
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
+    parser = Parser(
         prog="dojo-env", description="Traffic signal control on converted maps, with SUMO's traffic."
     )
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
 
-    run = commands.add_parser("run", help="run a controller and print its figures")
+    run = add_command(commands, "run", _run, "run a controller and print its figures")
     run.add_argument("--scenario", required=True, help="a packaged scenario such as cologne1, or a .sumocfg")
     run.add_argument("--controller", required=True, metavar="NAME", help="such as max-pressure or fixed-time")
     run.add_argument("--seeds", type=int, default=1, metavar="N", help="how many episodes, seeds 0 to N-1")
@@ -70,9 +48,8 @@ def _parser() -> argparse.ArgumentParser:
         metavar="FOLDER",
         help="where the scenario's own outputs go (default: none)",
     )
-    run.set_defaults(run=_run)
 
-    watch = commands.add_parser("watch", help="show an episode live in the browser")
+    watch = add_command(commands, "watch", _watch, "show an episode live in the browser")
     watch.add_argument(
         "--scenario", default="cologne1", metavar="NAME", help="a packaged scenario, or a .sumocfg"
     )
@@ -83,9 +60,8 @@ def _parser() -> argparse.ArgumentParser:
     watch.add_argument("--seconds", type=int, default=3600, metavar="S", help="simulated seconds")
     watch.add_argument("--signals", nargs="+", metavar="ID", help="the signals to control (default: all)")
     _add_view_options(watch)
-    watch.set_defaults(run=_watch)
 
-    replay = commands.add_parser("replay", help="look at a recorded episode again, without SUMO")
+    replay = add_command(commands, "replay", _replay, "look at a recorded episode again, without SUMO")
     replay.add_argument("recording", type=Path, metavar="RECORDING", help="a file that run --record wrote")
     replay.add_argument(
         "--map", metavar="BUNDLE", help="the map that it was made on, where that is not a packaged scenario's"
@@ -98,9 +74,8 @@ def _parser() -> argparse.ArgumentParser:
         "-o", "--output", type=Path, metavar="DIR", help="where to export to (default: NAME.metadrive)"
     )
     _add_view_options(replay)
-    replay.set_defaults(run=_replay)
 
-    prove = commands.add_parser("prove", help="prove that no actions make a map's signals unsafe")
+    prove = add_command(commands, "prove", _prove, "prove that no actions make a map's signals unsafe")
     prove.add_argument("scenario", help="a packaged scenario, a .sumocfg, a bundle or a network")
     prove.add_argument("--signals", nargs="+", metavar="ID", help="the signals to look at (default: all)")
     prove.add_argument("--yellow", type=_yellow, default=2, metavar="S", help='seconds, or "speed"')
@@ -115,10 +90,8 @@ def _parser() -> argparse.ArgumentParser:
     prove.add_argument(
         "--phases", choices=["program", "computed"], default="program", help="which to choose from"
     )
-    prove.set_defaults(run=_prove)
 
-    scenarios = commands.add_parser("scenarios", help="list the packaged scenarios")
-    scenarios.set_defaults(run=_list_scenarios)
+    add_command(commands, "scenarios", _list_scenarios, "list the packaged scenarios")
     return parser
 
 
@@ -143,14 +116,13 @@ def _yellow(text: str) -> float | str:
         raise argparse.ArgumentTypeError(f'{text!r} is neither a number of seconds nor "speed"') from None
 
 
-def _run(options: argparse.Namespace, interrupted: Interruption) -> int:
+def _run(options: argparse.Namespace) -> int:
     from dojo_env.runs import run_controller, summarize
 
-    interrupted.raise_from_now_on()
     if options.seeds < 1:
-        return _fail("--seeds: expected a number above 0", 2, interrupted)
+        raise ConfigError("--seeds: expected a number above 0")
     if options.json and not options.json.absolute().parent.is_dir():
-        return _fail(f"--json {options.json}: no such folder; make it first", 2, interrupted)
+        raise ConfigError(f"--json {options.json}: no such folder; make it first")
 
     def tell(figures: dict[str, Any]) -> None:
         if not figures["departed"] + figures["backlogged"]:
@@ -159,13 +131,14 @@ def _run(options: argparse.Namespace, interrupted: Interruption) -> int:
                 "let it begin when the demand does (<begin> of a .sumocfg), or give it --seconds",
                 file=sys.stderr,
             )
-        if sys.stderr.isatty():
+        if sys.stderr.isatty() and not options.quiet:
             print(f"seed {figures['seed']}: travel time {figures['travel_time']:.2f} s", file=sys.stderr)
 
     figures = run_controller(
         options.controller,
         range(options.seeds),
         on_episode=tell,
+        on_stage=Progress(quiet=options.quiet),
         scenario=options.scenario,
         num_seconds=options.seconds,
         min_green=options.min_green,
@@ -193,12 +166,11 @@ def _run(options: argparse.Namespace, interrupted: Interruption) -> int:
     return 0
 
 
-def _watch(options: argparse.Namespace, interrupted: Interruption) -> int:
+def _watch(options: argparse.Namespace) -> int:
     from dojo_env.watch import watch
 
-    interrupted.raise_from_now_on()
     if not 0 <= options.port < 1 << 16:
-        return _fail("--port: expected a number from 0 to 65535", 2, interrupted)
+        raise ConfigError("--port: expected a number from 0 to 65535")
     watch(
         options.controller,
         seed=options.seed,
@@ -212,10 +184,9 @@ def _watch(options: argparse.Namespace, interrupted: Interruption) -> int:
     return 0
 
 
-def _replay(options: argparse.Namespace, interrupted: Interruption) -> int:
+def _replay(options: argparse.Namespace) -> int:
     from dojo_env.watch import Rerun
 
-    interrupted.raise_from_now_on()
     rerun = Rerun.open(
         options.recording,
         map=options.map,
@@ -227,21 +198,20 @@ def _replay(options: argparse.Namespace, interrupted: Interruption) -> int:
         target = options.output or options.recording.with_suffix(".metadrive")
         print(f"{target}: {rerun.export(target)} scenarios")
     if options.video:
-        rerun.film(options.video)
+        rerun.film(options.video, on_stage=Progress(quiet=options.quiet))
         print(options.video)
     if not options.export and not options.video:
         rerun.watch(port=options.port, browser=not options.no_browser)
     return 0
 
 
-def _prove(options: argparse.Namespace, interrupted: Interruption) -> int:
+def _prove(options: argparse.Namespace) -> int:
     """Visit every state of every signal in every action mode; returns 1 where a rule is broken."""
     from dojo_env.config import ACTION_MODES, SignalConfig
     from dojo_env.managers.map import MapManager
     from dojo_env.scenario import find_map, open_map
     from dojo_env.signals.proof import prove
 
-    interrupted.raise_from_now_on()
     found = find_map(options.scenario)
     configs = [
         SignalConfig(
@@ -273,10 +243,9 @@ def _prove(options: argparse.Namespace, interrupted: Interruption) -> int:
     return int(proved < len(plans))
 
 
-def _list_scenarios(_options: argparse.Namespace, interrupted: Interruption) -> int:
+def _list_scenarios(_options: argparse.Namespace) -> int:
     from dojo_env.scenario import PACKAGED, packaged_scenario
 
-    interrupted.raise_from_now_on()
     print(f"{'name':14}{'signals':>8}{'demand':>8}{'begin':>8}  licence")
     for name in PACKAGED:
         found = packaged_scenario(name)

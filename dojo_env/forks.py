@@ -18,39 +18,53 @@ from multiprocessing.connection import Connection
 from typing import Any, NoReturn
 
 from dojo_env.errors import SimulationDiedError
+from dojo_maps.interruption import held, silence
 
 CAN_FORK = sys.platform == "linux"
 """Elsewhere libraries may not survive it, and calls happen here."""
 _HEARTBEAT = 1.0
 """Seconds after which a fork looks whether its caller is still there."""
-_INTERRUPT = {signal.SIGINT}
+_INTERRUPTS = {signal.SIGINT, signal.SIGTERM}
+_chance = threading.Lock()
+"""To be interrupted; see `dojo_maps.interruption`."""
 
 
 @contextlib.contextmanager
 def interrupts_wait() -> Iterator[None]:
-    """Keep interrupts from programs that start here until they `take_interrupts`."""
-    if not CAN_FORK:
-        yield
-        return
-    resource_tracker.ensure_running()  # Its start would let interrupts through again.
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, _INTERRUPT)
+    """Keep interrupts from programs that start in here, until they take them, and from here meanwhile."""
+    with held():
+        if not CAN_FORK:
+            yield
+            return
+        resource_tracker.ensure_running()  # Its start would let interrupts through again.
+        before = signal.pthread_sigmask(signal.SIG_BLOCK, _INTERRUPTS)
+        try:
+            yield
+        finally:
+            signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+@contextlib.contextmanager
+def interrupts_taken() -> Iterator[None]:
+    """Be interrupted in here, but once: a second time would disturb what is written then.
+
+    What is said on standard error after that is lost; who started this process tells of it.
+    """
+    for number in _INTERRUPTS:
+        if signal.getsignal(number) is not signal.SIG_IGN:
+            signal.signal(number, _interrupt_once)
+    if CAN_FORK:
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, _INTERRUPTS)
     try:
         yield
     finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+        _chance.acquire(blocking=False)
 
 
-def take_interrupts() -> None:
-    """Be interrupted from here on, but once: a second time would disturb what is written then."""
-    if signal.getsignal(signal.SIGINT) is not signal.SIG_IGN:
-        signal.signal(signal.SIGINT, _interrupt_once)
-    if CAN_FORK:
-        signal.pthread_sigmask(signal.SIG_UNBLOCK, _INTERRUPT)
-
-
-def _interrupt_once(*_: object) -> NoReturn:
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    raise KeyboardInterrupt
+def _interrupt_once(*_: object) -> None:
+    if _chance.acquire(blocking=False):
+        silence()
+        raise KeyboardInterrupt
 
 
 def call_in_fork(function: Callable[..., Any], *arguments: Any) -> Any:
@@ -63,10 +77,12 @@ def call_in_fork(function: Callable[..., Any], *arguments: Any) -> Any:
     if not CAN_FORK:
         return function(*arguments)
     mine, theirs = Pipe(duplex=False)
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, _INTERRUPTS)  # Or it might end what is the caller's.
     caller, process = os.getpid(), os.fork()
     if process == 0:
         _answer_and_end(caller, theirs, function, arguments)
     try:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
         theirs.close()
         error, value = mine.recv()
     except EOFError as problem:
@@ -100,10 +116,9 @@ def _answer_and_end(
 
     try:
         thread = threading.Thread(target=answer)
-        signal.pthread_sigmask(signal.SIG_BLOCK, _INTERRUPT)
-        thread.start()
+        thread.start()  # It leaves interrupts to this one.
         try:
-            signal.pthread_sigmask(signal.SIG_UNBLOCK, _INTERRUPT)
+            signal.pthread_sigmask(signal.SIG_UNBLOCK, _INTERRUPTS)
             _wait(is_done, caller)
         except KeyboardInterrupt:
             interrupt = ctypes.py_object(KeyboardInterrupt)

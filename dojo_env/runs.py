@@ -21,6 +21,7 @@ def run_controller(
     *,
     on_step: Callable[[dict[str, Any]], None] = lambda _info: None,
     on_episode: Callable[[dict[str, Any]], None] = lambda _figures: None,
+    on_stage: Callable[[str], None] = lambda _stage: None,
     video: Path | None = None,
     **keywords: Any,
 ) -> list[dict[str, Any]]:
@@ -34,6 +35,7 @@ def run_controller(
         seeds: one episode each.
         on_step: is told what `info` told after each decision, when an episode is over.
         on_episode: is then told its figures.
+        on_stage: is told now and then how far the video is.
         video: a file that shows all episodes, one after the other, second by second.
         keywords: settings of the environment.
 
@@ -49,7 +51,8 @@ def run_controller(
         world = stack.enter_context(closing(open_world(config, own_process=True)))
         show = None
         if film is not None:
-            show = FilmShow(*open_views(config), f"{config.scenario.name}, {name}", film)
+            title = f"{config.scenario.name}, {name}"
+            show = FilmShow(*open_views(config), title, film, on_stage=on_stage)
             world.watch(show.add)
         for seed in seeds:
             if show is not None:

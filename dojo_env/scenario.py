@@ -14,7 +14,7 @@ from functools import cache
 from pathlib import Path
 
 import dojo_maps
-from dojo_env.cache import cache_folder
+from dojo_env.cache import cache_folder, writing_cache
 from dojo_env.demand import write_two_way_demand
 from dojo_env.elements import read_elements
 from dojo_env.errors import ConfigError, ScenarioError
@@ -184,7 +184,8 @@ def packaged_scenario(name: str) -> Scenario:
     if spec is None or not spec.submodule_search_locations:
         raise ConfigError(f"scenario {name} is part of the package sumo-rl: pip install sumo-rl")
     nets = Path(spec.submodule_search_locations[0]) / "nets"
-    routes = nets / entry.routes if entry.routes else write_two_way_demand(cache_folder())
+    with writing_cache():
+        routes = nets / entry.routes if entry.routes else write_two_way_demand(cache_folder())
     return Scenario(
         map=nets / entry.network,
         routes=(routes,),
@@ -200,6 +201,7 @@ def open_map(scenario: Scenario, *, on_stage: Callable[[str], None] = lambda _st
 
     Raises:
         SourceError: the map is neither a whole bundle of this version nor a readable network.
+        ConfigError: the cache cannot be written.
     """
     if scenario.map.is_dir():
         return open_bundle(scenario.map)
@@ -208,7 +210,7 @@ def open_map(scenario: Scenario, *, on_stage: Callable[[str], None] = lambda _st
     stem = scenario.map.name.split(".")[0][:80]
     folder = cache_folder() / f"{stem}-{digest}.dojo"
     if not folder.is_dir():
-        with _locked(folder.with_suffix(".lock")):
+        with writing_cache(), _locked(folder.with_suffix(".lock")):
             if not folder.is_dir():
                 dojo_maps.convert(str(scenario.map), folder, on_stage=on_stage)
     return open_bundle(folder)

@@ -2,7 +2,7 @@
 
 import sys
 import webbrowser
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import closing
 from pathlib import Path
 from typing import Any, Self
@@ -29,7 +29,6 @@ from dojo_env.watching.views import Frame, choose_cameras, draw_views
 from dojo_env.world_process import open_world
 from dojo_maps.bundle import Bundle
 from dojo_maps.interruption import heed
-from dojo_maps.progress import Progress
 
 Plans = Mapping[str, SignalPlan]
 _LOOKS: Mapping[str, Any] = {"show_links": True, "smooth": True, "width": 480, "height": 344}
@@ -100,12 +99,14 @@ class LiveShow:
 class FilmShow:
     """Adds a picture per second to a video."""
 
-    def __init__(self, eyes: Eyes, plans: Plans, title: str, video: Video) -> None:
-        """Take where to draw and to write."""
+    def __init__(
+        self, eyes: Eyes, plans: Plans, title: str, video: Video, *, on_stage: Callable[[str], None]
+    ) -> None:
+        """Take where to draw and to write, and who is told how far it is."""
         self._eyes, self._title, self._video = eyes, title, video
         self._plans, self._scores = plans, Scoreboard(plans)
         self._history: list[Board] = []
-        self._progress, self._seconds = Progress(), 0
+        self._on_stage, self._seconds = on_stage, 0
 
     def begin(self, seed: int) -> None:
         """Take the conditions of an episode."""
@@ -123,7 +124,7 @@ class FilmShow:
         self._history.append(board)
         self._seconds += 1
         if self._seconds % _TOLD_EVERY == 0:
-            self._progress(f"{self._seconds:,} seconds drawn")
+            self._on_stage(f"{self._seconds:,} seconds drawn")
 
 
 def open_views(config: EnvConfig) -> tuple[Eyes, Plans]:
@@ -215,15 +216,19 @@ class Rerun:
                 show.add(snapshot)
             show.hold()
 
-    def film(self, path: Path) -> None:
+    def film(self, path: Path, *, on_stage: Callable[[str], None] = lambda _stage: None) -> None:
         """Write a video, a frame per recorded second.
+
+        Args:
+            path: of the video.
+            on_stage: told now and then how far it is.
 
         Raises:
             ConfigError: the path cannot be written.
             ToolMissingError: no codec for it is installed.
         """
         with open_video(path) as video:
-            show = FilmShow(self._eyes, self._plans, self._title, video)
+            show = FilmShow(self._eyes, self._plans, self._title, video, on_stage=on_stage)
             for snapshot in self._recording:
                 show.add(snapshot)
 

@@ -34,7 +34,7 @@ from typing import Any, NamedTuple
 from dojo_env.config import EnvConfig
 from dojo_env.controllers import Controller
 from dojo_env.errors import ConfigError, SimulationDiedError, SimulationError
-from dojo_env.forks import CAN_FORK, call_in_fork, interrupts_wait, take_interrupts
+from dojo_env.forks import CAN_FORK, call_in_fork, interrupts_taken, interrupts_wait
 from dojo_env.instant import Instant
 from dojo_env.local_world import LocalWorld
 from dojo_env.snapshot import Snapshot
@@ -288,8 +288,7 @@ def _children_allowed() -> Iterator[None]:
 
 def _serve(pipe: Connection, config: EnvConfig, episodes: int) -> None:
     """Answer calls until told to close, or until the other end is gone; forks answer for their episodes."""
-    with contextlib.suppress(KeyboardInterrupt, OSError):
-        take_interrupts()
+    with contextlib.suppress(KeyboardInterrupt, OSError), interrupts_taken():
         try:
             world = LocalWorld(config)
         except Exception as error:  # noqa: BLE001 - it is raised at the other end

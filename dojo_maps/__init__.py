@@ -3,6 +3,8 @@
 import importlib
 from typing import TYPE_CHECKING, Any
 
+from dojo_maps import interruption
+
 if TYPE_CHECKING:
     from dojo_maps.bundle import Bundle, read_bundle
     from dojo_maps.conversion import ConvertOptions, convert
@@ -19,6 +21,8 @@ _HOMES = {
     "RoadMap": "description",
     "DojoError": "errors",
 }
+
+interruption.begin_command("dojo-maps", "dojo-maps: interrupted; every bundle is as it was, or complete")
 
 
 def __getattr__(name: str) -> Any:

@@ -5,67 +5,31 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from dojo_maps import interruption
 from dojo_maps.cli_area import add_area_options, find_source, join_signed
-from dojo_maps.errors import DojoError
-from dojo_maps.interruption import Interruption
+from dojo_maps.command import Parser, add_command, run_command
+from dojo_maps.progress import Progress
 
 EXPORT_NAMES = ("metadrive", "opendrive", "geojson")
-_INTERRUPTED = "dojo-maps: interrupted; every bundle is as it was, or complete"
 _PROFILES = ("default", "rl", "strict")
 _REPORTS = {"json": "the report", "html": "a page", "sarif": "SARIF", "geojson": "the issues as GeoJSON"}
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run a command and return its exit status.
+    """Run a command and return its exit status; see `command`.
 
-    0 clean or warnings only, 1 the map has errors, 2 wrong usage, 3 bad input, 4 failure or a tool missing,
-    130 interrupted.
+    Args:
+        arguments: None for the process's own.
     """
-    status = interruption.STATUS
-    with Interruption(_INTERRUPTED) as interrupted:
-        given = sys.argv[1:] if arguments is None else arguments
-        status = _run(_parser().parse_args(join_signed(given)), interrupted)
-    return interruption.STATUS if interrupted.happened else status
-
-
-def _run(options: argparse.Namespace, interrupted: Interruption) -> int:
-    """Run the chosen command; every failure becomes one line and a status."""
-    try:
-        status: int = options.run(options, interrupted)
-        sys.stdout.flush()
-    except BrokenPipeError:
-        return interruption.leave_pipe()
-    except DojoError as error:
-        return _fail(" ".join(str(error).split()), error.exit_status, interrupted)
-    except MemoryError:
-        return _fail("not enough memory for this input; nothing was written", 4, interrupted)
-    except OSError as error:
-        return _fail(str(error), 4, interrupted)
-    except Exception as error:  # noqa: BLE001 - a user gets one line, whatever happens
-        place = error.__traceback__
-        while place and place.tb_next:
-            place = place.tb_next
-        where = f"{Path(place.tb_frame.f_code.co_filename).name}:{place.tb_lineno}" if place else "?"
-        what = " ".join(f"{type(error).__name__}: {error}".split())
-        return _fail(f"a defect of this program ({what}; {where}); nothing was written", 4, interrupted)
-    return status
-
-
-def _fail(message: str, status: int, interrupted: Interruption) -> int:
-    """Say what went wrong, unless a library turned an interruption into another error."""
-    if not interrupted.happened:
-        print(f"dojo-maps: {message}", file=sys.stderr)
-    return status
+    return run_command("dojo-maps", _parser, join_signed(sys.argv[1:] if arguments is None else arguments))
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
-        prog="dojo-maps", description="Road maps for vision-based traffic signal control."
-    )
+    parser = Parser(prog="dojo-maps", description="Road maps for vision-based traffic signal control.")
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
 
-    convert = commands.add_parser("convert", help="turn a SUMO network or OpenStreetMap data into a bundle")
+    convert = add_command(
+        commands, "convert", _convert, "turn a SUMO network or OpenStreetMap data into a bundle"
+    )
     convert.add_argument(
         "source",
         metavar="NET_OR_OSM",
@@ -77,9 +41,8 @@ def _parser() -> argparse.ArgumentParser:
         help="give the network itself sidewalks and crossings, keep its programs",
     )
     _add_bundle_options(convert)
-    convert.set_defaults(run=_convert)
 
-    import_osm = commands.add_parser("import-osm", help="build a bundle from OpenStreetMap data")
+    import_osm = add_command(commands, "import-osm", _import_osm, "build a bundle from OpenStreetMap data")
     add_area_options(import_osm)
     import_osm.add_argument(
         "--demand",
@@ -88,21 +51,18 @@ def _parser() -> argparse.ArgumentParser:
         help="vehicles in all (default: what the junctions can take; 0 for none)",
     )
     _add_bundle_options(import_osm)
-    import_osm.set_defaults(run=_import_osm)
 
-    keep = commands.add_parser("keep", help="keep what was changed in netedit for the next import")
+    keep = add_command(commands, "keep", _keep, "keep what was changed in netedit for the next import")
     keep.add_argument("bundle", metavar="BUNDLE", type=Path)
     keep.add_argument("edited", metavar="NET", type=Path, help="the bundle's network as netedit saved it")
-    keep.set_defaults(run=_keep)
 
-    view = commands.add_parser("view", help="show a bundle's 3D scene in the browser")
+    view = add_command(commands, "view", _view, "show a bundle's 3D scene in the browser")
     view.add_argument("bundle", metavar="BUNDLE", type=Path)
     view.add_argument(
         "-o", "--output", metavar="FILE", type=Path, help="write the page here and open nothing"
     )
-    view.set_defaults(run=_view)
 
-    validate = commands.add_parser("validate", help="check a network or a bundle")
+    validate = add_command(commands, "validate", _validate, "check a network or a bundle")
     validate.add_argument(
         "source", metavar="NET_OR_BUNDLE", help="a network, a packaged scenario or a bundle"
     )
@@ -112,9 +72,8 @@ def _parser() -> argparse.ArgumentParser:
     validate.add_argument("--profile", choices=_PROFILES, default=_PROFILES[0], help="limits and severities")
     validate.add_argument("--exclude", metavar="FILE", type=Path, help="known issues to leave out, as JSON")
     validate.add_argument("--strict", action="store_true", help="exit with 1 on warnings, too")
-    validate.set_defaults(run=_validate)
 
-    fix = commands.add_parser("fix", help="repair a network where that is safe")
+    fix = add_command(commands, "fix", _fix, "repair a network where that is safe")
     fix.add_argument("source", metavar="NET_OR_BUNDLE", help="a network, a packaged scenario or a bundle")
     fix.add_argument("-o", "--output", metavar="NET", type=Path, help="the network to write")
     fix.add_argument(
@@ -122,10 +81,8 @@ def _parser() -> argparse.ArgumentParser:
     )
     fix.add_argument("--dry-run", action="store_true", help="show the patch and the counts, write no network")
     fix.add_argument("--patch", metavar="FOLDER", type=Path, help="write the patch here, as plain XML files")
-    fix.set_defaults(run=_fix)
 
-    checks = commands.add_parser("checks", help="list the checks")
-    checks.set_defaults(run=_list_checks)
+    add_command(commands, "checks", _list_checks, "list the checks")
     return parser
 
 
@@ -143,7 +100,6 @@ def _add_bundle_options(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--jobs", metavar="N", type=_positive, help="threads to use (default: one per core)")
     parser.add_argument("--strict", action="store_true", help="exit with 1 on warnings, too")
-    parser.add_argument("--quiet", action="store_true", help="no progress on standard error")
 
 
 def _positive(text: str) -> int:
@@ -160,11 +116,9 @@ def _volume(text: str) -> float:
     return value
 
 
-def _convert(options: argparse.Namespace, interrupted: Interruption) -> int:
+def _convert(options: argparse.Namespace) -> int:
     from dojo_maps.conversion import ConvertOptions, convert
-    from dojo_maps.progress import Progress
 
-    interrupted.raise_from_now_on()
     wanted = ConvertOptions(
         generated=not options.no_generated,
         enrich_net=options.enrich_net,
@@ -185,13 +139,12 @@ def _convert(options: argparse.Namespace, interrupted: Interruption) -> int:
     return int(counts["error"] > 0 or (options.strict and counts["warning"] > 0))
 
 
-def _validate(options: argparse.Namespace, interrupted: Interruption) -> int:
+def _validate(options: argparse.Namespace) -> int:
     from dojo_maps.inspection import inspect, write_reports
     from dojo_maps.report.formats import as_text
     from dojo_maps.validation.exclusions import read_exclusions
     from dojo_maps.validation.profiles import PROFILES
 
-    interrupted.raise_from_now_on()
     exclusions = read_exclusions(options.exclude) if options.exclude else ()
     read, report = inspect(options.source, PROFILES[options.profile], exclusions)
     targets = {name: getattr(options, name) for name in (*_REPORTS, "netedit")}
@@ -202,11 +155,10 @@ def _validate(options: argparse.Namespace, interrupted: Interruption) -> int:
     return int(counts["error"] > 0 or (options.strict and counts["warning"] > 0))
 
 
-def _fix(options: argparse.Namespace, interrupted: Interruption) -> int:
+def _fix(options: argparse.Namespace) -> int:
     from dojo_maps.errors import UsageError
     from dojo_maps.repair.fixing import describe, fix, patch_of, write_fixed
 
-    interrupted.raise_from_now_on()
     if options.output is None and not options.dry_run:
         raise UsageError("name the network to write with -o, or look at what would be done with --dry-run")
     fixed = fix(options.source, options.only)
@@ -220,30 +172,31 @@ def _fix(options: argparse.Namespace, interrupted: Interruption) -> int:
     return int(any(issue.severity == "error" for issue in fixed.after.issues))
 
 
-def _import_osm(options: argparse.Namespace, interrupted: Interruption) -> int:
-    interrupted.raise_from_now_on()
-    options.source = find_source(options, lambda message: print(f"dojo-maps: {message}", file=sys.stderr))
+def _import_osm(options: argparse.Namespace) -> int:
+    def say(message: str) -> None:
+        if not options.quiet:
+            print(f"dojo-maps: {message}", file=sys.stderr)
+
+    options.source = find_source(options, say)
     options.enrich_net = False
-    return _convert(options, interrupted)
+    return _convert(options)
 
 
-def _keep(options: argparse.Namespace, interrupted: Interruption) -> int:
+def _keep(options: argparse.Namespace) -> int:
     from dojo_maps.edits import keep_edits
 
-    interrupted.raise_from_now_on()
     count = keep_edits(options.bundle, options.edited)
     print(f"{options.bundle}: {count} edits kept; the next import into this bundle applies them")
     return 0
 
 
-def _view(options: argparse.Namespace, interrupted: Interruption) -> int:
+def _view(options: argparse.Namespace) -> int:
     import tempfile
     import webbrowser
 
     from dojo_maps.bundle import read_bundle
     from dojo_maps.viewer import write_view
 
-    interrupted.raise_from_now_on()
     shown = read_bundle(options.bundle)
     page = (
         options.output or Path(tempfile.mkdtemp(prefix="dojo-maps-")) / f"{shown.folder.resolve().name}.html"
@@ -255,10 +208,9 @@ def _view(options: argparse.Namespace, interrupted: Interruption) -> int:
     return 0
 
 
-def _list_checks(_options: argparse.Namespace, interrupted: Interruption) -> int:
+def _list_checks(_options: argparse.Namespace) -> int:
     from dojo_maps.validation.catalogue import CHECKS
 
-    interrupted.raise_from_now_on()
     for check in CHECKS:
         print(f"{check.id:32} {check.severity.value:8} {check.title} (limit: {check.limit}; {check.source})")
     return 0

@@ -1,78 +1,139 @@
-"""What SIGINT and SIGTERM do to a running command: end it with one line and one status, at any moment."""
+"""What SIGINT and SIGTERM do to a command: end it with one line and one status, at any moment.
 
+There is one chance to decide how a command ends. The first signal and the command's own end both reach for
+it, and whoever comes second changes nothing: so a storm of signals is one interruption, none of them disturbs
+the cleaning up, and none comes too late for a handler.
+
+Who was first, if it is a signal, says the line at once and closes standard error behind it, for nothing that
+the exception brings about on its way out is news. A command that has not begun its work is over with that;
+else KeyboardInterrupt ends it. A program that only calls us answers signals as it likes.
+"""
+
+import contextlib
 import os
 import signal
 import sys
 import threading
-from types import FrameType, TracebackType
-from typing import NoReturn, Self
+from collections.abc import Callable, Iterator
+from types import CodeType, FrameType
+from typing import Any
 
 STATUS = 130
 _SIGNALS = (signal.SIGINT, signal.SIGTERM)
-_present: "Interruption | None" = None
+_ONCE_MORE = 0.02
+"""Seconds until an interruption that was lost is raised once more."""
+present: "Interruption | None" = None
+"""Of this process, if it is a command's own."""
 
 
 class Interruption:
-    """Answers interruptions while it is entered, and gives the former answers back when it is left.
-
-    While modules load it ends the process itself: an exception raised inside of an import may be swallowed
-    by a C extension or come out as an ImportError, and there is nothing to clean up yet. After
-    `raise_from_now_on` it raises KeyboardInterrupt, once, and takes it in at the end. A signal that the
-    caller ignores stays ignored, and only the main thread has a say in signals.
+    """The one chance of a command to be interrupted.
 
     Attributes:
-        happened: whether there was an interruption, even if a library swallowed or renamed the exception.
+        happened: whether it was, even if a library swallowed or renamed the exception.
     """
 
-    def __init__(self, message: str) -> None:
-        """Take what the user is told of one."""
-        self._message = message
+    def __init__(self, words: str) -> None:
+        """Take what the user is told of it."""
         self.happened = False
-        self._former: dict[signal.Signals, signal._HANDLER] = {}
+        self._words = words
+        self._chance = threading.Lock()
+        self._work: CodeType | None = None
+        self._last = self._holds = self._waiting = 0
 
-    def __enter__(self) -> Self:
-        """Begin to answer, by ending at once."""
-        global _present  # noqa: PLW0603 - signals are the whole process's, too
-        _present = self
-        if threading.current_thread() is threading.main_thread():
-            answers = {number: signal.getsignal(number) for number in _SIGNALS}
-            self._former = {k: answer for k, answer in answers.items() if answer is not signal.SIG_IGN}
-        self._answer_with(self._end_at_once)
-        return self
+    def answer_signals(self) -> None:
+        """Begin to answer. A signal that the caller ignores stays ignored."""
+        for number in _SIGNALS:
+            if signal.getsignal(number) is not signal.SIG_IGN:
+                signal.signal(number, self._answer)
+        sys.unraisablehook = self._note_unraisable
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> bool:
-        """Tell the user of an interruption rather than of the error it became, and put the answers back."""
-        global _present  # noqa: PLW0603
-        _present = None
-        self.happened |= isinstance(error, KeyboardInterrupt)
-        if self.happened:
-            print(self._message, file=sys.stderr)  # noqa: T201
-        for number, answer in self._former.items():
-            # None stands for an answer that was not given in Python and cannot be put back from it.
-            signal.signal(number, signal.SIG_DFL if answer is None else answer)
-        return self.happened
+    def work_in(self, function: Callable[..., int]) -> None:
+        """Raise from here on, but where the module of this function imports what it needs."""
+        self._work = function.__code__
 
-    def raise_from_now_on(self) -> None:
-        """Raise KeyboardInterrupt at the first signal; later ones must not disturb the cleaning up."""
-        self._answer_with(self._raise_once)
-
-    def _answer_with(self, answer: "signal._HANDLER") -> None:
-        for number in self._former:
-            signal.signal(number, answer)
-
-    def _raise_once(self, _signal: int, _frame: FrameType | None) -> None:
+    def take(self) -> bool:
+        """Make it happen, if nothing has decided yet."""
+        if not self._chance.acquire(blocking=False):
+            return False
         if not self.happened:
             self.happened = True
+            with contextlib.suppress(OSError):
+                os.write(2, f"{self._words}\n".encode())
+            silence()
+        return True
+
+    def exclude(self) -> None:
+        """Let it not happen any more: the command has come to its end."""
+        self._chance.acquire(blocking=False)
+
+    @contextlib.contextmanager
+    def held(self) -> Iterator[None]:
+        """Let it happen only at the end of this."""
+        self._holds += 1
+        try:
+            yield
+        finally:
+            self._holds -= 1
+            if self._waiting and not self._holds:
+                self._answer(self._waiting)
+
+    def _answer(self, number: int, frame: FrameType | None = None) -> None:
+        self._last = number
+        if self._holds:
+            self._waiting = number
+        elif self.take():
+            if self._is_loading(frame):
+                os._exit(STATUS)
             raise KeyboardInterrupt
 
-    def _end_at_once(self, _signal: int, _frame: FrameType | None) -> NoReturn:
-        """End without any of Python's last steps; the stream cannot be used, the signal may lie inside it."""
-        try:
-            os.write(2, f"{self._message}\n".encode())
-        finally:
-            os._exit(STATUS)
+    def _is_loading(self, frame: FrameType | None) -> bool:
+        """Tell whether there is nothing to clean up yet, only modules on their way in.
+
+        An exception raised inside of an import may be swallowed by a C extension, or leave half of it.
+        """
+        work = self._work
+        if work is None:
+            return True
+        called = ""
+        while frame is not None and frame.f_code is not work:
+            if frame.f_code.co_filename != work.co_filename:
+                called = frame.f_code.co_filename
+            frame = frame.f_back
+        return frame is not None and called.startswith("<frozen importlib")
+
+    def _note_unraisable(self, lost: Any) -> None:
+        """Raise it once more if it was raised where nothing can be, as in a `__del__`."""
+        if not issubclass(lost.exc_type, KeyboardInterrupt):
+            sys.__unraisablehook__(lost)
+        elif self.happened:
+            self._chance.release()
+            again = (threading.main_thread().ident, self._last)
+            threading.Timer(_ONCE_MORE, signal.pthread_kill, again).start()
+
+
+def begin(words: str) -> None:
+    """Make this process a command's own, which `words` tell the end of where it is interrupted."""
+    global present  # noqa: PLW0603 - signals are the whole process's, too
+    present = Interruption(words)
+    present.answer_signals()
+
+
+def begin_command(name: str, words: str) -> None:
+    """Begin if this process was started for the command of this name, by its script or with `python -m`.
+
+    Packages ask as soon as they are imported: before what takes long, and before `sys.argv` can tell.
+    """
+    given = sys.orig_argv[1:]
+    while given and given[0].startswith("-"):
+        given = given[2 if given[0] in ("-X", "-W") else 1 :]
+    if given and given[0].rpartition(os.sep)[2].partition(".")[0].replace("_", "-") == name:
+        begin(words)
+
+
+def held() -> contextlib.AbstractContextManager[None]:
+    """Hold an interruption back where one half of what is done would be worse than none."""
+    return contextlib.nullcontext() if present is None else present.held()
 
 
 def heed() -> None:
@@ -80,11 +141,15 @@ def heed() -> None:
 
     numba's kernels drop what is raised while they call back into Python; numpy makes a TypeError of it.
     """
-    if _present is not None and _present.happened:
+    if present is not None and present.happened:
         raise KeyboardInterrupt
 
 
-def leave_pipe() -> int:
-    """Stop writing to who has seen enough of standard output, as in `| head`; returns the status for it."""
-    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-    return 128 + signal.SIGPIPE
+def silence() -> None:
+    """Send to nowhere what is still said on standard error, by C libraries or by Python."""
+    with contextlib.suppress(OSError, ValueError):
+        nowhere = os.open(os.devnull, os.O_WRONLY)
+        os.dup2(nowhere, 2)
+        if sys.stderr is not None:
+            os.dup2(nowhere, sys.stderr.fileno())
+        os.close(nowhere)

@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import Any
 
 from dojo_maps.errors import UsageError, WriteError
+from dojo_maps.interruption import held
 
 SUFFIX = ".dojo-tmp"
 """Ends the names of working folders."""
@@ -166,12 +167,16 @@ def _check_folder(folder: Path) -> None:
 @contextmanager
 def _working_folder(parent: Path, name: str) -> Iterator[Path]:
     _remove_left(parent)
-    work, lock = _make_locked(parent, name)
+    made: list[tuple[Path, int]] = []
     try:
-        yield work
+        with held():  # An interruption in the middle of it would leave the folder there.
+            made.append(_make_locked(parent, name))
+        yield made[0][0]
     finally:
-        shutil.rmtree(work, ignore_errors=True)
-        os.close(lock)
+        with held():
+            for work, lock in made:
+                shutil.rmtree(work, ignore_errors=True)
+                os.close(lock)
 
 
 def _make_locked(parent: Path, name: str) -> tuple[Path, int]:

@@ -33,6 +33,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     )
     parser.addoption("--all-mutants", action="store_true", help="plant every defect in every network")
     parser.addoption("--fuzz", type=int, default=30, help="how many damaged copies of a network to convert")
+    parser.addoption("--interruptions", type=int, default=12, help="how many commands to interrupt at random")
 
 
 def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
@@ -44,6 +45,8 @@ def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
         metafunc.parametrize("network", names, indirect=True, scope="session")
     if "fuzz_seed" in metafunc.fixturenames:
         metafunc.parametrize("fuzz_seed", range(metafunc.config.getoption("--fuzz")))
+    if "interruption_seed" in metafunc.fixturenames:
+        metafunc.parametrize("interruption_seed", range(metafunc.config.getoption("--interruptions")))
 
 
 @pytest.hookimpl(trylast=True)

@@ -21,7 +21,6 @@ from conftest import Conversion, command_environment, dojo_maps, read_strict_jso
 from damage import DAMAGES, ENDLESS, LARGE, ODDITIES, damage, network_of, swapped
 from scene_reader import read_gltf_json
 
-from dojo_maps import conversion
 from dojo_maps.cli import main
 
 BUNDLE = {"map.json", "scene.glb", "network.net.xml", "report.json", "report.html", "overview.png"}
@@ -549,7 +548,7 @@ def _started(bench: Bench, *arguments: object) -> Iterator[subprocess.Popen[str]
     former = {number: signal.signal(number, signal.default_int_handler) for number in INTERRUPTIONS}
     try:
         process = subprocess.Popen(
-            [sys.executable, "-X", "importtime", "-m", "dojo_maps.cli", *map(str, arguments)],
+            [sys.executable, "-X", "importtime", "-m", "dojo_maps", *map(str, arguments)],
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
             text=True,
@@ -610,29 +609,12 @@ def test_interruption_at_any_time_ends_the_command_in_one_line(
     assert bench.left_behind() == set()
 
 
-def test_main_gives_the_callers_signals_back(capsys: pytest.CaptureFixture[str]) -> None:
+def test_main_leaves_signals_to_the_program_that_calls_it(capsys: pytest.CaptureFixture[str]) -> None:
     before = [signal.getsignal(number) for number in INTERRUPTIONS]
     assert main(["checks"]) == 0
     assert [signal.getsignal(number) for number in INTERRUPTIONS] == before
-
-
-def test_main_runs_outside_of_the_main_thread(capsys: pytest.CaptureFixture[str]) -> None:
     with ThreadPoolExecutor(max_workers=1) as pool:
         assert pool.submit(main, ["checks"]).result() == 0
-
-
-def test_main_tells_of_an_interruption_that_a_library_swallowed(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    def swallow(*_arguments: object, **_options: object) -> None:
-        try:
-            signal.raise_signal(signal.SIGTERM)
-        except KeyboardInterrupt:
-            raise ImportError("numpy.core.multiarray failed to import") from None
-
-    monkeypatch.setattr(conversion, "convert", swallow)
-    assert main(["convert", "cologne1"]) == 130
-    assert capsys.readouterr().err.startswith("dojo-maps: interrupted; ")
 
 
 def test_convert_writes_no_progress_into_pipes(good: bytes, bench: Bench) -> None:

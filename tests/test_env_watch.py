@@ -143,6 +143,7 @@ def test_an_interruption_that_a_library_swallowed_or_renamed_ends_it_all_the_sam
 import signal, sys
 from dojo_env import watch
 from dojo_env.cli import main
+from dojo_maps import interruption
 
 note = watch.Scoreboard.note
 
@@ -155,6 +156,7 @@ def swallow(scores, snapshot):
     return note(scores, snapshot)
 
 watch.Scoreboard.note = swallow
+interruption.begin("dojo-env: interrupted")
 sys.exit(main(["watch", "--scenario", "two-way", "--no-browser"]))
 """
     done = subprocess.run(

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dojo_env.cache import cache_folder
+from dojo_env.cache import cache_folder, writing_cache
 from dojo_env.encoders.base import Scaling, import_needed
 from dojo_env.encoders.onnx_file import INSTALL, OnnxEncoder
 from dojo_env.errors import ConfigError, EncoderError
@@ -38,12 +38,12 @@ def open_efficientnet() -> OnnxEncoder:
     """Open the network, which is written to the user's cache at first.
 
     Raises:
-        ConfigError: a package is missing.
+        ConfigError: a package is missing, or the cache cannot be written.
     """
     file = cache_folder() / "encoders" / f"{_WEIGHTS}-{_BLOCKS}-{_PLACES}x{_PLACES}.onnx"
     if not file.is_file():
         content = build_network(read_weights())
-        with replaced(file, parents=True) as fresh:  # Other processes may be at it, too.
+        with writing_cache(), replaced(file, parents=True) as fresh:  # Other processes may be at it, too.
             fresh.write_bytes(content)
     return OnnxEncoder(NAME, read_bytes(file, error=EncoderError), SCALING)
 

@@ -54,6 +54,10 @@ def _compiled(function: Callable[..., Any], *, inside: bool) -> Any:
     try:
         # Both always: a kernel that does not say takes its caller's.
         options: dict[str, Any] = {"forceinline": inside, "_nrt": not inside}
-        return numba.njit(cache=True, nogil=True, error_model="numpy", **options)(function)
+        options |= {"nogil": True, "error_model": "numpy"}
+        try:
+            return numba.njit(cache=True, **options)(function)
+        except RuntimeError:  # There is no place to keep anything, not even beside the sources.
+            return numba.njit(**options)(function)
     finally:
         _CONFIG.CACHE_DIR = theirs

@@ -15,6 +15,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from dojo_maps.errors import DojoError, ToolMissingError
+from dojo_maps.interruption import held
 
 _WARNING, _ERROR = "Warning: ", "Error: "
 _AGGREGATE = "--aggregate-warnings"
@@ -100,32 +101,38 @@ def _run(
     command: list[str], folder: Path | None, environment: dict[str, str], timeout: float
 ) -> tuple[int, str]:
     """Run in a process group of its own, so that nothing outlives the time limit or an interruption."""
+    child = None
     try:
-        child = subprocess.Popen(  # noqa: S603 (no shell; the program is SUMO's own)
-            command,
-            cwd=folder,
-            env=environment,
-            stdin=subprocess.DEVNULL,
-            stdout=subprocess.DEVNULL,
-            stderr=subprocess.PIPE,
-            text=True,
-            encoding="utf-8",
-            errors="replace",
-            start_new_session=True,
-        )
+        with held():  # Started by half, nobody would know whom to end.
+            child = subprocess.Popen(  # noqa: S603 (no shell; the program is SUMO's own)
+                command,
+                cwd=folder,
+                env=environment,
+                stdin=subprocess.DEVNULL,
+                stdout=subprocess.DEVNULL,
+                stderr=subprocess.PIPE,
+                text=True,
+                encoding="utf-8",
+                errors="replace",
+                start_new_session=True,
+            )
+        _, diagnostics = child.communicate(timeout=timeout)
     except OSError as error:
         raise NetconvertError(f"netconvert cannot be started: {error.strerror} ({command[0]})") from error
-    with child:
-        try:
-            _, diagnostics = child.communicate(timeout=timeout)
-        except subprocess.TimeoutExpired:
-            raise NetconvertError(
-                f"netconvert was stopped after {timeout:g} s, its time limit; give it a smaller network"
-            ) from None
-        finally:
-            if child.returncode is None:
-                _kill(child)
+    except subprocess.TimeoutExpired:
+        raise NetconvertError(
+            f"netconvert was stopped after {timeout:g} s, its time limit; give it a smaller network"
+        ) from None
+    finally:
+        if child is not None:
+            _end(child)
     return child.returncode, diagnostics
+
+
+def _end(child: "subprocess.Popen[str]") -> None:
+    with child:
+        if child.returncode is None:
+            _kill(child)
 
 
 def _kill(child: "subprocess.Popen[str]") -> None:

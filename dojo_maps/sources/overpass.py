@@ -14,8 +14,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from urllib.parse import quote_plus
 
-from dojo_maps.cache import cache_folder
-from dojo_maps.errors import SourceError, ToolMissingError, UsageError, WriteError
+from dojo_maps.cache import cache_folder, writing_cache
+from dojo_maps.errors import SourceError, ToolMissingError, UsageError
 from dojo_maps.input_files import sha256_of
 from dojo_maps.safe_json import read_json
 from dojo_maps.safe_xml import parse_xml
@@ -204,10 +204,7 @@ def _keep(path: Path, data: bytes, request: dict[str, str]) -> Download:
     folder = path.parent
     date = time.strftime("%Y-%m-%d", time.gmtime())
     request = {**request, "date": date, "sha256": hashlib.sha256(data).hexdigest()}
-    try:
-        with replaced_folder(folder, parents=True) as fresh:
-            (fresh / path.name).write_bytes(data)
-            (fresh / _REQUEST).write_text(json.dumps(request, indent=1) + "\n", encoding="utf-8")
-    except (UsageError, WriteError) as error:
-        raise type(error)(f"cache {error}; name another folder in DOJO_CACHE") from error
+    with writing_cache(), replaced_folder(folder, parents=True) as fresh:
+        (fresh / path.name).write_bytes(data)
+        (fresh / _REQUEST).write_text(json.dumps(request, indent=1) + "\n", encoding="utf-8")
     return Download(path=path, date=date)

@@ -1,0 +1,188 @@
+"""The frame of every command: its arguments, its streams, its one line of failure, and how its process ends.
+
+A command is a function that takes the parsed arguments and returns its exit status: 0 done, 1 the map has
+errors, 2 wrong usage, 3 bad input, 4 failure or a tool missing; 130 interrupted, see `interruption`.
+"""
+
+import argparse
+import atexit
+import contextlib
+import io
+import os
+import signal
+import sys
+import warnings
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any, NoReturn
+
+from dojo_maps import interruption
+from dojo_maps.errors import DojoError, UsageError
+
+Run = Callable[[argparse.Namespace], int]
+_DISTRIBUTION = "traffic-dojo"
+_STANDARD_OUTPUT = "standard output"
+_LONGEST = 900
+"""Characters of a line about a failure."""
+
+
+def run_command(
+    name: str, build_parser: Callable[[], argparse.ArgumentParser], arguments: Sequence[str] | None
+) -> int:
+    """Run a command; every failure is one line on standard error and a status.
+
+    Args:
+        name: what the line begins with.
+        build_parser: makes the parser, which sets `run` to a command's function.
+        arguments: None for the process's own.
+
+    Returns:
+        The exit status; but where the process is the command's own, it ends with that.
+    """
+    given = sys.argv[1:] if arguments is None else arguments
+    if interruption.present is not None:
+        _end_process(name, lambda: _try(build_parser, given), interruption.present)
+    status, words = _try(build_parser, given)
+    _say(name, words)
+    return status
+
+
+class Parser(argparse.ArgumentParser):
+    """Knows its version; wrong usage is one line, too."""
+
+    def __init__(self, **options: Any) -> None:
+        """Take what any parser takes."""
+        super().__init__(**options)
+        self.add_argument("--version", action=_Version, nargs=0, help="show the version and exit")
+
+    def error(self, message: str) -> NoReturn:
+        """Refuse the arguments.
+
+        Raises:
+            UsageError: always.
+        """
+        raise UsageError(f"{message}; {self.prog} --help tells more")
+
+
+def add_command(
+    commands: "argparse._SubParsersAction[Parser]", name: str, run: Run, summary: str
+) -> argparse.ArgumentParser:
+    """Add a command with what all of them take."""
+    parser = commands.add_parser(name, help=summary)
+    parser.add_argument("--quiet", action="store_true", help="no progress on standard error")
+    parser.set_defaults(run=run)
+    return parser
+
+
+class _Version(argparse.Action):
+    def __call__(self, parser: argparse.ArgumentParser, *_: object) -> NoReturn:
+        from importlib import metadata  # noqa: PLC0415 - it takes longer than reading the arguments
+
+        try:
+            version = metadata.version(_DISTRIBUTION)
+        except metadata.PackageNotFoundError:
+            version = "(not installed)"
+        print(f"{_DISTRIBUTION} {version}")  # noqa: T201
+        parser.exit()
+
+
+def _try(build_parser: Callable[[], argparse.ArgumentParser], arguments: Sequence[str]) -> tuple[int, str]:
+    """Run a command; returns its status, and what is to be said of its failure."""
+    try:
+        status = _call(build_parser, arguments)
+        if sys.stdout is not None:
+            sys.stdout.flush()
+    except DojoError as error:
+        return error.exit_status, str(error)
+    except MemoryError:
+        return 4, "not enough memory; give it a smaller input"
+    except OSError as error:
+        if isinstance(error, BrokenPipeError) and error.filename == _STANDARD_OUTPUT:
+            return 128 + signal.SIGPIPE, ""  # Who reads has seen enough, as in `| head`.
+        return 4, f"{error.filename}: {error.strerror}" if error.filename else str(error)
+    except Exception as error:  # noqa: BLE001 - a user gets one line, whatever happens
+        place = error.__traceback__
+        while place and place.tb_next:
+            place = place.tb_next
+        where = f"{Path(place.tb_frame.f_code.co_filename).name}:{place.tb_lineno}" if place else "?"
+        return 4, f"a defect of this program ({type(error).__name__}: {error}; {where}); please report it"
+    return status, ""
+
+
+def _call(build_parser: Callable[[], argparse.ArgumentParser], arguments: Sequence[str]) -> int:
+    try:
+        options = build_parser().parse_args(arguments)
+        if interruption.present is not None:
+            interruption.present.work_in(options.run)
+        status: int = options.run(options)
+    except SystemExit as end:
+        if isinstance(end.code, str):
+            raise DojoError(end.code) from None
+        return int(end.code or 0)
+    return status
+
+
+def _end_process(
+    name: str, attempt: Callable[[], tuple[int, str]], interrupted: interruption.Interruption
+) -> NoReturn:
+    """Run a command in its own process and end that.
+
+    Without Python's last steps: in these it gives signals back to the system, one by one.
+    """
+    status, words = interruption.STATUS, ""
+    try:
+        _open_streams()
+        status, words = attempt()
+        interrupted.exclude()
+    except KeyboardInterrupt:
+        interrupted.take()
+    if interrupted.happened:
+        status, words = interruption.STATUS, ""
+    _say(name, words)
+    atexit._run_exitfuncs()
+    os._exit(status)
+
+
+def _say(name: str, words: str) -> None:
+    """Say what went wrong in one line, whatever is in the words."""
+    line = "".join(c if c.isprintable() else ascii(c)[1:-1] for c in " ".join(words.split()))
+    if line:
+        line = line if len(line) <= _LONGEST else f"{line[:_LONGEST]}..."
+        with contextlib.suppress(OSError):
+            print(f"{name}: {line}", file=sys.stderr, flush=True)  # noqa: T201
+
+
+def _open_streams() -> None:
+    """Make the standard streams such that printing never fails but for the device behind them.
+
+    What is closed becomes /dev/null: else the next file that is opened would take its number, and all that
+    C libraries print. What the encoding has no characters for is escaped.
+    """
+    for number in range(3):
+        try:
+            os.fstat(number)
+        except OSError:
+            os.set_inheritable(os.open(os.devnull, os.O_RDWR), True)
+    encoding = sys.stdout.encoding if sys.stdout is not None else "utf-8"
+    sys.stdout = io.TextIOWrapper(
+        io.BufferedWriter(_StandardOutput(1, "wb", closefd=False)),
+        encoding=encoding,
+        errors="backslashreplace",
+        line_buffering=os.isatty(1),
+    )
+    if sys.stderr is None:
+        sys.stderr = open(2, "w", encoding="utf-8", closefd=False)  # noqa: SIM115 - it stays open
+    if sys.stdin is None:
+        sys.stdin = open(0, encoding="utf-8", closefd=False)  # noqa: SIM115
+    if not sys.warnoptions:
+        warnings.simplefilter("ignore")  # They are for programmers.
+
+
+class _StandardOutput(io.FileIO):
+    """Standard output whose errors say that they are its own."""
+
+    def write(self, data: Any, /) -> int:
+        try:
+            return super().write(data)
+        except OSError as error:
+            raise OSError(error.errno, error.strerror, _STANDARD_OUTPUT) from None
