@@ -137,6 +137,7 @@ class Simulation:
             An error that holds SUMO's own words.
         """
         words = " ".join(str(error).split()) if self._messages is None else self._messages.explain(error)
+        words = self._files.name_originals(words)
         self.close()
         return SimulationError(f"{what or f'SUMO stopped after {self.time:g} s'}: {words}")
 

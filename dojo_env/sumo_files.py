@@ -81,6 +81,12 @@ class SumoFiles:
         if self._outputs is not None:
             self._add_outputs(self._outputs, scenario)
 
+    def name_originals(self, words: str) -> str:
+        """Name the files themselves in what SUMO says of their copies."""
+        for path, safe in self._safe.items():
+            words = words.replace(str(safe), str(path))
+        return words
+
     def _add_outputs(self, folder: Path, scenario: Scenario) -> None:
         for name, value in scenario.outputs.items():
             home = scenario.config or Path()

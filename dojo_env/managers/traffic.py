@@ -3,7 +3,6 @@
 from pathlib import Path
 
 from dojo_env.config import EnvConfig
-from dojo_env.elements import read_elements
 from dojo_env.managers.base import Manager, Turn
 from dojo_env.simulation import Simulation
 
@@ -16,19 +15,15 @@ class TrafficManager(Manager):
     """
 
     def __init__(self, network: Path, config: EnvConfig) -> None:
-        """Note what is to be run; nothing starts yet.
-
-        SUMO reads its route files piece by piece; what is wrong at their end would end an episode late.
+        """Note what is to be run, and check its files; nothing starts yet.
 
         Args:
             network: the map's SUMO network.
             config: of the environment.
 
         Raises:
-            ScenarioError: a route file is cut short, no XML, or unsafe to read.
+            ScenarioError: a file is cut short, no XML, or unsafe to read.
         """
-        for path in config.scenario.routes:
-            read_elements(path)
         self.simulation = Simulation(network, config.scenario, config.traffic, begin=config.begin)
 
     def before_reset(self, turn: Turn) -> None:
