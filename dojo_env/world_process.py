@@ -46,6 +46,8 @@ _PATIENCE = 60.0
 """Seconds that a process gets to write what there is of its episode and to end."""
 _BEGINNINGS = ("reset", "restore", "run")
 """What begins an episode."""
+_HEARTBEAT = 1.0
+"""Seconds after which a wait looks up."""
 _SEEN = "seen"
 _UNPICKLABLE = (pickle.PicklingError, AttributeError, TypeError)
 _GUARD = (
@@ -401,8 +403,11 @@ def _portable(error: Exception) -> Exception:
 def _receive_call(pipe: Connection) -> _Call:
     """Wait for a call; who is gone wants us to close. A word for a fork that has died is nobody's."""
     try:
-        while (word := pipe.recv()) == _SEEN:
-            pass
+        word = _SEEN
+        while word == _SEEN:
+            while not pipe.poll(_HEARTBEAT):
+                pass  # An interruption cannot end a wait in a fork, so it comes between two of them.
+            word = pipe.recv()
         return _Call(*word)
     except (EOFError, OSError, KeyboardInterrupt):
         return _CLOSE

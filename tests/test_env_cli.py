@@ -70,7 +70,7 @@ def test_a_demand_that_begins_after_the_end_is_told(
         (["run", "--scenario", "two-way", "--controller", "magic"], 2, "magic"),
         (["run", "--scenario", "two-way", "--controller", "random", "--seeds", "0"], 2, "--seeds"),
         (["run", "--scenario", "two-way", "--controller", "random", "--min-green", "0"], 2, "min_green"),
-        (["run", "--scenario", "missing.sumocfg", "--controller", "random"], 2, "missing.sumocfg"),
+        (["run", "--scenario", "missing.sumocfg", "--controller", "random"], 3, "missing.sumocfg"),
         (["run", "--scenario", "two-way", "--controller", "random", "--json", "none/x.json"], 2, "--json"),
     ],
 )

@@ -17,11 +17,12 @@ from conftest import command_environment
 import dojo_env
 from dojo_env.config import build_config
 from dojo_env.controllers import make_controller
-from dojo_env.errors import ConfigError, EpisodeOverError, SimulationDiedError, SimulationError
+from dojo_env.errors import EpisodeOverError, SimulationDiedError, SimulationError
 from dojo_env.instant import Instant
 from dojo_env.local_world import LocalWorld
 from dojo_env.snapshot import Snapshot
 from dojo_env.world_process import WorldProcess
+from dojo_maps.errors import DojoError
 
 NAME = "dojo_env/TrafficSignal-v0"
 SHORT: dict[str, Any] = {"scenario": "two-way", "num_seconds": 60}
@@ -206,7 +207,7 @@ def test_what_cannot_be_written_at_the_end_is_told(tmp_path: Path) -> None:
         world = WorldProcess(build_config(**SHORT, record_name=str(tmp_path / "file" / "r")))
         world.reset(1)
         world.step({"t": 0})
-        with pytest.raises((OSError, ConfigError, SimulationError), match="file"):
+        with pytest.raises(DojoError, match="file"):
             world.reset(2) if following == "reset" else world.close()
         world.close()
 
@@ -247,3 +248,35 @@ print(env.step(0)[4]["step"])
         [sys.executable, "-c", script], env=command_environment(), capture_output=True, text=True, check=False
     )
     assert (done.stdout, done.stderr) == ("5.0\n", "")
+
+
+UNCLOSED = """
+import multiprocessing, os, time, gymnasium, dojo_env
+def work(ready):
+    env = gymnasium.make("dojo_env/TrafficSignal-v0", scenario="two-way", own_process=True)
+    env.reset(seed=1)
+    ready.send(env.unwrapped.world._process.pid)
+    time.sleep(60 if {killed} else 0)
+if __name__ == "__main__":
+    mine, theirs = multiprocessing.Pipe()
+    process = multiprocessing.get_context("fork").Process(target=work, args=(theirs,), daemon=True)
+    process.start()
+    server = mine.recv()
+    if {killed}:
+        process.terminate()
+    process.join()
+    while os.path.exists(f"/proc/{{server}}"):
+        time.sleep(0.1)
+    print("ended")
+"""
+
+
+@pytest.mark.parametrize("killed", [False, True])
+def test_processes_end_with_who_forgot_to_close_them(tmp_path: Path, *, killed: bool) -> None:
+    script = tmp_path / "script.py"
+    script.write_text(UNCLOSED.format(killed=killed), encoding="utf-8")
+    done = subprocess.run(
+        [sys.executable, str(script)], env=command_environment(), capture_output=True, text=True,
+        check=False, timeout=120,
+    )  # fmt: skip
+    assert (done.stdout, done.stderr) == ("ended\n", "")
