@@ -35,7 +35,7 @@ class Interruption:
 
     def __init__(self, words: str) -> None:
         """Take what the user is told of it."""
-        self.happened = False
+        self.happened = self._is_over = False
         self._words = words
         self._chance = threading.Lock()
         self._work: CodeType | None = None
@@ -65,7 +65,7 @@ class Interruption:
 
     def exclude(self) -> None:
         """Let it not happen any more: the command has come to its end."""
-        self._chance.acquire(blocking=False)
+        self._is_over = True
 
     @contextlib.contextmanager
     def held(self) -> Iterator[None]:
@@ -82,7 +82,7 @@ class Interruption:
         self._last = number
         if self._holds:
             self._waiting = number
-        elif self.take():
+        elif not self._is_over and self.take():
             if self._is_loading(frame):
                 os._exit(STATUS)
             raise KeyboardInterrupt
@@ -107,9 +107,11 @@ class Interruption:
         if not issubclass(lost.exc_type, KeyboardInterrupt):
             sys.__unraisablehook__(lost)
         elif self.happened:
-            self._chance.release()
-            again = (threading.main_thread().ident, self._last)
-            threading.Timer(_ONCE_MORE, signal.pthread_kill, again).start()
+            threading.Timer(_ONCE_MORE, self._raise_once_more).start()
+
+    def _raise_once_more(self) -> None:
+        self._chance.release()
+        signal.pthread_kill(threading.main_thread().ident or 0, self._last)
 
 
 def begin(words: str) -> None:

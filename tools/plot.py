@@ -4,8 +4,6 @@ The same files give the same bytes: pictures carry no date and no version.
 """
 
 import argparse
-import json
-import sys
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -20,11 +18,10 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import ScalarFormatter
 
 from dojo_env.metrics import SIX
-from dojo_maps.errors import DojoError
-from learning.kept import KeptRow, Numbers, read_kept
+from dojo_maps.command import Parser, run_command
+from dojo_maps.interruption import begin
+from learning.kept import KeptRow, Numbers, Published, files_read, read_kept, read_published
 
-Published = Mapping[str, Mapping[str, Mapping[str, float]]]
-"""Mean and standard deviation by row and figure."""
 REFERENCE = "MaxPressure"
 ALL_TRIPS = "mean_trip_duration_all"
 """What tells good policies: unlike travel time it counts vehicles that have not arrived."""
@@ -263,29 +260,29 @@ def _legend(figure: Figure, *axes: Axes) -> None:
     figure.legend(found.values(), found.keys(), loc="outside lower center", ncols=6)
 
 
-def read_published(path: Path | None) -> Mapping[str, Published]:
-    """Read a file of published figures; nothing without one."""
-    return json.loads(path.read_text(encoding="utf-8"))["scenarios"] if path else {}
-
-
-def main() -> int:
-    """Draw."""
-    parser = argparse.ArgumentParser(description=__doc__)
+def build_parser() -> Parser:
+    """Declare what the command takes."""
+    parser = Parser(description=__doc__)
     parser.add_argument("--results", type=Path, default=Path(__file__).parent / "results", metavar="FOLDER")
     parser.add_argument("--rows", nargs="+", default=[], metavar="ROW", help="whose hours are drawn")
     parser.add_argument("--paper", type=Path, metavar="FILE", help="JSON of published figures")
-    options = parser.parse_args()
-    try:
-        published = (
-            json.loads(options.paper.read_text(encoding="utf-8"))["scenarios"] if options.paper else {}
-        )
-        for path in draw_all(options.results, published, options.rows):
+    parser.set_defaults(run=run)
+    return parser
+
+
+def run(options: argparse.Namespace) -> int:
+    """Draw what there is."""
+    with files_read(options.results):
+        for path in draw_all(options.results, read_published(options.paper), options.rows):
             print(path)
-    except (DojoError, OSError, ValueError, KeyError) as error:
-        print(f"plot: {error}", file=sys.stderr)
-        return 3
     return 0
 
 
+def main() -> int:
+    """Draw; see `dojo_maps.command`."""
+    return run_command("plot", build_parser, None)
+
+
 if __name__ == "__main__":
-    sys.exit(main())
+    begin("plot: interrupted")
+    main()

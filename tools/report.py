@@ -6,18 +6,18 @@ where one is given; a row that was not run says so.
 
 import argparse
 import shlex
-import sys
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from statistics import fmean, median
 
 from dojo_env.config import SignalConfig
 from dojo_env.metrics import SIX
-from dojo_maps.errors import DojoError
-from learning.kept import KeptRow, read_kept
+from dojo_maps.command import Parser, run_command
+from dojo_maps.interruption import begin
+from learning.kept import KeptRow, Published, files_read, read_kept, read_published
 from learning.rows import OWN_SETTINGS, ROWS, SCENARIOS
 from learning.settings import ALGORITHMS, INTERVAL, REWARD, Training
-from plot import TITLES, WINDOW, Published, draw_all, read_published
+from plot import TITLES, WINDOW, draw_all
 from result_table import write_tables
 
 RIVAL = "MaxPressure"
@@ -258,19 +258,27 @@ def _line(first: str, cells: Iterable[str]) -> str:
     return f"| {first} | {' | '.join(cells)} |"
 
 
-def main() -> int:
-    """Write it."""
-    parser = argparse.ArgumentParser(description=__doc__)
+def build_parser() -> Parser:
+    """Declare what the command takes."""
+    parser = Parser(description=__doc__)
     parser.add_argument("--results", type=Path, default=Path(__file__).parent / "results", metavar="FOLDER")
     parser.add_argument("--paper", type=Path, metavar="FILE", help="JSON of published figures")
-    options = parser.parse_args()
-    try:
+    parser.set_defaults(run=run)
+    return parser
+
+
+def run(options: argparse.Namespace) -> int:
+    """Write it from what there is."""
+    with files_read(options.results):
         print(write_report(options.results, options.paper))
-    except (DojoError, OSError, ValueError, KeyError) as error:
-        print(f"report: {error}", file=sys.stderr)
-        return 3
     return 0
 
 
+def main() -> int:
+    """Write it; see `dojo_maps.command`."""
+    return run_command("report", build_parser, None)
+
+
 if __name__ == "__main__":
-    sys.exit(main())
+    begin("report: interrupted")
+    main()

@@ -155,6 +155,8 @@ def download_area(
     kept = _kept(path)
     if kept is not None:
         return kept
+    with writing_cache():
+        folder.parent.mkdir(parents=True, exist_ok=True)
     data = fetch(
         server,
         form=b"data=" + quote_plus(query).encode(),
@@ -203,14 +205,12 @@ def _keep(path: Path, data: bytes, request: dict[str, str]) -> Download:
     folder = path.parent
     date = time.strftime("%Y-%m-%d", time.gmtime())
     request = {**request, "date": date, "sha256": hashlib.sha256(data).hexdigest()}
-    with writing_cache():
-        folder.parent.mkdir(parents=True, exist_ok=True)
-        with work_folder(folder.parent, ".new-") as work:
-            fresh = work / "new"
-            fresh.mkdir()
-            (fresh / path.name).write_bytes(data)
-            (fresh / _REQUEST).write_text(json.dumps(request, indent=1) + "\n", encoding="utf-8")
-            if folder.exists():
-                folder.rename(work / "old")
-            fresh.rename(folder)
+    with writing_cache(), work_folder(folder.parent, ".new-") as work:
+        fresh = work / "new"
+        fresh.mkdir()
+        (fresh / path.name).write_bytes(data)
+        (fresh / _REQUEST).write_text(json.dumps(request, indent=1) + "\n", encoding="utf-8")
+        if folder.exists():
+            folder.rename(work / "old")
+        fresh.rename(folder)
     return Download(path=path, date=date)

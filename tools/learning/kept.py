@@ -1,8 +1,9 @@
 """What the rows of a results folder hold, read back for pictures and reports; torch is not needed."""
 
+import contextlib
 import csv
 import json
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -10,11 +11,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from dojo_maps.errors import DojoError, SourceError
+
 from .rows import ROWS
 from .run_row import CURVES, FIGURES, SERIES
 from .settings import CURVE
 
 Numbers = NDArray[np.float64]
+Published = Mapping[str, Mapping[str, Mapping[str, float]]]
+"""Mean and standard deviation by row and figure."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,6 +61,35 @@ class KeptRow:
             lines = [line for line in csv.DictReader(file) if line["part"] == part]
         names = [name for name in (lines[0] if lines else ()) if name not in ("part", "reward")]
         return {name: np.array([float(line[name]) for line in lines]) for name in names}
+
+
+@contextlib.contextmanager
+def files_read(path: Path) -> Iterator[None]:
+    """Read files of results in here.
+
+    Raises:
+        SourceError: one does not hold what it should.
+    """
+    try:
+        yield
+    except DojoError:
+        raise
+    except (ValueError, KeyError, TypeError) as error:
+        raise SourceError(path, f"does not hold results ({type(error).__name__}: {error})") from error
+
+
+def read_published(path: Path | None) -> Mapping[str, Published]:
+    """Read a file of published figures, by scenario; nothing without one.
+
+    Raises:
+        SourceError: the file is missing, or holds something else.
+    """
+    if path is None:
+        return {}
+    if not path.is_file():
+        raise SourceError(path, "no such file")
+    with files_read(path):
+        return json.loads(path.read_text(encoding="utf-8"))["scenarios"]
 
 
 def read_kept(results: Path) -> dict[str, dict[str, KeptRow]]:
