@@ -133,9 +133,10 @@ def _end_process(
     try:
         _open_streams()
         status, words = attempt()
-        interrupted.exclude()
+        interrupted.end()
     except KeyboardInterrupt:
-        interrupted.take()
+        interrupted.take()  # Unless it was a signal that raised it.
+        interrupted.end()
     if interrupted.happened:
         status, words = interruption.STATUS, ""
     _say(name, words)

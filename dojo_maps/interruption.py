@@ -1,12 +1,11 @@
 """What SIGINT and SIGTERM do to a command: end it with one line and one status, at any moment.
 
-There is one chance to decide how a command ends. The first signal and the command's own end both reach for
-it, and whoever comes second changes nothing: so a storm of signals is one interruption, none of them disturbs
-the cleaning up, and none comes too late for a handler.
+Only the first signal counts, and none once the command has come to its end: so a storm of signals is one
+interruption, none of them disturbs the cleaning up, and none comes too late for a handler.
 
-Who was first, if it is a signal, says the line at once and closes standard error behind it, for nothing that
-the exception brings about on its way out is news. A command that has not begun its work is over with that;
-else KeyboardInterrupt ends it. A program that only calls us answers signals as it likes.
+The first one says the line at once and closes standard error behind it, for nothing that follows from it is
+news. A command that has not begun its work is over with that; else KeyboardInterrupt ends it. A program that
+only calls us answers signals as it likes.
 """
 
 import contextlib
@@ -27,7 +26,7 @@ present: "Interruption | None" = None
 
 
 class Interruption:
-    """The one chance of a command to be interrupted.
+    """Whether and how a command is interrupted.
 
     Attributes:
         happened: whether it was, even if a library swallowed or renamed the exception.
@@ -37,7 +36,7 @@ class Interruption:
         """Take what the user is told of it."""
         self.happened = self._is_over = False
         self._words = words
-        self._chance = threading.Lock()
+        self._first = threading.Lock()
         self._work: CodeType | None = None
         self._last = self._holds = self._waiting = 0
 
@@ -53,8 +52,8 @@ class Interruption:
         self._work = function.__code__
 
     def take(self) -> bool:
-        """Make it happen, if nothing has decided yet."""
-        if not self._chance.acquire(blocking=False):
+        """Make it happen, unless it has happened."""
+        if not self._first.acquire(blocking=False):
             return False
         if not self.happened:
             self.happened = True
@@ -63,7 +62,7 @@ class Interruption:
             silence()
         return True
 
-    def exclude(self) -> None:
+    def end(self) -> None:
         """Let it not happen any more: the command has come to its end."""
         self._is_over = True
 
@@ -110,7 +109,7 @@ class Interruption:
             threading.Timer(_ONCE_MORE, self._raise_once_more).start()
 
     def _raise_once_more(self) -> None:
-        self._chance.release()
+        self._first.release()
         signal.pthread_kill(threading.main_thread().ident or 0, self._last)
 
 
