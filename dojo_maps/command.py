@@ -99,7 +99,8 @@ def _try(build_parser: Callable[[], argparse.ArgumentParser], arguments: Sequenc
     except OSError as error:
         if isinstance(error, BrokenPipeError) and error.filename == _STANDARD_OUTPUT:
             return 128 + signal.SIGPIPE, ""  # Who reads has seen enough, as in `| head`.
-        return 4, f"{error.filename}: {error.strerror}" if error.filename else str(error)
+        where = f"{error.filename}: {error.strerror}" if error.filename and error.strerror else ""
+        return 4, where or str(error) or type(error).__name__
     except Exception as error:  # noqa: BLE001 - a user gets one line, whatever happens
         place = error.__traceback__
         while place and place.tb_next:
@@ -164,12 +165,13 @@ def _open_streams() -> None:
             os.fstat(number)
         except OSError:
             os.set_inheritable(os.open(os.devnull, os.O_RDWR), True)
-    encoding = sys.stdout.encoding if sys.stdout is not None else "utf-8"
+    former = sys.stdout
     sys.stdout = io.TextIOWrapper(
         io.BufferedWriter(_StandardOutput(1, "wb", closefd=False)),
-        encoding=encoding,
+        encoding=former.encoding if former is not None else "utf-8",
         errors="backslashreplace",
-        line_buffering=os.isatty(1),
+        line_buffering=isinstance(former, io.TextIOWrapper)
+        and (former.line_buffering or former.write_through),
     )
     if sys.stderr is None:
         sys.stderr = open(2, "w", encoding="utf-8", closefd=False)  # noqa: SIM115 - it stays open

@@ -61,6 +61,7 @@ def fail(error: BaseException) -> NoReturn:
         (recurse, 4, "it: a defect of this program (RecursionError: maximum recursion depth exceeded"),
         (lambda: fail(MemoryError()), 4, "it: not enough memory"),
         (lambda: Path("/proc/nothing").write_bytes(b""), 4, "it: /proc/nothing: No such file or directory"),
+        (lambda: fail(TimeoutError()), 4, "it: TimeoutError"),
         (lambda: fail(BrokenPipeError(32, "Broken pipe")), 4, "it: [Errno 32] Broken pipe"),
         (lambda: fail(ValueError("long" * 10_000)), 4, "it: a defect of this program (ValueError: longlong"),
         (lambda: sys.exit("no"), 4, "it: no"),

@@ -15,7 +15,7 @@ from pathlib import Path
 
 import osm_drawings
 import pytest
-from conftest import command_environment
+from conftest import command_environment, locked
 
 BOTH = (signal.SIGINT, signal.SIGTERM)
 WORDS = {
@@ -80,23 +80,27 @@ def draw_trial(seed: int) -> Trial:
 @pytest.fixture(scope="session")
 def inputs(shared_folder: Path, network_path: Callable[[str], Path]) -> dict[str, str]:
     """What the commands read; making it, they fill their caches."""
-    folder = shared_folder / "interruptions" / str(os.getpid())
-    folder.mkdir(parents=True)
-    osm_drawings.left_hand().write(folder / "drawn.osm")
-    run = [sys.executable, "-m", "dojo_env", "run", "--scenario", "two-way", "--controller", "random"]
-    record = [*run, "--seconds", "60", "--record", folder / "recorded"]
-    subprocess.run(record, env=command_environment(), check=True, capture_output=True)
-    convert = [sys.executable, "-m", "dojo_maps", "convert", folder / "drawn.osm", "-o", folder / "old.dojo"]
-    subprocess.run(convert, env=command_environment(), check=True, capture_output=True)
-    found = {
+    folder = shared_folder / "interruptions"
+    folder.mkdir(exist_ok=True)
+    recorded, drawn, old = folder / "recorded_ep1.npz", folder / "drawn.osm", folder / "old.dojo"
+
+    def run(package: str, *arguments: object) -> None:
+        command = [sys.executable, "-m", package, *map(str, arguments)]
+        subprocess.run(command, cwd=folder, env=command_environment(), check=True, capture_output=True)
+
+    with locked(folder / "lock"):
+        if not (folder / "first.mp4").exists():
+            osm_drawings.left_hand().write(drawn)
+            run("dojo_maps", "convert", drawn, "-o", old)
+            run("dojo_env", "run", "--scenario", "two-way", "--controller", "random", "--seconds", "60",
+                "--record", "recorded")  # fmt: skip
+            run("dojo_env", "replay", recorded, "--video", "first.mp4")
+    return {
         "net": str(network_path("cologne1")),
-        "bundle": str(folder / "old.dojo"),
-        "osm": str(folder / "drawn.osm"),
-        "recording": str(folder / "recorded_ep1.npz"),
+        "osm": str(drawn),
+        "bundle": str(old),
+        "recording": str(recorded),
     }
-    replay = [sys.executable, "-m", "dojo_env", "replay", found["recording"], "--video", folder / "first.mp4"]
-    subprocess.run(replay, env=command_environment(), check=True, capture_output=True)
-    return found
 
 
 def answers_itself(process: subprocess.Popen[str]) -> bool:
