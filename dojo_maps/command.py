@@ -67,7 +67,17 @@ class Parser(argparse.ArgumentParser):
 def add_command(
     commands: "argparse._SubParsersAction[Parser]", name: str, run: Run, summary: str
 ) -> argparse.ArgumentParser:
-    """Add a command with what all of them take."""
+    """Add a command with what all of them take.
+
+    Args:
+        commands: what `add_subparsers` made.
+        name: of the command.
+        run: carries it out and returns its exit status; it imports what it needs, first of all.
+        summary: what it does, in a line.
+
+    Returns:
+        Its parser, for its own arguments.
+    """
     parser = commands.add_parser(name, help=summary)
     parser.add_argument("--quiet", action="store_true", help="no progress on standard error")
     parser.set_defaults(run=run)

@@ -124,6 +124,10 @@ def begin_command(name: str, words: str) -> None:
     """Begin if this process was started for the command of this name, by its script or with `python -m`.
 
     Packages ask as soon as they are imported: before what takes long, and before `sys.argv` can tell.
+
+    Args:
+        name: of the command, as `dojo-maps`.
+        words: see `begin`.
     """
     given = sys.orig_argv[1:]
     while given and given[0].startswith("-"):
