@@ -12,10 +12,9 @@ import contextlib
 import os
 import signal
 import sys
-import threading
+from _thread import allocate_lock
 from collections.abc import Callable, Iterator
 from types import CodeType, FrameType
-from typing import Any
 
 STATUS = 130
 _SIGNALS = (signal.SIGINT, signal.SIGTERM)
@@ -36,7 +35,7 @@ class Interruption:
         """Take what the user is told of it."""
         self.happened = self._is_over = False
         self._words = words
-        self._first = threading.Lock()
+        self._first = allocate_lock()
         self._work: CodeType | None = None
         self._last = self._holds = self._waiting = 0
 
@@ -101,16 +100,18 @@ class Interruption:
             frame = frame.f_back
         return frame is not None and called.startswith("<frozen importlib")
 
-    def _note_unraisable(self, lost: Any) -> None:
+    def _note_unraisable(self, lost: "sys.UnraisableHookArgs") -> None:
         """Raise it once more if it was raised where nothing can be, as in a `__del__`."""
         if not issubclass(lost.exc_type, KeyboardInterrupt):
             sys.__unraisablehook__(lost)
         elif self.happened:
-            threading.Timer(_ONCE_MORE, self._raise_once_more).start()
+            import threading  # noqa: PLC0415 - what loads before us, nobody can interrupt in one line
 
-    def _raise_once_more(self) -> None:
-        self._first.release()
-        signal.pthread_kill(threading.main_thread().ident or 0, self._last)
+            def raise_once_more() -> None:
+                self._first.release()
+                signal.pthread_kill(threading.main_thread().ident or 0, self._last)
+
+            threading.Timer(_ONCE_MORE, raise_once_more).start()
 
 
 def begin(words: str) -> None:
