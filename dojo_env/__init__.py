@@ -3,12 +3,12 @@
 Importing it registers `dojo_env/TrafficSignal-v0` with Gymnasium.
 """
 
-import importlib
-from typing import TYPE_CHECKING, Any
-
 from dojo_maps import interruption
 
-interruption.begin_command("dojo-env", "dojo-env: interrupted")  # What follows takes long to load.
+interruption.begin_command("dojo-env", "dojo-env: interrupted")  # Before anything that takes longer to load.
+
+import importlib  # noqa: E402
+from typing import TYPE_CHECKING, Any  # noqa: E402
 
 import gymnasium  # noqa: E402
 

@@ -25,8 +25,8 @@ CAN_FORK = sys.platform == "linux"
 _HEARTBEAT = 1.0
 """Seconds after which a fork looks whether its caller is still there."""
 _INTERRUPTS = {signal.SIGINT, signal.SIGTERM}
-_chance = threading.Lock()
-"""To be interrupted; see `dojo_maps.interruption`."""
+_first = threading.Lock()
+"""Taken by the first interrupt; later ones change nothing."""
 
 
 @contextlib.contextmanager
@@ -58,11 +58,11 @@ def interrupts_taken() -> Iterator[None]:
     try:
         yield
     finally:
-        _chance.acquire(blocking=False)
+        _first.acquire(blocking=False)
 
 
 def _interrupt_once(*_: object) -> None:
-    if _chance.acquire(blocking=False):
+    if _first.acquire(blocking=False):
         silence()
         raise KeyboardInterrupt
 

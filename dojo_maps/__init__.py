@@ -1,9 +1,12 @@
 """Road maps: read a SUMO network, describe it, mesh it, check it and export it."""
 
-import importlib
-from typing import TYPE_CHECKING, Any
-
 from dojo_maps import interruption
+
+# Before anything that takes longer to load.
+interruption.begin_command("dojo-maps", "dojo-maps: interrupted; every bundle is as it was, or complete")
+
+import importlib  # noqa: E402
+from typing import TYPE_CHECKING, Any  # noqa: E402
 
 if TYPE_CHECKING:
     from dojo_maps.bundle import Bundle, read_bundle
@@ -21,8 +24,6 @@ _HOMES = {
     "RoadMap": "description",
     "DojoError": "errors",
 }
-
-interruption.begin_command("dojo-maps", "dojo-maps: interrupted; every bundle is as it was, or complete")
 
 
 def __getattr__(name: str) -> Any:

@@ -67,7 +67,17 @@ class Parser(argparse.ArgumentParser):
 def add_command(
     commands: "argparse._SubParsersAction[Parser]", name: str, run: Run, summary: str
 ) -> argparse.ArgumentParser:
-    """Add a command with what all of them take."""
+    """Add a command with what all of them take.
+
+    Args:
+        commands: what `add_subparsers` made.
+        name: of the command.
+        run: carries it out and returns its exit status; it imports what it needs, first of all.
+        summary: what it does, in a line.
+
+    Returns:
+        Its parser, for its own arguments.
+    """
     parser = commands.add_parser(name, help=summary)
     parser.add_argument("--quiet", action="store_true", help="no progress on standard error")
     parser.set_defaults(run=run)
@@ -99,7 +109,8 @@ def _try(build_parser: Callable[[], argparse.ArgumentParser], arguments: Sequenc
     except OSError as error:
         if isinstance(error, BrokenPipeError) and error.filename == _STANDARD_OUTPUT:
             return 128 + signal.SIGPIPE, ""  # Who reads has seen enough, as in `| head`.
-        return 4, f"{error.filename}: {error.strerror}" if error.filename else str(error)
+        where = f"{error.filename}: {error.strerror}" if error.filename and error.strerror else ""
+        return 4, where or str(error) or type(error).__name__
     except Exception as error:  # noqa: BLE001 - a user gets one line, whatever happens
         place = error.__traceback__
         while place and place.tb_next:
@@ -133,9 +144,10 @@ def _end_process(
     try:
         _open_streams()
         status, words = attempt()
-        interrupted.exclude()
+        interrupted.end()
     except KeyboardInterrupt:
-        interrupted.take()
+        interrupted.take()  # Unless it was a signal that raised it.
+        interrupted.end()
     if interrupted.happened:
         status, words = interruption.STATUS, ""
     _say(name, words)
@@ -163,12 +175,13 @@ def _open_streams() -> None:
             os.fstat(number)
         except OSError:
             os.set_inheritable(os.open(os.devnull, os.O_RDWR), True)
-    encoding = sys.stdout.encoding if sys.stdout is not None else "utf-8"
+    former = sys.stdout
     sys.stdout = io.TextIOWrapper(
         io.BufferedWriter(_StandardOutput(1, "wb", closefd=False)),
-        encoding=encoding,
+        encoding=former.encoding if former is not None else "utf-8",
         errors="backslashreplace",
-        line_buffering=os.isatty(1),
+        line_buffering=isinstance(former, io.TextIOWrapper)
+        and (former.line_buffering or former.write_through),
     )
     if sys.stderr is None:
         sys.stderr = open(2, "w", encoding="utf-8", closefd=False)  # noqa: SIM115 - it stays open

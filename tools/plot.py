@@ -4,7 +4,6 @@ The same files give the same bytes: pictures carry no date and no version.
 """
 
 import argparse
-import sys
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -19,7 +18,8 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import ScalarFormatter
 
 from dojo_env.metrics import SIX
-from dojo_maps.errors import DojoError, WriteError
+from dojo_maps.command import Parser, run_command
+from dojo_maps.interruption import begin
 from dojo_maps.whole_file import replaced
 from learning.kept import KeptRow, read_kept
 from learning.outcomes import Numbers, Published, read_published
@@ -264,21 +264,28 @@ def _legend(figure: Figure, *axes: Axes) -> None:
     figure.legend(found.values(), found.keys(), loc="outside lower center", ncols=6)
 
 
-def main() -> int:
-    """Draw."""
-    parser = argparse.ArgumentParser(description=__doc__)
+def build_parser() -> Parser:
+    """Declare what the command takes."""
+    parser = Parser(description=__doc__)
     parser.add_argument("--results", type=Path, default=Path(__file__).parent / "results", metavar="FOLDER")
     parser.add_argument("--rows", nargs="+", default=[], metavar="ROW", help="whose hours are drawn")
     parser.add_argument("--paper", type=Path, metavar="FILE", help="JSON of published figures")
-    options = parser.parse_args()
-    try:
-        for path in draw_all(options.results, read_published(options.paper), options.rows):
-            print(path)
-    except (DojoError, OSError, ValueError, KeyError) as error:
-        print(f"plot: {error}", file=sys.stderr)
-        return 4 if isinstance(error, WriteError) else 3
+    parser.set_defaults(run=run)
+    return parser
+
+
+def run(options: argparse.Namespace) -> int:
+    """Draw what there is."""
+    for path in draw_all(options.results, read_published(options.paper), options.rows):
+        print(path)
     return 0
 
 
+def main() -> int:
+    """Draw; see `dojo_maps.command`."""
+    return run_command("plot", build_parser, None)
+
+
 if __name__ == "__main__":
-    sys.exit(main())
+    begin("plot: interrupted")
+    main()

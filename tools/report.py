@@ -6,15 +6,15 @@ where one is given; a row that was not run says so.
 
 import argparse
 import shlex
-import sys
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from statistics import fmean, median
 
 from dojo_env.config import SignalConfig
 from dojo_env.metrics import SIX
-from dojo_maps.errors import DojoError, WriteError
+from dojo_maps.command import Parser, run_command
 from dojo_maps.input_files import read_bytes
+from dojo_maps.interruption import begin
 from dojo_maps.whole_file import write_text
 from learning.kept import KeptRow, read_kept
 from learning.outcomes import Published, read_published
@@ -261,19 +261,26 @@ def _line(first: str, cells: Iterable[str]) -> str:
     return f"| {first} | {' | '.join(cells)} |"
 
 
-def main() -> int:
-    """Write it."""
-    parser = argparse.ArgumentParser(description=__doc__)
+def build_parser() -> Parser:
+    """Declare what the command takes."""
+    parser = Parser(description=__doc__)
     parser.add_argument("--results", type=Path, default=Path(__file__).parent / "results", metavar="FOLDER")
     parser.add_argument("--paper", type=Path, metavar="FILE", help="JSON of published figures")
-    options = parser.parse_args()
-    try:
-        print(write_report(options.results, options.paper))
-    except (DojoError, OSError, ValueError, KeyError) as error:
-        print(f"report: {error}", file=sys.stderr)
-        return 4 if isinstance(error, WriteError) else 3
+    parser.set_defaults(run=run)
+    return parser
+
+
+def run(options: argparse.Namespace) -> int:
+    """Write it from what there is."""
+    print(write_report(options.results, options.paper))
     return 0
 
 
+def main() -> int:
+    """Write it; see `dojo_maps.command`."""
+    return run_command("report", build_parser, None)
+
+
 if __name__ == "__main__":
-    sys.exit(main())
+    begin("report: interrupted")
+    main()

@@ -18,8 +18,9 @@ from dojo_env.errors import ConfigError
 from dojo_env.metrics import SIX
 from dojo_env.runs import summarize
 from dojo_env.sensor_observations import Detector
-from dojo_maps.errors import DojoError, WriteError
+from dojo_maps.command import Parser, run_command
 from dojo_maps.input_files import sha256_of
+from dojo_maps.interruption import begin
 from dojo_maps.whole_file import write_json, write_table, write_text
 from learning.kept import KeptRow, read_kept
 from learning.outcomes import read_result
@@ -168,9 +169,9 @@ def _explain(columns: Collection[str]) -> str:
     return "\n".join([*lines, ""])
 
 
-def main() -> int:
-    """Evaluate what is asked for and write the matrix."""
-    parser = argparse.ArgumentParser(description=__doc__)
+def build_parser() -> Parser:
+    """Declare what the command takes."""
+    parser = Parser(description=__doc__)
     parser.add_argument("--rows", nargs="*", metavar="ROW", help="all with a policy, unless named")
     parser.add_argument("--scenarios", nargs="+", default=["two-way", "cologne1"], metavar="NAME")
     parser.add_argument("--under", nargs="+", default=[], choices=(*CAMERAS, *DETECTORS), metavar="NAME",
@@ -178,18 +179,25 @@ def main() -> int:
     parser.add_argument("--seeds", type=int, default=2, help="episodes each, seeds 0 to N-1")
     parser.add_argument("--seconds", type=int, default=3600, help="simulated seconds an episode")
     parser.add_argument("--results", type=Path, default=Path(__file__).parent / "results", metavar="FOLDER")
-    options = parser.parse_args()
-    try:
-        if options.seeds < 1:
-            raise ConfigError(f"--seeds {options.seeds}: expected a number above 0")
-        for row in find_rows(options.results, options.scenarios, options.rows):
-            run_under(row, options.under, options.seeds, options.seconds)
-        print(write_matrix(options.results))
-    except (DojoError, OSError, ValueError, KeyError) as error:
-        print(f"robustness: {error}", file=sys.stderr)
-        return 4 if isinstance(error, WriteError) else 3
+    parser.set_defaults(run=run)
+    return parser
+
+
+def run(options: argparse.Namespace) -> int:
+    """Evaluate what is asked for and write the matrix."""
+    if options.seeds < 1:
+        raise ConfigError(f"--seeds {options.seeds}: expected a number above 0")
+    for row in find_rows(options.results, options.scenarios, options.rows):
+        run_under(row, options.under, options.seeds, options.seconds)
+    print(write_matrix(options.results))
     return 0
 
 
+def main() -> int:
+    """Evaluate; see `dojo_maps.command`."""
+    return run_command("robustness", build_parser, None)
+
+
 if __name__ == "__main__":
-    sys.exit(main())
+    begin("robustness: interrupted; the same command goes on where it ended")
+    main()

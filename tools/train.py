@@ -7,13 +7,13 @@ best on validation seeds), `curve.csv`, and `checkpoint.pt`, from which `--resum
 import argparse
 import dataclasses
 import json
-import sys
 from pathlib import Path
 from typing import Any
 
 from dojo_env.errors import ConfigError
 from dojo_env.rewards import REWARDS
-from dojo_maps.errors import DojoError, WriteError
+from dojo_maps.command import Parser, run_command
+from dojo_maps.interruption import begin
 from learning.scenarios import check_scenario
 from learning.settings import AGENTS, ALGORITHMS, CONDITIONS, OBSERVATIONS, PATCHES, Training
 
@@ -90,32 +90,32 @@ def choose_folder(options: argparse.Namespace, training: Training) -> Path:
     return options.out or Path("runs", "-".join([*parts, f"seed{training.seed}"]))
 
 
-def main() -> int:
-    """Train."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+def build_parser() -> Parser:
+    """Declare what the command takes."""
+    parser = Parser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     add_arguments(parser)
     parser.add_argument("--tensorboard", action="store_true", help="write its event files, too")
-    options = parser.parse_args()
-    try:
-        training = read_arguments(options)
-        options.out = choose_folder(options, training)
-        check_scenario(training)
-        from learning.learner import train  # Bad settings are told before torch is loaded.
+    parser.set_defaults(run=run)
+    return parser
 
-        train(training, options.out, resume=options.resume, tensorboard=options.tensorboard)
-        print(options.out)
-    except (DojoError, OSError) as error:
-        print(f"train: {error}", file=sys.stderr)
-        return 4 if isinstance(error, WriteError) else 3
-    except KeyboardInterrupt:
-        print(
-            f"train: interrupted; --resume goes on from the last checkpoint in {options.out}", file=sys.stderr
-        )
-        return 130
+
+def run(options: argparse.Namespace) -> int:
+    """Train as the arguments say."""
+    training = read_arguments(options)
+    folder = choose_folder(options, training)
+    check_scenario(training)
+    from learning.learner import train  # Bad settings are told before torch is loaded.
+
+    train(training, folder, resume=options.resume, tensorboard=options.tensorboard)
+    print(folder)
     return 0
 
 
+def main() -> int:
+    """Train; see `dojo_maps.command`."""
+    return run_command("train", build_parser, None)
+
+
 if __name__ == "__main__":
-    sys.exit(main())
+    begin("train: interrupted; the same command with --resume goes on from its last checkpoint")
+    main()

@@ -5,10 +5,10 @@ A runner whose node is lost is started again where there is room, and the others
 """
 
 import argparse
-import sys
 
 from dojo_env.errors import ConfigError
-from dojo_maps.errors import DojoError, WriteError
+from dojo_maps.command import Parser, run_command
+from dojo_maps.interruption import begin
 from learning.cluster import LOCAL, open_cluster
 from learning.scenarios import check_scenario
 from learning.settings import Training
@@ -36,40 +36,39 @@ def read_training(options: argparse.Namespace) -> Training:
     return training
 
 
-def main() -> int:
-    """Train."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+def build_parser() -> Parser:
+    """Declare what the command takes."""
+    parser = Parser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     add_arguments(parser)
     parser.add_argument(
         "--runners", dest="processes", type=int, default=argparse.SUPPRESS, help="the same as --processes"
     )
     parser.add_argument("--address", default=LOCAL, metavar="HOST:PORT",
                         help="of a cluster's head; without it, this machine alone")  # fmt: skip
-    options = parser.parse_args()
-    try:
-        training = read_training(options)
-        options.out = choose_folder(options, training)
-        from learning.learner import check_folder  # Bad settings are told before torch is loaded.
+    parser.set_defaults(run=run)
+    return parser
 
-        check_folder(training, options.out, resume=options.resume)
-        with open_cluster(options.address, training.processes):
-            from learning.rllib_learner import train
 
-            train(training, options.out, resume=options.resume)
-        print(options.out)
-    except (DojoError, OSError) as error:
-        print(f"train_rllib: {error}", file=sys.stderr)
-        return 4 if isinstance(error, WriteError) else 3
-    except KeyboardInterrupt:
-        print(
-            f"train_rllib: interrupted; --resume goes on from the last checkpoint in {options.out}",
-            file=sys.stderr,
-        )
-        return 130
+def run(options: argparse.Namespace) -> int:
+    """Train as the arguments say."""
+    training = read_training(options)
+    folder = choose_folder(options, training)
+    from learning.learner import check_folder  # Bad settings are told before torch is loaded.
+
+    check_folder(training, folder, resume=options.resume)
+    from learning.rllib_learner import train  # It takes long, and no cluster should wait for it.
+
+    with open_cluster(options.address, training.processes):
+        train(training, folder, resume=options.resume)
+    print(folder)
     return 0
 
 
+def main() -> int:
+    """Train; see `dojo_maps.command`."""
+    return run_command("train_rllib", build_parser, None)
+
+
 if __name__ == "__main__":
-    sys.exit(main())
+    begin("train_rllib: interrupted; the same command with --resume goes on from its last checkpoint")
+    main()

@@ -157,6 +157,8 @@ def download_area(
     kept = _kept(path)
     if kept is not None:
         return kept
+    with writing_cache():
+        folder.parent.mkdir(parents=True, exist_ok=True)
     data = fetch(
         server,
         form=b"data=" + quote_plus(query).encode(),
