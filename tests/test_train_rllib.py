@@ -133,7 +133,7 @@ def test_bad_arguments_are_one_line_before_any_work(tmp_path: Path) -> None:
         ("RLlib has no a2c", "train_rllib", ("--algorithm", "a2c", "--out", tmp_path / "a")),
         ("averages no weights", "train_rllib", ("--averaged-weights", "--out", tmp_path / "a")),
         ("nowhere", "train_rllib", ("--scenario", "nowhere", "--out", tmp_path / "a")),
-        ("not the settings", "train_rllib", ("--resume", "--out", tmp_path / "a")),
+        ("no such file", "train_rllib", ("--resume", "--out", tmp_path / "a")),
         ("no Ray cluster answers", "train_rllib", ("--address", "127.0.0.1:1", "--out", tmp_path / "a")),
         (
             "no Ray cluster answers",

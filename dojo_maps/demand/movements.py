@@ -14,6 +14,8 @@ _LONGEST = 2_000.0
 
 Arc = tuple[str, str]
 """A road and the next one."""
+Streets = dict[str, list[str]]
+"""What follows each road, or what each follows."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -78,8 +80,9 @@ class _Net:
             self._before[end].append(start)
         lanes = {lane.id: lane for lane in road_map.lanes}
         self._length = {road.id: lanes[road.lanes[0]].length for road in road_map.roads if road.lanes}
-        ends = {road.id: (road.from_junction, road.to_junction) for road in road_map.roads}
-        self._ends = ends
+        self._ends = {road.id: (road.from_junction, road.to_junction) for road in road_map.roads}
+        self._to_entry = self._distances(self._before, self._after)
+        self._to_exit = self._distances(self._after, self._before)
 
     def through(self, arc: Arc) -> tuple[str, ...]:
         """Lead a route from the nearest edge of the map through a movement to another edge.
@@ -87,28 +90,43 @@ class _Net:
         Where no edge is near, the route begins or ends at the movement's own roads.
         """
         seen = {self._ends[road] for road in arc} | {self._ends[road][::-1] for road in arc}
-        back = self._search(arc[0], self._before, seen)
+        back = self._search(arc[0], self._before, self._to_entry, seen)
         seen |= {self._ends[road] for road in back} | {self._ends[road][::-1] for road in back}
-        ahead = self._search(arc[1], self._after, seen - {self._ends[arc[1]]})
+        ahead = self._search(arc[1], self._after, self._to_exit, seen - {self._ends[arc[1]]})
         return (*reversed(back), *ahead)
 
-    def _search(self, start: str, following: dict[str, list[str]], barred: set[tuple[str, str]]) -> list[str]:
-        """Find the nearest road that nothing follows; from `start` to it, through no barred street."""
-        queue: list[tuple[float, str]] = [(0.0, start)]
-        came: dict[str, str | None] = {start: None}
-        done: set[str] = set()
+    def _distances(self, following: Streets, followed: Streets) -> dict[str, float]:
+        """Measure from each road to the nearest that nothing follows; only those that lead to one."""
+        queue = [(0.0, road) for road in sorted(self._length) if not following.get(road)]
+        found: dict[str, float] = {}
         while queue:
             length, road = heapq.heappop(queue)
-            if road in done:
-                continue
-            done.add(road)
-            if not following[road]:
+            if road not in found:
+                found[road] = length
+                for other in followed.get(road, ()):
+                    heapq.heappush(queue, (length + self._length[road], other))
+        return found
+
+    def _search(
+        self, start: str, following: Streets, left: dict[str, float], barred: set[tuple[str, str]]
+    ) -> list[str]:
+        """Find the nearest road that nothing follows; from `start` to it, through no barred street.
+
+        Source: A*, Hart, Nilsson and Raphael, 1968. `left` is the way to go where nothing is barred.
+        """
+        queue: list[tuple[float, float, str]] = [(left.get(start, _LONGEST), 0.0, start)]
+        came: dict[str, str | None] = {start: None}
+        best = {start: 0.0}
+        while queue:
+            _, length, road = heapq.heappop(queue)
+            if not following.get(road):
                 return _trace(came, road)
             for other in following[road]:
                 total = length + self._length[other]
-                if other not in done and self._ends[other] not in barred and total < _LONGEST:
-                    came.setdefault(other, road)
-                    heapq.heappush(queue, (total, other))
+                ahead = total + left.get(other, _LONGEST)
+                if self._ends[other] not in barred and ahead < _LONGEST and total < best.get(other, _LONGEST):
+                    best[other], came[other] = total, road
+                    heapq.heappush(queue, (ahead, total, other))
         return [start]
 
 

@@ -51,53 +51,65 @@ def fill_routes(
     Returns:
         (n,) vehicles per hour, and the degree of saturation of the fullest lane.
     """
-    usage = _usage(road_map, routes)
+    usage = _Usage(road_map, routes)
     weights = np.array([_WEIGHTS.get(route.direction, 0.4) for route in routes])
     fixed = np.array([route.vehicle_class == "bus" for route in routes])
     rates = np.where(fixed, _BUSES, 0.0)
     rates = _fill(usage, weights, rates, ~fixed)
     if total is not None:
         rates *= total / rates.sum()
-    return rates, float((usage @ rates).max(initial=0.0))
+    return rates, float(usage.of(rates).max(initial=0.0))
 
 
-def _fill(usage: Floats, weights: Floats, rates: Floats, growing: Flags) -> Floats:
+def _fill(usage: "_Usage", weights: Floats, rates: Floats, growing: Flags) -> Floats:
     """Let routes grow by their weights until each has a resource that is used to `SATURATION`."""
     growing = growing.copy()
     while growing.any():
-        pace = usage @ np.where(growing, weights, 0.0)
-        room = np.maximum(SATURATION - usage @ rates, 0.0)
+        pace = usage.of(np.where(growing, weights, 0.0))
+        room = np.maximum(SATURATION - usage.of(rates), 0.0)
         steps = np.full(len(pace), np.inf)
         np.divide(room, pace, out=steps, where=pace > 0)
         step = steps.min()
         rates = rates + np.where(growing, weights * step, 0.0)
-        growing &= ~(usage[steps <= step * (1 + 1e-9)] > 0).any(axis=0)
+        growing[usage.routes[(steps <= step * (1 + 1e-9))[usage.resources]]] = False
     return rates
 
 
-def _usage(road_map: RoadMap, routes: Sequence[Route]) -> Floats:
-    """Tell what share of each resource, a lane before a junction or a road, one vehicle per hour takes.
+class _Usage:
+    """What share of each resource, a lane before a junction or a road, a vehicle per hour of a route takes.
 
-    Returns:
-        (resources, routes).
+    Few routes use a resource, so only the shares that are not 0 are kept: (n,) each.
+
+    Attributes:
+        resources: indices.
+        routes: indices.
+        shares: what is taken.
     """
-    links = _links_by_arc(road_map, routes)
-    greens = _green_shares(road_map)
-    resources: dict[str, int] = {}
-    entries: list[tuple[int, int, float]] = []
-    flows = _road_flows(road_map, {route.roads[0] for route in routes})
-    for column, route in enumerate(routes):
-        for road in route.roads:
-            row = resources.setdefault(f"road {road}", len(resources))
-            entries.append((row, column, 1.0 / flows[road]))
-        for arc in route.arcs:
-            for link in links[arc]:
-                row = resources.setdefault(f"lane {link.from_lane}", len(resources))
-                entries.append((row, column, 1.0 / (len(links[arc]) * _capacity(link, greens))))
-    usage = np.zeros((len(resources), len(routes)))
-    for row, column, share in entries:
-        usage[row, column] += share
-    return usage
+
+    def __init__(self, road_map: RoadMap, routes: Sequence[Route]) -> None:
+        links = _links_by_arc(road_map, routes)
+        greens = _green_shares(road_map)
+        rows: dict[str, int] = {}
+        entries: list[tuple[int, int, float]] = []
+        flows = _road_flows(road_map, {route.roads[0] for route in routes})
+        for column, route in enumerate(routes):
+            for road in route.roads:
+                row = rows.setdefault(f"road {road}", len(rows))
+                entries.append((row, column, 1.0 / flows[road]))
+            for arc in route.arcs:
+                for link in links[arc]:
+                    row = rows.setdefault(f"lane {link.from_lane}", len(rows))
+                    entries.append((row, column, 1.0 / (len(links[arc]) * _capacity(link, greens))))
+        self.resources = np.array([row for row, _, _ in entries], dtype=np.intp)
+        self.routes = np.array([column for _, column, _ in entries], dtype=np.intp)
+        self.shares = np.array([share for _, _, share in entries])
+        self._count = len(rows)
+
+    def of(self, rates: Floats) -> Floats:
+        """Add up how far each resource is used by routes of some vehicles per hour: (resources,)."""
+        used: Floats = np.zeros(self._count)
+        np.add.at(used, self.resources, self.shares * rates[self.routes])
+        return used
 
 
 def _road_flows(road_map: RoadMap, entries: set[str]) -> dict[str, float]:

@@ -9,6 +9,7 @@ import math
 from collections import defaultdict
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 
 import numpy as np
 import pyproj
@@ -17,6 +18,7 @@ from dojo_maps.errors import SourceError
 from dojo_maps.geometry.polylines import Floats, along
 from dojo_maps.sources.osm.at_grade import free_number, share_nodes
 from dojo_maps.sources.osm.country import centre_of, drives_left
+from dojo_maps.sources.osm.crowding import check_crowding
 from dojo_maps.sources.osm.data import OsmData
 from dojo_maps.sources.osm.runs import known_runs
 from dojo_maps.sources.osm.ways import KINDS, RoadTags, read_road
@@ -125,11 +127,11 @@ def _projection(proj: str) -> pyproj.Proj:
     return pyproj.Proj(proj)
 
 
-def build_graph(data: OsmData, path: object) -> RoadGraph:
+def build_graph(data: OsmData, path: Path | str) -> RoadGraph:
     """Find an extract's roads.
 
     Raises:
-        SourceError: it has no roads, or they spread too far to be one map.
+        SourceError: it has no roads, they spread too far to be one map, or lie on each other.
     """
     left_hand = drives_left(data)
     lon, lat = centre_of(data)
@@ -146,7 +148,8 @@ def build_graph(data: OsmData, path: object) -> RoadGraph:
     if not used:
         raise SourceError(path, "has no roads for cars or buses; choose a larger area")
     proj, offset, places = _project(data, used, path)
-    pieces, unshared = share_nodes(pieces, roads, places)
+    check_crowding(pieces, roads, places, path)
+    pieces, unshared = share_nodes(pieces, roads, places, path)
     graph = RoadGraph(
         places=places, sections={}, left_hand=left_hand, proj=proj, offset=offset,
         unmatched_turns=unmatched, unshared=unshared, missing=missing,

@@ -227,7 +227,10 @@ def _downstream(
         forward = way > 0
         while walked <= _APPROACH:
             line = graph.line(here)[at:] if forward else graph.line(here)[: at + 1]
-            walked += float(sum(math.dist(a, b) for a, b in itertools.pairwise(line)))
+            for a, b in itertools.pairwise(line):
+                walked += math.dist(a, b)
+                if walked > _APPROACH:
+                    break
             vertex = here.end if forward else here.start
             if walked > _APPROACH:
                 break

@@ -5,21 +5,27 @@ restrictions included, so that what cannot be driven is not connected. Lanes are
 """
 
 import math
+from collections import deque
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
+from dojo_maps.errors import SourceError
 from dojo_maps.sources.osm.arms import Arm, Layout
 from dojo_maps.sources.osm.data import OsmData
 from dojo_maps.sources.osm.graph import Section
 from dojo_maps.sources.osm.lanes import arrow_targets
 from dojo_maps.sources.osm.ways import LaneTags
 
+MAX_PATHS = 20_000
+"""Paths across one junction from one road, told apart by the turn restrictions on them."""
 _LONGEST_PATH = 14
 _UTURN = 150.0
 _BESIDE = 0.9
 """Cosine of the angle between two roads that arrive side by side."""
 _AHEAD = 15.0
 """Metres over which a road's heading at a junction is taken."""
+_Path = tuple[int, tuple[int, ...], tuple[int, ...]]
+"""Where one is, by which ways and vertices one came there."""
 _MOTOR = {"motorcar", "motor_vehicle", "vehicle"}
 _EXEMPT = {"motorcar", "motor_vehicle"}
 
@@ -182,35 +188,48 @@ class Movements:
         )
 
     def _paths(self, arm: Arm, arms: set[Arm], junction: int) -> Iterator[Arm]:
+        """Follow the ways from an arm across the junction to other arms, shortest paths first."""
         section = self._graph.sections[arm[0]]
         vertex = section.end if arm[1] else section.start
         way = section.ways[-1] if arm[1] else section.ways[0]
-        stack: list[tuple[int, tuple[int, ...], tuple[int, ...]]] = [(vertex, (way,), (vertex,))]
-        while stack:
-            here, ways, vertices = stack.pop()
-            for name in self._ends[here]:
-                onward = self._graph.sections[name]
-                for at_end in (False, True):
-                    if (onward.end if at_end else onward.start) != here:
-                        continue
-                    if not directed(onward, into_end=not at_end):
-                        continue
-                    taken = (*ways, onward.ways[-1] if at_end else onward.ways[0])
-                    if not self._allowed(taken, vertices):
-                        continue
-                    if (name, at_end) in arms:
-                        yield name, at_end
-                    elif name in self._layout.inner and len(vertices) < _LONGEST_PATH:
-                        there = onward.start if at_end else onward.end
-                        last = onward.ways[0] if at_end else onward.ways[-1]
-                        if there not in vertices and self._layout.junctions.of[there] == junction:
-                            stack.append(
-                                (
-                                    there,
-                                    (*taken[:-1], taken[-1], *_other(taken[-1], last)),
-                                    (*vertices, there),
-                                )
-                            )
+        queue: deque[_Path] = deque([(vertex, (way,), (vertex,))])
+        seen: set[tuple[int, tuple[int, ...]]] = set()
+        while queue:
+            here, ways, vertices = queue.popleft()
+            # How one came here matters only to restrictions; by the shortest path one gets farthest.
+            state = here, ways if any(each in self._restrictions for each in ways) else ()
+            if state in seen:
+                continue
+            seen.add(state)
+            if len(seen) > MAX_PATHS:
+                raise SourceError(
+                    f"junction at node {junction}",
+                    f"more than {MAX_PATHS} paths lead across it; remove what is drawn many times",
+                )
+            for step, onward in self._steps(here, ways, vertices):
+                if step in arms:
+                    yield step
+                elif step[0] in self._layout.inner and len(vertices) < _LONGEST_PATH:
+                    there = onward[0]
+                    if there not in vertices and self._layout.junctions.of[there] == junction:
+                        queue.append(onward)
+
+    def _steps(
+        self, here: int, ways: tuple[int, ...], vertices: tuple[int, ...]
+    ) -> Iterator[tuple[Arm, _Path]]:
+        """List the sections that may be taken from a vertex, and the path that each makes."""
+        for name in self._ends[here]:
+            onward = self._graph.sections[name]
+            for at_end in (False, True):
+                if (onward.end if at_end else onward.start) != here:
+                    continue
+                if not directed(onward, into_end=not at_end):
+                    continue
+                taken = (*ways, onward.ways[-1] if at_end else onward.ways[0])
+                if self._allowed(taken, vertices):
+                    there = onward.start if at_end else onward.end
+                    last = onward.ways[0] if at_end else onward.ways[-1]
+                    yield (name, at_end), (there, (*taken, *_other(taken[-1], last)), (*vertices, there))
 
     def _allowed(self, ways: tuple[int, ...], vertices: tuple[int, ...]) -> bool:
         """Tell whether the last step onto a way breaks no restriction of the ways before it."""

@@ -2,6 +2,7 @@
 
 from typing import Any
 
+import numpy as np
 import shapely
 
 from dojo_maps.issue import Element, Issue, Severity
@@ -100,10 +101,12 @@ def _floor(network: OsmNetwork) -> Share:
         for junction in network.road_map.junctions
         if len(junction.polygon) > 2
     ]
-    floor = shapely.union_all([shape.buffer(0.3) for shape in shapes])
+    floor = np.array([shape.buffer(0.3) for shape in shapes], dtype=object)
+    tree = shapely.STRtree(floor)
     graph = network.layout.graph
     lines = [shapely.LineString(graph.line(section)) for section in graph.sections.values()]
-    return round(sum(line.intersection(floor).length for line in lines)), round(sum(e.length for e in lines))
+    kept = (line.intersection(shapely.union_all(floor[tree.query(line)])).length for line in lines)
+    return round(sum(kept)), round(sum(line.length for line in lines))
 
 
 def _overlap(network: OsmNetwork) -> float:
