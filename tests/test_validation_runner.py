@@ -58,8 +58,8 @@ def make_mesh(faces: np.ndarray, name: str = "sidewalk") -> Mesh:
 
 
 def unhealthy(road_map: RoadMap, mesh: Mesh) -> list[str]:
-    findings = check_mesh_health(Facts(road_map, [mesh]), Limits())
-    return [f"{finding.elements[0].id}: {finding.message}" for finding in findings]
+    issues, _ = runner.find_issues(road_map, [mesh], [], checks=[check_mesh_health])
+    return [f"{issue.elements[0].id}: {issue.message}" for issue in issues]
 
 
 def test_mesh_health_is_silent_when_a_solid_is_closed(road_map: RoadMap) -> None:

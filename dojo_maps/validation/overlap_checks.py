@@ -9,7 +9,7 @@ import shapely
 
 from dojo_maps.description import Lane, LaneKind, Points
 from dojo_maps.geometry.polylines import Floats, Ints, Shapes
-from dojo_maps.validation.check import ERROR, WARNING, Check, Finding, element
+from dojo_maps.validation.check import ERROR, WARNING, Finding, check, element
 from dojo_maps.validation.facts import Facts
 from dojo_maps.validation.profiles import Limits
 
@@ -17,6 +17,15 @@ _SLIVER = 0.05
 """Metres: common ground that is nowhere twice as wide is rounding of coordinates, most of all in bends."""
 
 
+@check(
+    id="geometry.lane_overlap",
+    code="GEO001",
+    title="Lanes of different roads do not lie on each other",
+    severity=WARNING,
+    limit="1 m² within 4 m of height; error above 10 m²",
+    source="netconvert --geometry.check-overlap, --geometry.check-overlap.vertical-threshold",
+    hint="move the roads apart, join them, or give the bridge its height",
+)
 def check_lane_overlap(facts: Facts, limits: Limits) -> Iterator[Finding]:
     """Find drivable lanes of different roads, or lanes that swap sides within one, on the same ground.
 
@@ -96,6 +105,15 @@ class _JunctionBorders:
         return self._areas[junction]
 
 
+@check(
+    id="geometry.sidewalk_on_road",
+    code="GEO002",
+    title="Pavement does not lie on the carriageway",
+    severity=WARNING,
+    limit="0.5 m²",
+    source="measured: 12,006 m² in one city network",
+    hint="move the sidewalk, narrow it or the lanes beside it, or enlarge the junction's radius",
+)
 def check_sidewalk_on_road(facts: Facts, limits: Limits) -> Iterator[Finding]:
     """Find sidewalks and walking areas that lie on a carriageway."""
     sidewalks = [lane for lane in facts.map.lanes if lane.kind is LaneKind.SIDEWALK]
@@ -136,6 +154,15 @@ def _is_open(lane: Lane) -> bool:
     return "pedestrian" in lane.allow
 
 
+@check(
+    id="geometry.junction_overlap",
+    code="GEO003",
+    title="Junctions do not lie on each other",
+    severity=WARNING,
+    limit="1 m² within 4 m of height",
+    source="osm2streets: trimmed roads",
+    hint="join the junctions in netedit, or with a join of both nodes in a node file",
+)
 def check_junction_overlap(facts: Facts, limits: Limits) -> Iterator[Finding]:
     """Find junctions that lie on each other."""
     junctions = facts.map.junctions
@@ -179,37 +206,3 @@ def _is_sliver(ground: shapely.Geometry | Shapes) -> Any:
 
 def _inside(ground: shapely.Geometry) -> Floats:
     return shapely.get_coordinates(shapely.point_on_surface(ground))[0]
-
-
-CHECKS = (
-    Check(
-        id="geometry.lane_overlap",
-        code="GEO001",
-        title="Lanes of different roads do not lie on each other",
-        severity=WARNING,
-        limit="1 m² within 4 m of height; error above 10 m²",
-        source="netconvert --geometry.check-overlap, --geometry.check-overlap.vertical-threshold",
-        hint="move the roads apart, join them, or give the bridge its height",
-        run=check_lane_overlap,
-    ),
-    Check(
-        id="geometry.sidewalk_on_road",
-        code="GEO002",
-        title="Pavement does not lie on the carriageway",
-        severity=WARNING,
-        limit="0.5 m²",
-        source="measured: 12,006 m² in one city network",
-        hint="move the sidewalk, narrow it or the lanes beside it, or enlarge the junction's radius",
-        run=check_sidewalk_on_road,
-    ),
-    Check(
-        id="geometry.junction_overlap",
-        code="GEO003",
-        title="Junctions do not lie on each other",
-        severity=WARNING,
-        limit="1 m² within 4 m of height",
-        source="osm2streets: trimmed roads",
-        hint="join the junctions in netedit, or with a join of both nodes in a node file",
-        run=check_junction_overlap,
-    ),
-)

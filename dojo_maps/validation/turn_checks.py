@@ -7,7 +7,7 @@ import shapely
 
 from dojo_maps.description import Connection, Lane, Road
 from dojo_maps.geometry.polylines import Floats
-from dojo_maps.validation.check import ERROR, WARNING, Check, Finding, element
+from dojo_maps.validation.check import ERROR, WARNING, Finding, check, element
 from dojo_maps.validation.facts import DRIVABLE, Facts, turn_deg
 from dojo_maps.validation.profiles import Limits
 
@@ -17,6 +17,15 @@ _NEAR = 5.0
 """Metres from a lane's other end within which a way meets it there."""
 
 
+@check(
+    id="topology.missing_turn",
+    code="TOP004",
+    title="Roads that go straight on are connected",
+    severity=WARNING,
+    limit="one connection within 30° of straight on",
+    source="SUMO tracker 14478",
+    hint="add the connection, or exclude the finding where the movement is forbidden",
+)
 def check_missing_turn(facts: Facts, limits: Limits) -> Iterator[Finding]:
     """Find roads that go straight on across a junction for cars without a connection that does.
 
@@ -59,6 +68,15 @@ def _distances(shape: Floats) -> Floats:
     return np.hypot(*(shape - shape[0]).T)
 
 
+@check(
+    id="topology.wrong_way",
+    code="TOP008",
+    title="Ways enter lanes in their direction",
+    severity=ERROR,
+    limit="150° of turn unless it is a turning back",
+    source="geometry",
+    hint="reverse the lane's shape, or correct the connection's lanes",
+)
 def check_wrong_way(facts: Facts, limits: Limits) -> Iterator[Finding]:
     """Find ways that meet a lane at its other end, and straight ways that turn back.
 
@@ -106,6 +124,15 @@ def _direction(shape: Floats) -> Floats:
     return shape[far, :2] - shape[0, :2]
 
 
+@check(
+    id="topology.lane_type_mix",
+    code="TOP009",
+    title="Ways join lanes for the same vehicles",
+    severity=ERROR,
+    limit="one vehicle class in common",
+    source="SUMO tracker 8538, 13087",
+    hint="correct the permissions of the lanes, or connect the lane beside",
+)
 def check_lane_type_mix(facts: Facts, _limits: Limits) -> Iterator[Finding]:
     """Find ways that no vehicle may use at both ends, and roads for cars joined for others only."""
     for connection in facts.map.connections:
@@ -141,6 +168,15 @@ def _excludes_cars(facts: Facts, one: str, other: str, connections: list[Connect
     )
 
 
+@check(
+    id="topology.median_cross",
+    code="TOP010",
+    title="Ways across junctions stay off other roads",
+    severity=WARNING,
+    limit="3 m over a third road",
+    source="osm2streets",
+    hint="correct the connection, or the shape of the road it runs over",
+)
 def check_median_cross(facts: Facts, limits: Limits) -> Iterator[Finding]:
     """Find ways across junctions that run over a road they do not join; who turns back has to."""
     ways = [
@@ -181,47 +217,3 @@ def check_median_cross(facts: Facts, limits: Limits) -> Iterator[Finding]:
 
 def _is_third(facts: Facts, way: Connection, lane: Lane) -> bool:
     return lane.road not in (facts.lanes[way.from_lane].road, facts.lanes[way.to_lane].road)
-
-
-CHECKS = (
-    Check(
-        id="topology.missing_turn",
-        code="TOP004",
-        title="Roads that go straight on are connected",
-        severity=WARNING,
-        limit="one connection within 30° of straight on",
-        source="SUMO tracker 14478",
-        hint="add the connection, or exclude the finding where the movement is forbidden",
-        run=check_missing_turn,
-    ),
-    Check(
-        id="topology.wrong_way",
-        code="TOP008",
-        title="Ways enter lanes in their direction",
-        severity=ERROR,
-        limit="150° of turn unless it is a turning back",
-        source="geometry",
-        hint="reverse the lane's shape, or correct the connection's lanes",
-        run=check_wrong_way,
-    ),
-    Check(
-        id="topology.lane_type_mix",
-        code="TOP009",
-        title="Ways join lanes for the same vehicles",
-        severity=ERROR,
-        limit="one vehicle class in common",
-        source="SUMO tracker 8538, 13087",
-        hint="correct the permissions of the lanes, or connect the lane beside",
-        run=check_lane_type_mix,
-    ),
-    Check(
-        id="topology.median_cross",
-        code="TOP010",
-        title="Ways across junctions stay off other roads",
-        severity=WARNING,
-        limit="3 m over a third road",
-        source="osm2streets",
-        hint="correct the connection, or the shape of the road it runs over",
-        run=check_median_cross,
-    ),
-)
