@@ -37,6 +37,7 @@ CODES = {
     *(f"TOP{k:03}" for k in range(1, 14)),
     *(f"SIG{k:03}" for k in range(1, 19)),
     *(f"PED{k:03}" for k in range(1, 10)),
+    *(f"SUM{k:03}" for k in range(1, 3)),
     *(f"OSM{k:03}" for k in range(1, 14)),
     *(f"IMP{k:03}" for k in range(1, 14)),
 }
