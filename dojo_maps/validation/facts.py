@@ -25,6 +25,8 @@ from dojo_maps.railways import street_signals
 from dojo_maps.sumo_loading import Loading
 
 DRIVABLE = (LaneKind.DRIVING, LaneKind.BUS)
+_STUB = 1.0
+"""Metres: shorter pieces are rounding of coordinates and have no direction."""
 _LOOK = 15.0
 """Metres of a road that tell where it leads at a junction."""
 _BACK_DEG = 160.0
@@ -153,6 +155,13 @@ def turn_deg(before: Sequence[float] | Floats, after: Sequence[float] | Floats) 
     """Measure the turn from one direction to another, degrees, positive to the left."""
     cross, dot = before[0] * after[1] - before[1] * after[0], before[0] * after[0] + before[1] * after[1]
     return math.degrees(math.atan2(cross, dot))
+
+
+def direction(shape: Floats) -> Floats:
+    """Take the direction of a line's first metres, past the stubs that rounding leaves; (2,), metres."""
+    distances = np.hypot(*(shape[:, :2] - shape[0, :2]).T)
+    far = int(np.argmax(distances >= min(_STUB, float(distances.max()))))
+    return shape[far, :2] - shape[0, :2]
 
 
 def twisted_share(polygon: shapely.Polygon, mended: float | None = None) -> float:

@@ -1,8 +1,8 @@
 """Checks of how shapes fit together: joints, short pieces, offsets, crossings, opposite turns, meshes."""
 
+import math
 from collections import defaultdict
 from collections.abc import Iterator
-from math import inf
 
 import numpy as np
 import shapely
@@ -13,7 +13,7 @@ from dojo_maps.geometry.polylines import Floats
 from dojo_maps.issue import Element, Severity
 from dojo_maps.meshes.mesh import Mesh, is_watertight
 from dojo_maps.validation.check import ERROR, NOTE, WARNING, Finding, Need, check, element
-from dojo_maps.validation.facts import DRIVABLE, Facts
+from dojo_maps.validation.facts import DRIVABLE, Facts, direction
 from dojo_maps.validation.profiles import Limits
 
 _KINDS = {"walking_area": "walking_area", "sidewalk": "sidewalk", "island": "prop"}
@@ -24,13 +24,42 @@ _KINDS = {"walking_area": "walking_area", "sidewalk": "sidewalk", "island": "pro
     code="GEO008",
     title="Ways across junctions join their lanes",
     severity=WARNING,
-    limit="0.1 m; error above 0.5 m",
+    limit="0.1 m along the lane, half its width beside it; error above 0.5 m",
     source="ASAM OpenDRIVE contact_point_no_horizontal_gaps; CommonRoad potential connection",
     hint="rebuild the network with netconvert, which draws the way anew, or move the lane's end back",
 )
 def check_gap(facts: Facts, limits: Limits) -> Iterator[Finding]:
-    """Find ways across junctions that do not begin where their lane ends, or end where the next begins."""
-    return _find_joints(facts, 0, limits.gap, "is torn by {:.2f} m", bad=limits.gap_error)
+    """Find ways across junctions that do not begin where their lane ends, or end where the next begins.
+
+    A way may begin or end beside the middle of its lane, as bicycles ride at the side of a wide one: what
+    counts there is the distance along the lane.
+    """
+    told = "is torn by {:.2f} m"
+    for connection in facts.map.connections:
+        steps = [across for across, _ in connection.joints]
+        if max(steps, default=0.0) > limits.gap:
+            if steps[0] > limits.gap:
+                steps[0] = _gap(facts.lanes[connection.from_lane], connection.shape[:2], at_end=True)
+            if steps[-1] > limits.gap:
+                steps[-1] = _gap(facts.lanes[connection.to_lane], connection.shape[:-3:-1], at_end=False)
+            yield from _find_joint(facts, connection, steps, limits.gap, told, bad=limits.gap_error)
+
+
+def _gap(lane: Lane, step: Floats, *, at_end: bool) -> float:
+    """Measure the gap at a lane's end or start, metres.
+
+    Args:
+        lane: what a way leads from or to.
+        step: (2, 3), metres, the lane's end or start, then the way's.
+        at_end: it is the lane's end.
+    """
+    x, y = (step[1] - step[0])[:2].tolist()
+    shape = lane.shape if at_end else lane.shape[::-1]
+    ahead = direction(shape[::-1]).tolist()
+    length = math.hypot(*ahead)
+    if length == 0 or abs(ahead[0] * y - ahead[1] * x) / length > lane.width / 2:
+        return math.hypot(x, y)
+    return abs(ahead[0] * x + ahead[1] * y) / length
 
 
 @check(
@@ -44,24 +73,32 @@ def check_gap(facts: Facts, limits: Limits) -> Iterator[Finding]:
 )
 def check_z_jump(facts: Facts, limits: Limits) -> Iterator[Finding]:
     """Find steps in the height of ways across junctions."""
-    return _find_joints(facts, 1, limits.z_jump, "jumps by {:.2f} m in height")
-
-
-def _find_joints(facts: Facts, which: int, limit: float, told: str, *, bad: float = inf) -> Iterator[Finding]:
-    """Find each connection's worst joint beyond a limit, by its distance across (0) or up (1)."""
     for connection in facts.map.connections:
-        steps = [joint[which] for joint in connection.joints]
-        worst = max(steps, default=0.0)
-        if worst > limit:
-            place = steps.index(worst)
-            yield Finding(
-                elements=_way(connection, to_first=place > 0),
-                at=_joint_place(facts, connection, place),
-                message=f"the connection {connection.id} {told.format(worst)}",
-                measured=worst,
-                limit=limit,
-                severity=ERROR if worst > bad else WARNING,
-            )
+        steps = [up for _, up in connection.joints]
+        yield from _find_joint(facts, connection, steps, limits.z_jump, "jumps by {:.2f} m in height")
+
+
+def _find_joint(
+    facts: Facts,
+    connection: Connection,
+    steps: list[float],
+    limit: float,
+    told: str,
+    *,
+    bad: float = math.inf,
+) -> Iterator[Finding]:
+    """Find a connection's worst joint beyond a limit."""
+    worst = max(steps, default=0.0)
+    if worst > limit:
+        place = steps.index(worst)
+        yield Finding(
+            elements=_way(connection, to_first=place > 0),
+            at=_joint_place(facts, connection, place),
+            message=f"the connection {connection.id} {told.format(worst)}",
+            measured=worst,
+            limit=limit,
+            severity=ERROR if worst > bad else WARNING,
+        )
 
 
 def _way(connection: Connection, *, to_first: bool) -> tuple[Element, ...]:

@@ -8,11 +8,9 @@ import shapely
 from dojo_maps.description import Connection, Lane, Road
 from dojo_maps.geometry.polylines import Floats
 from dojo_maps.validation.check import ERROR, WARNING, Finding, check, element
-from dojo_maps.validation.facts import DRIVABLE, Facts, turn_deg
+from dojo_maps.validation.facts import DRIVABLE, Facts, direction, turn_deg
 from dojo_maps.validation.profiles import Limits
 
-_STUB = 1.0
-"""Metres: shorter pieces are rounding of coordinates and have no direction."""
 _NEAR = 5.0
 """Metres from a lane's other end within which a way meets it there."""
 
@@ -64,10 +62,6 @@ def _missing_straight(facts: Facts, limits: Limits, road: Road, onward: list[Roa
     )
 
 
-def _distances(shape: Floats) -> Floats:
-    return np.hypot(*(shape - shape[0]).T)
-
-
 @check(
     id="topology.wrong_way",
     code="TOP008",
@@ -108,20 +102,13 @@ def check_wrong_way(facts: Facts, limits: Limits) -> Iterator[Finding]:
 
 
 def _turn_between(one: Lane, other: Lane) -> float:
-    return abs(turn_deg(-_direction(one.shape[::-1]), _direction(other.shape)))
+    return abs(turn_deg(-direction(one.shape[::-1]), direction(other.shape)))
 
 
 def _is_nearer(place: Floats, wrong: Floats, right: Floats, limits: Limits) -> bool:
     """Tell whether a path's end lies off the end of a lane that it should meet, and nearer to the other."""
     gaps = [float(np.hypot(*(end - place)[:2])) for end in (wrong, right)]
     return gaps[0] + limits.gap_error < gaps[1] and gaps[0] < _NEAR
-
-
-def _direction(shape: Floats) -> Floats:
-    """Take the direction of a line's first metres, past the stubs that rounding leaves."""
-    distances = _distances(shape[:, :2])
-    far = int(np.argmax(distances >= min(_STUB, float(distances.max()))))
-    return shape[far, :2] - shape[0, :2]
 
 
 @check(
