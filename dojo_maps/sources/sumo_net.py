@@ -166,6 +166,7 @@ class _Reader:
             kind=attributes.get("type", ""),
             priority=read_int(attributes, "priority", self.path, what, default=-1),
             lanes=tuple(lane.id for lane in lanes),
+            bidi=attributes.get("bidi"),
         )
         if self._keep(self.roads, edge, "road", road, lanes[0].shape):
             for lane in lanes:

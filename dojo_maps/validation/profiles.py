@@ -13,8 +13,10 @@ class Limits:
 
     overlap: float = 1.0
     overlap_error: float = 10.0
+    overlap_depth: float = 1.0
     pavement_overlap: float = 0.5
     junction_overlap: float = 1.0
+    junction_lost: float = 1.0
     level_height: float = 4.0
     border: float = 2.0
     repeated_point: float = 0.05

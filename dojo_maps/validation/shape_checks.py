@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 import shapely
 
-from dojo_maps.description import Lane, LaneKind
+from dojo_maps.description import Junction, Lane, LaneKind
 from dojo_maps.geometry.polylines import Floats, Ints, along
 from dojo_maps.validation.check import ERROR, NOTE, WARNING, Finding, check, element
 from dojo_maps.validation.facts import DRIVABLE, Facts, in_a_row, twisted_share
@@ -15,6 +15,8 @@ from dojo_maps.validation.profiles import Limits
 
 _STUB = 1.0
 """Metres: bends and slopes over shorter pieces are rounding of coordinates."""
+_TRACK, _EDGE = 1.8, 0.1
+"""Metres: the width of a car's track, and what is too thin to count."""
 _STRAIGHT = 0.9
 """Share of its length that a lane's ends are apart if one can tell its left from its right by them."""
 
@@ -24,7 +26,7 @@ _STRAIGHT = 0.9
     code="GEO004",
     title="Outlines of junctions do not cross themselves",
     severity=ERROR,
-    limit="no crossing; outlines under 1 m² do not count; error where over 1 % of the ground is twisted",
+    limit="no crossing; outlines under 1 m² do not count; error where 1 m² of the ways across is left out",
     source="OGC simple features; autoware_lanelet2_map_validator IntersectionAreaValidity",
     hint="reset the junction's shape in netedit, or delete its custom shape",
 )
@@ -35,16 +37,36 @@ def check_junction_invalid(facts: Facts, limits: Limits) -> Iterator[Finding]:
     shapes = np.array(polygons, dtype=object)
     wrong = ~shapely.is_valid(shapes) & (shapely.area(shapely.convex_hull(shapes)) >= 1.0)
     for k in np.flatnonzero(wrong):
-        lost = twisted_share(shapes[k])
-        if lost > 0:
+        share = twisted_share(shapes[k])
+        if share > 0:
+            lost = _lost_ground(facts, junctions[k], shapes[k])
+            bad = share > limits.twisted and lost > limits.junction_lost
+            cost = f" and leaves out {lost:.1f} m² of the ways across" if bad else ""
             yield Finding(
                 elements=element("junction", junctions[k].id),
                 at=junctions[k].polygon[0],
-                message=f"the outline of the junction {junctions[k].id} crosses itself",
-                measured=lost,
+                message=f"the outline of the junction {junctions[k].id} crosses itself{cost}",
+                measured=share,
                 limit=0.0,
-                severity=ERROR if lost > limits.twisted else WARNING,
+                severity=ERROR if bad else WARNING,
             )
+
+
+def _lost_ground(facts: Facts, junction: Junction, outline: shapely.Polygon) -> float:
+    """Measure what a crossed outline leaves out of the ground that vehicles drive on, square metres."""
+    ways = [
+        shapely.linestrings(way.shape[:, :2] - facts.origin[:2])
+        for road in junction.incoming
+        for lane in facts.lanes_of(road)
+        for way in facts.leaving.get(lane.id, ())
+        if len(way.shape) > 1
+    ]
+    lanes = [lane for road in (*junction.incoming, *junction.outgoing) for lane in facts.lanes_of(road)]
+    driven = shapely.union_all(shapely.buffer(ways, _TRACK / 2, cap_style="flat"))
+    lost = driven.difference(shapely.make_valid(outline)).difference(
+        shapely.union_all(facts.strips_of(lanes))
+    )
+    return float(lost.buffer(-_EDGE).buffer(_EDGE).area)
 
 
 @check(
