@@ -1,5 +1,6 @@
 """Checks on what real networks hardly have: the smallest failing maps, and maps that are fine."""
 
+import re
 from dataclasses import replace
 
 import networks
@@ -148,3 +149,32 @@ def test_dead_ends_at_the_edge_of_the_map_are_no_defects(grid: RoadMap) -> None:
     assert edges
     found = [issue for issue in find_issues(grid, None, ())[0] if issue.check.startswith("topology.")]
     assert not found
+
+
+def test_lanes_of_both_directions_are_equally_long(grid: RoadMap) -> None:
+    def with_opposite(length: float) -> RoadMap:
+        pair = {"A0B0_2": {"opposite": "B0A0_2"}, "B0A0_2": {"opposite": "A0B0_2", "length": length}}
+        return replace(grid, lanes=tuple(replace(x, **pair.get(x.id, {})) for x in grid.lanes))
+
+    length = next(x.length for x in grid.lanes if x.id == "A0B0_2")
+    assert not issues_of(with_opposite(length), "topology.unequal_lengths")
+    (issue,) = issues_of(with_opposite(length + 1), "topology.unequal_lengths")
+    assert [e.id for e in issue.elements] == ["A0B0_2", "B0A0_2"]
+
+
+def test_what_sumo_ignores_in_lanes_is_reported() -> None:
+    path = networks.installed_networks()["grid4x4"]
+    data = networks.read_network_bytes(path).decode()
+    odd = re.sub(
+        r'(<lane id="A0B0_0"[^>]*?)/?>(</lane>)?',
+        r'\1 allow="bus zeppelin"><stopOffset value="1"/><stopOffset value="2"/></lane>',
+        data,
+        count=1,
+    )
+    issues = read_network(odd.encode(), path=path, name="odd", sha256="")[1]
+    assert [(i.check, i.elements[0].id) for i in issues] == [
+        ("topology.unknown_class", "A0B0_0"),
+        ("topology.stop_offset_repeated", "A0B0_0"),
+    ]
+    whole = re.sub(r'(<edge id="A0B0"[^>]*>)', r'\1<stopOffset value="1"/><stopOffset value="2"/>', data)
+    assert not read_network(whole.encode(), path=path, name="plain", sha256="")[1]

@@ -37,6 +37,7 @@ class Limits:
     connection_length: float = 1.0
     node_offset: float = 20.0
     crossing_reach: float = 15.0
+    pair_length: float = 0.1
     length_share: float = 0.05
     length_difference: float = 1.0
     turn_back_deg: float = 150.0

@@ -15,6 +15,8 @@ from dojo_maps.validation.programs import name_ways
 
 _NAME = re.compile(r"([\w-]*)[ (]*'([^']*)'?")
 """A quoted name with the word before it."""
+_BARE = re.compile(r"\b(lane|edge|junction|tlLogic) ([^\s',!]+)")
+"""A name without quotes; what the network does not have is none."""
 _INDEX = re.compile(r"(?:tl-index|linkIndex|link) (\d+(?:,\d+)*)")
 _KINDS = {
     "tls": "signal",
@@ -89,6 +91,9 @@ def _named_in(facts: Facts, words: str) -> Iterator[Element]:
             yield found
             if found.kind == "signal":
                 yield from name_ways(way for k in indices for way in facts.controlled.get((found.id, k), ()))
+    for word, name in _BARE.findall(words):
+        if name in _tables(facts)[_KINDS[word]]:
+            yield Element(kind=_KINDS[word], id=name)
 
 
 def _find(facts: Facts, name: str, kind: str | None) -> Element | None:

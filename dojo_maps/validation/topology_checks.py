@@ -235,6 +235,36 @@ def check_unreachable_edge_in_tls(facts: Facts, _limits: Limits) -> Iterator[Fin
 
 
 @check(
+    id="topology.unequal_lengths",
+    code="TOP014",
+    title="Lanes of both directions on one strip are equally long",
+    severity=WARNING,
+    limit="0.1 m",
+    source="sumo: Unequal lengths of bidi lane; of neigh lane",
+    hint="give both lanes one length, or rebuild the network with netconvert",
+)
+def check_unequal_lengths(facts: Facts, limits: Limits) -> Iterator[Finding]:
+    """Find lanes whose length differs from that of the opposite lane on their ground or beside them."""
+    pairs = [(lane.id, lane.opposite) for lane in facts.map.lanes if lane.opposite in facts.lanes]
+    for road in facts.map.roads:
+        other = facts.roads.get(road.bidi or "")
+        if other is not None and len(road.lanes) == len(other.lanes) == 1:
+            pairs.append((road.lanes[0], other.lanes[0]))
+    for pair in sorted({tuple(sorted(pair)) for pair in pairs if pair[1]}):
+        one, two = (facts.lanes[lane] for lane in pair)
+        apart = abs(one.length - two.length)
+        if apart > limits.pair_length:
+            yield Finding(
+                elements=element("lane", one.id, two.id),
+                at=one.shape[0],
+                message=f"the lanes {one.id} and {two.id}, one for each direction, "
+                f"are {one.length:.2f} and {two.length:.2f} m long",
+                measured=apart,
+                limit=limits.pair_length,
+            )
+
+
+@check(
     id="topology.dangling_reference",
     code="TOP012",
     title="What is named exists",
@@ -291,4 +321,22 @@ REQUEST_MISMATCH = Check(
     limit="one request per link",
     source="SUMO net format",
     hint="rebuild the network with netconvert",
+)
+UNKNOWN_CLASS = Check(
+    id="topology.unknown_class",
+    code="TOP015",
+    title="Permissions name vehicle classes that there are",
+    severity=WARNING,
+    limit="SUMO's classes",
+    source="sumo: Unknown vehicle class ignored",
+    hint="correct the lane's permissions",
+)
+STOP_OFFSET_REPEATED = Check(
+    id="topology.stop_offset_repeated",
+    code="TOP016",
+    title="Lanes have one stop offset",
+    severity=WARNING,
+    limit="one",
+    source="sumo: Duplicate stopOffset definition",
+    hint="leave one of them",
 )
