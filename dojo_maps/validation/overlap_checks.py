@@ -54,7 +54,8 @@ def check_lane_overlap(facts: Facts, limits: Limits) -> Iterator[Finding]:
 def _lane_overlap(facts: Facts, limits: Limits, roads: tuple[str, str], found: list[_Shared]) -> Finding:
     found.sort(key=lambda row: -row[0].area)
     area = sum(row[0].area for row in found)
-    depth = max(2 * float(shapely.maximum_inscribed_circle(row[0], 0.05).length) for row in found)
+    strips = shapely.buffer([row[0] for row in found], 0)  # Without the lines that hang on to them.
+    depth = 2 * float(shapely.length(shapely.maximum_inscribed_circle(strips, 0.05)).max())
     lanes = dict.fromkeys(facts.drivable[k].id for _, i, j in found for k in (i, j))
     first, second = (facts.drivable[k] for k in found[0][1:])
     one_way = _one_lane_both_ways(facts, first, second)
