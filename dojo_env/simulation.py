@@ -5,11 +5,9 @@ Whatever SUMO refuses or breaks off is a `SimulationError` in SUMO's own words. 
 while it loads would end this process, too, so SUMO's program loads it once before libsumo does.
 """
 
-import importlib.util
 import logging
 import os
 import shlex
-import signal
 import subprocess
 import weakref
 from collections.abc import Iterable, Mapping, Sequence
@@ -28,6 +26,7 @@ from dojo_env.snapshot import Snapshot
 from dojo_env.sumo_files import SumoFiles
 from dojo_env.sumo_messages import SumoMessages
 from dojo_env.sumo_options import full_name
+from dojo_maps.sumo_programs import find_program, signal_name
 
 _LOG = logging.getLogger(__name__)
 _LOGICS = {"actuated": 3, "delay_based": 5}
@@ -301,7 +300,7 @@ class Simulation:
         if asked in _loadable:
             return
         options = {**asked, "begin": str(self._begin), "end": str(self._begin + 1), "xml-validation": "never"}
-        command = [find_program("sumo"), *(f"--{name}={value}" for name, value in options.items())]
+        command = [str(find_program("sumo")), *(f"--{name}={value}" for name, value in options.items())]
         try:
             done = subprocess.run(  # noqa: S603 - SUMO's own program, without a shell
                 command, stdin=subprocess.DEVNULL, capture_output=True, timeout=_LOADING_LIMIT, check=False
@@ -309,7 +308,7 @@ class Simulation:
         except subprocess.TimeoutExpired:
             raise SimulationError(f"SUMO has not loaded {network} after {_LOADING_LIMIT:g} s") from None
         if done.returncode < 0:
-            name = signal.Signals(-done.returncode).name
+            name = signal_name(-done.returncode)
             raise SimulationError(
                 f"SUMO crashes ({name}) when it loads {network} with its demand; try dojo-maps validate on it"
             )
@@ -369,7 +368,7 @@ class Simulation:
         if self._config.use_gui:
             command = [*command, "--start", "--quit-on-end"]
         label = f"dojo-{os.getpid()}-{next(_labels)}"
-        traci.start([find_program(program), *command], label=label, numRetries=20)
+        traci.start([str(find_program(program)), *command], label=label, numRetries=20)
         self._sumo = traci.getConnection(label)
         self._get = _TraciGetters(self._sumo)
 
@@ -396,11 +395,3 @@ def _say_once(note: str) -> None:
 
 def _floats(values: Iterable[float]) -> Figures:
     return np.array(list(values), dtype=np.float64)
-
-
-def find_program(name: str) -> str:
-    """Find SUMO's program in the installed package, without importing it."""
-    spec = importlib.util.find_spec("sumo")
-    if spec is None or not spec.submodule_search_locations:
-        raise SimulationError(f"{name} is part of the package eclipse-sumo: pip install eclipse-sumo")
-    return str(Path(spec.submodule_search_locations[0]) / "bin" / name)

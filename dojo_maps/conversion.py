@@ -3,6 +3,7 @@
 import hashlib
 import os
 from collections.abc import Callable
+from contextlib import ExitStack
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -34,6 +35,7 @@ from dojo_maps.sources.osm.context import read_context
 from dojo_maps.sources.osm.network import build_network
 from dojo_maps.sources.osm.score import score_network
 from dojo_maps.sources.sumo_net import read_network
+from dojo_maps.sumo_loading import Loading, loading
 from dojo_maps.validation.runner import run_checks
 
 
@@ -112,8 +114,10 @@ def _convert(
         described, issues = read_network(data, path=path, name=name, sha256=sha256)
     source = replace(described.source, network_sha256=hashlib.sha256(data).hexdigest())
     described = replace(described, source=source)
-    road_map, meshes = furnish_and_build(described, options, on_stage)
-    with bundle.replace_bundle(folder) as fresh:
+    with ExitStack() as stack:
+        sumo = stack.enter_context(loading(data))
+        road_map, meshes = furnish_and_build(described, options, on_stage)
+        fresh = stack.enter_context(bundle.replace_bundle(folder))
         on_stage("Writing")
         (fresh / bundle.NETWORK).write_bytes(data)
         if base not in (None, data):
@@ -123,7 +127,7 @@ def _convert(
         extra = {} if quality is None else {"osm": quality}
         if options.demand != 0:
             extra |= _add_demand(fresh, road_map, options.demand)
-        report = _write(fresh, road_map, meshes, issues, extra)
+        report = _write(fresh, road_map, meshes, issues, extra, sumo)
         for export in options.exports:
             on_stage(f"Exporting {export}")
             target = fresh / bundle.EXPORTS / export
@@ -176,11 +180,12 @@ def _write(
     meshes: tuple[Mesh, ...],
     issues: tuple[Issue, ...],
     extra: dict[str, Any],
+    sumo: Loading | None,
 ) -> dict[str, Any]:
     bundle.write_json(folder / bundle.DESCRIPTION, to_json(road_map))
     write_scene(meshes, folder / bundle.SCENE)
     draw_overview(road_map, meshes, folder / bundle.OVERVIEW)
-    report = run_checks(road_map, meshes, issues)
+    report = run_checks(road_map, meshes, issues, sumo=sumo)
     report |= extra
     bundle.write_json(folder / bundle.REPORT, report)
     write_page(report, road_map, folder / bundle.REPORT_PAGE)

@@ -85,7 +85,8 @@ class Projection:
 class Road:
     """A directed section between two junctions; `kind` is the network's edge type, such as highway.primary.
 
-    `lanes` are in index order: index 0 is the outermost lane, rightmost where traffic keeps right.
+    `lanes` are in index order: index 0 is the outermost lane, rightmost where traffic keeps right. `bidi` is
+    the road of the opposite direction that shares ground with this one.
     """
 
     id: str
@@ -95,6 +96,7 @@ class Road:
     kind: str
     priority: int
     lanes: tuple[str, ...]
+    bidi: str | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -17,6 +17,7 @@ from dojo_maps.report.page import write_page
 from dojo_maps.sources.files import find_network
 from dojo_maps.sources.line_numbers import find_lines
 from dojo_maps.sources.sumo_net import read_network
+from dojo_maps.sumo_loading import loading
 from dojo_maps.validation.exclusions import Exclusion
 from dojo_maps.validation.profiles import DEFAULT, Profile
 from dojo_maps.validation.runner import run_checks
@@ -64,7 +65,9 @@ def inspect(
     """
     with without_cycle_search():
         read = read_source(source)
-        return read, run_checks(read.road_map, read.meshes, read.issues, profile, exclusions)
+        with loading(read.data) as sumo:
+            report = run_checks(read.road_map, read.meshes, read.issues, profile, exclusions, sumo=sumo)
+        return read, report
 
 
 def write_reports(

@@ -330,7 +330,7 @@ def test_report_follows_its_format(conversion: Conversion) -> None:
     }
     checks = by_id(report["checks"])
     for check_id, check in checks.items():
-        assert re.fullmatch(r"(geometry|topology|signals|pedestrians|osm)\.[a-z0-9_]+", check_id)
+        assert re.fullmatch(r"(geometry|topology|signals|pedestrians|osm|sumo)\.[a-z0-9_]+", check_id)
         assert check["title"]
         assert check["status"] in {"completed", "skipped", "crashed"}
         assert check["count"] == sum(issue["check"] == check_id for issue in report["issues"])

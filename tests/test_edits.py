@@ -13,7 +13,8 @@ from dojo_maps.bundle import Bundle
 from dojo_maps.cli import main
 from dojo_maps.conversion import convert
 from dojo_maps.errors import SourceError
-from dojo_maps.sources.netconvert import find_netconvert, sumo_environment
+from dojo_maps.sources.netconvert import find_netconvert
+from dojo_maps.sumo_programs import sumo_environment
 
 
 def drawing(*, arm: bool = True, speed: str = "50") -> osm_drawings.Drawing:

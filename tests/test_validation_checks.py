@@ -1,5 +1,6 @@
 """Checks on what real networks hardly have: the smallest failing maps, and maps that are fine."""
 
+import re
 from dataclasses import replace
 
 import networks
@@ -64,6 +65,77 @@ def test_lane_overlap_is_silent_when_one_road_is_a_bridge() -> None:
     assert not [i for i in after if ("road", bridge) in {(e.kind, e.id) for e in i.elements}]
 
 
+def shifted_way(road_map: RoadMap, along: float, aside: float) -> RoadMap:
+    """Move the inside of the first straight way across a junction, ahead and to the left, metres."""
+    k = next(k for k, c in enumerate(road_map.connections) if c.id == "A0A1_1->A1A2_1")
+    way = road_map.connections[k]
+    start, end = way.shape[[0, -1]]
+    ahead = (end - start) / np.hypot(*(end - start)[:2])
+    shift = along * ahead + aside * np.array([-ahead[1], ahead[0], 0.0])
+    gap = (float(np.hypot(along, aside)), 0.0)
+    torn = replace(way, shape=points(np.array([start, start + shift, end + shift, end])), joints=(gap, gap))
+    return replace(road_map, connections=(*road_map.connections[:k], torn, *road_map.connections[k + 1 :]))
+
+
+@pytest.mark.parametrize(
+    ("along", "aside", "severities"),
+    [(0, 1.5, []), (0, -1.5, []), (0.3, 1, ["warning"]), (-0.8, 0, ["error"]), (0, 2, ["error"])],
+)
+def test_gap_counts_along_the_lane_and_beside_it_from_its_edge(
+    grid: RoadMap, along: float, aside: float, severities: list[str]
+) -> None:
+    found = issues_of(shifted_way(grid, along, aside), "geometry.gap")
+    assert [issue.severity for issue in found] == severities
+
+
+def laid_beside(road_map: RoadMap, lane: str, other: str, apart: float) -> RoadMap:
+    """Draw a lane beside another one, `apart` metres to the left of its middle."""
+    shape = next(x.shape for x in road_map.lanes if x.id == other)
+    ahead = (shape[-1] - shape[0]) / np.hypot(*(shape[-1] - shape[0])[:2])
+    moved = points(shape + apart * np.array([-ahead[1], ahead[0], 0.0]))
+    lanes = tuple(replace(x, shape=moved) if x.id == lane else x for x in road_map.lanes)
+    return replace(road_map, lanes=lanes)
+
+
+@pytest.mark.parametrize(("depth", "severity"), [(0.5, "warning"), (2.0, "error")])
+def test_lane_overlap_is_an_error_where_strips_lie_deep_in_each_other(
+    grid: RoadMap, depth: float, severity: str
+) -> None:
+    outer, far = "A0B0_0", "C2D2_0"
+    width = next(x.width for x in grid.lanes if x.id == far)
+    found = issues_of(laid_beside(grid, far, outer, depth - width), "geometry.lane_overlap")
+    (pair,) = (i for i in found if {"A0B0", "C2D2"} <= {e.id for e in i.elements})
+    assert pair.severity == severity
+    assert pair.measured
+    assert pair.measured > 10
+
+
+def test_lane_overlap_is_silent_where_the_network_declares_it(grid: RoadMap) -> None:
+    shape = next(x.shape for x in grid.lanes if x.id == "A0B0_1")[::-1]
+    lanes = tuple(replace(x, shape=points(shape)) if x.id == "B0A0_1" else x for x in grid.lanes)
+    shared = replace(grid, lanes=lanes)
+    assert [issue.severity for issue in issues_of(shared, "geometry.lane_overlap")] == ["warning"]
+    pair = {"A0B0": "B0A0", "B0A0": "A0B0"}
+    roads = tuple(replace(road, bidi=pair.get(road.id)) for road in shared.roads)
+    assert not issues_of(replace(shared, roads=roads), "geometry.lane_overlap")
+
+
+def test_junction_invalid_is_an_error_where_its_ways_lose_ground(grid: RoadMap) -> None:
+    junction = next(j for j in grid.junctions if j.id == "B1")
+    x, y, z = junction.position
+    square = [(x - 14, y - 14), (x + 14, y - 14), (x + 14, y + 14), (x - 14, y + 14)]
+    corner = [*square, (x - 24, y + 4), (x - 24, y + 14), (x - 14, y + 4)]
+    for ring, severity in (
+        (square, []),
+        (corner, ["warning"]),
+        ([square[k] for k in (0, 2, 1, 3)], ["error"]),
+    ):
+        polygon = points(np.array([(*place, z) for place in ring]))
+        drawn = tuple(replace(j, polygon=polygon) if j is junction else j for j in grid.junctions)
+        found = issues_of(replace(grid, junctions=drawn), "geometry.junction_invalid")
+        assert [issue.severity for issue in found] == severity
+
+
 def test_junction_invalid_is_silent_when_the_outline_has_no_area(grid: RoadMap) -> None:
     first, *rest = grid.junctions
     x, y, z = first.position
@@ -77,3 +149,32 @@ def test_dead_ends_at_the_edge_of_the_map_are_no_defects(grid: RoadMap) -> None:
     assert edges
     found = [issue for issue in find_issues(grid, None, ())[0] if issue.check.startswith("topology.")]
     assert not found
+
+
+def test_lanes_of_both_directions_are_equally_long(grid: RoadMap) -> None:
+    def with_opposite(length: float) -> RoadMap:
+        pair = {"A0B0_2": {"opposite": "B0A0_2"}, "B0A0_2": {"opposite": "A0B0_2", "length": length}}
+        return replace(grid, lanes=tuple(replace(x, **pair.get(x.id, {})) for x in grid.lanes))
+
+    length = next(x.length for x in grid.lanes if x.id == "A0B0_2")
+    assert not issues_of(with_opposite(length), "topology.unequal_lengths")
+    (issue,) = issues_of(with_opposite(length + 1), "topology.unequal_lengths")
+    assert [e.id for e in issue.elements] == ["A0B0_2", "B0A0_2"]
+
+
+def test_what_sumo_ignores_in_lanes_is_reported() -> None:
+    path = networks.installed_networks()["grid4x4"]
+    data = networks.read_network_bytes(path).decode()
+    odd = re.sub(
+        r'(<lane id="A0B0_0"[^>]*?)/?>(</lane>)?',
+        r'\1 allow="bus zeppelin"><stopOffset value="1"/><stopOffset value="2"/></lane>',
+        data,
+        count=1,
+    )
+    issues = read_network(odd.encode(), path=path, name="odd", sha256="")[1]
+    assert [(i.check, i.elements[0].id) for i in issues] == [
+        ("topology.unknown_class", "A0B0_0"),
+        ("topology.stop_offset_repeated", "A0B0_0"),
+    ]
+    whole = re.sub(r'(<edge id="A0B0"[^>]*>)', r'\1<stopOffset value="1"/><stopOffset value="2"/>', data)
+    assert not read_network(whole.encode(), path=path, name="plain", sha256="")[1]

@@ -34,9 +34,10 @@ from dojo_maps.validation.profiles import DEFAULT, PROFILES, Limits
 TETRAHEDRON = np.array([(0, 2, 1), (0, 1, 3), (1, 2, 3), (2, 0, 3)])
 CODES = {
     *(f"GEO{k:03}" for k in range(1, 18)),
-    *(f"TOP{k:03}" for k in range(1, 14)),
+    *(f"TOP{k:03}" for k in range(1, 17)),
     *(f"SIG{k:03}" for k in range(1, 19)),
     *(f"PED{k:03}" for k in range(1, 10)),
+    *(f"SUM{k:03}" for k in range(1, 3)),
     *(f"OSM{k:03}" for k in range(1, 14)),
     *(f"IMP{k:03}" for k in range(1, 14)),
 }
@@ -58,8 +59,8 @@ def make_mesh(faces: np.ndarray, name: str = "sidewalk") -> Mesh:
 
 
 def unhealthy(road_map: RoadMap, mesh: Mesh) -> list[str]:
-    findings = check_mesh_health(Facts(road_map, [mesh]), Limits())
-    return [f"{finding.elements[0].id}: {finding.message}" for finding in findings]
+    issues, _ = runner.find_issues(road_map, [mesh], [], checks=[check_mesh_health])
+    return [f"{issue.elements[0].id}: {issue.message}" for issue in issues]
 
 
 def test_mesh_health_is_silent_when_a_solid_is_closed(road_map: RoadMap) -> None:

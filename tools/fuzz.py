@@ -347,12 +347,12 @@ _CONFIG = """<configuration>
 
 def _make_network(folder: Path) -> Path:
     """Make a small network of one signal with sidewalks and crossings."""
-    from dojo_env.simulation import find_program
+    from dojo_maps.sumo_programs import find_program
 
     network = folder / "n.net.xml"
     subprocess.run(  # noqa: S603 - SUMO's own program
         [
-            find_program("netgenerate"), "--grid", "--grid.x-number", "1", "--grid.y-number", "1",
+            str(find_program("netgenerate")), "--grid", "--grid.x-number", "1", "--grid.y-number", "1",
             "--grid.attach-length", "80", "--default.lanenumber", "2", "--tls.set", "A0",
             "--sidewalks.guess", "--crossings.guess", "-o", str(network),
         ],

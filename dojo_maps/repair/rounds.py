@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from collections.abc import Set as AbstractSet
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from dojo_maps.errors import DojoError
@@ -12,9 +12,11 @@ from dojo_maps.repair.net_text import NetText
 from dojo_maps.repair.patch import apply_changes
 from dojo_maps.repair.repairs import ON_REQUEST, REPAIRS
 from dojo_maps.sources.sumo_net import read_network
+from dojo_maps.sumo_loading import loading
 from dojo_maps.validation.facts import Facts
 from dojo_maps.validation.profiles import DEFAULT, Profile
 from dojo_maps.validation.runner import find_issues
+from dojo_maps.validation.sumo_checks import check_refused, check_warned
 
 MOST_ROUNDS = 5
 _MOST_TRIALS = 60
@@ -70,15 +72,42 @@ def fix_network(data: bytes, path: Path, only: Collection[str] = (), profile: Pr
     def look(changed: bytes) -> State:
         return _inspect(changed, path, profile)
 
-    first = look(data)
+    first = _ask_sumo(look(data), profile)
     fixed = Fixed(before=first, after=first)
     wanted = [check for check in REPAIRS if check in only or not (only or check in ON_REQUEST)]
     for number in range(1, MOST_ROUNDS + 1):
-        kept = sum([_repair(check, fixed, look) for check in wanted])
+        kept = sum([_repair_loadable(check, fixed, look, profile) for check in wanted])
         if not kept:
             break
         fixed.rounds = number
     return fixed
+
+
+def _repair_loadable(check: str, fixed: Fixed, look: Callable[[bytes], State], profile: Profile) -> int:
+    """Repair one check, then let SUMO load the network; where it no longer does, nothing was repaired."""
+    before, known = fixed.after, len(fixed.made)
+    kept = _repair(check, fixed, look)
+    if not kept:
+        return 0
+    fixed.after = _ask_sumo(fixed.after, profile)
+    if check_refused.id not in fixed.after.counts or check_refused.id in before.counts:
+        return kept
+    words = next(issue.message for issue in fixed.after.issues if issue.check == check_refused.id)
+    fixed.refused += [
+        replace(made, reason=f"SUMO would refuse the network ({words})") for made in fixed.made[known:]
+    ]
+    del fixed.made[known:]
+    fixed.after = before
+    return 0
+
+
+def _ask_sumo(state: State, profile: Profile) -> State:
+    """Add SUMO's own word on a network, which drafts go without."""
+    with loading(state.data) as sumo:
+        checks = (check_refused, check_warned)
+        said, _ = find_issues(state.site.facts.map, None, (), profile, checks, sumo)
+    issues = (*state.issues, *said)
+    return replace(state, issues=issues, counts=_count(issues))
 
 
 def _repair(check: str, fixed: Fixed, look: Callable[[bytes], State]) -> int:

@@ -19,6 +19,8 @@ _RENAMED = {
 }  # fmt: skip
 """Names that networks older than SUMO 0.26 use."""
 
+_EVERY = ("all", "ignoring")
+
 _RAIL = {"tram", "rail_urban", "rail", "rail_electric", "rail_fast", "subway", "cable_car"}
 _WALKING = {"pedestrian", "wheelchair"}
 _CYCLING = {"bicycle", "scooter"}
@@ -39,6 +41,12 @@ def allowed_classes(allow: str | None, disallow: str | None) -> tuple[str, ...]:
         return ()
     named = {_RENAMED.get(name, name) for name in (disallow or "").split()}
     return tuple(name for name in VEHICLE_CLASSES if name not in named)
+
+
+def unknown_classes(*lists: str | None) -> list[str]:
+    """List the words of `allow` and `disallow` attributes that are no vehicle classes of SUMO's."""
+    known = {*VEHICLE_CLASSES, *_RENAMED, *_EVERY}
+    return [name for words in lists if words for name in words.split() if name not in known]
 
 
 @lru_cache(maxsize=4096)

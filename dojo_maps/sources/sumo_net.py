@@ -25,7 +25,7 @@ from dojo_maps.issue import Element, Issue, Severity
 from dojo_maps.safe_xml import Attributes
 from dojo_maps.sources.limits import check_limits, measure_bounds
 from dojo_maps.sources.lost_connections import find_lost_connections
-from dojo_maps.sources.permissions import allowed_classes, lane_kind
+from dojo_maps.sources.permissions import allowed_classes, lane_kind, unknown_classes
 from dojo_maps.sources.right_of_way import read_right_of_way
 from dojo_maps.sources.sumo_connections import ConnectionReader
 from dojo_maps.sources.sumo_pavement import (
@@ -166,10 +166,36 @@ class _Reader:
             kind=attributes.get("type", ""),
             priority=read_int(attributes, "priority", self.path, what, default=-1),
             lanes=tuple(lane.id for lane in lanes),
+            bidi=attributes.get("bidi"),
         )
         if self._keep(self.roads, edge, "road", road, lanes[0].shape):
             for lane in lanes:
                 self._keep(self.lanes, lane.id, "lane", lane, lane.shape)
+            self._report_oddities(record)
+
+    def _report_oddities(self, record: EdgeRecord) -> None:
+        """Report what SUMO ignores in lanes: vehicle classes that are none, repeated stop offsets."""
+        for attributes in record.lanes:
+            id_ = attributes["id"]
+            for name in unknown_classes(attributes.get("allow"), attributes.get("disallow")):
+                problem = f"names the vehicle class {name}, which SUMO does not know"
+                self._report_lane("topology.unknown_class", id_, problem, "correct the lane's permissions")
+            if record.stop_offsets.count(id_) > 1:
+                problem = f"has {record.stop_offsets.count(id_)} stop offsets, of which SUMO keeps one"
+                self._report_lane("topology.stop_offset_repeated", id_, problem, "leave one of them")
+
+    def _report_lane(self, check: str, lane: str, problem: str, hint: str) -> None:
+        x, y, z = self.lanes[lane].shape[-1].tolist()
+        self.issues.append(
+            Issue(
+                check=check,
+                severity=Severity.WARNING,
+                elements=(Element(kind="lane", id=lane),),
+                position=(x, y, z),
+                message=f"the lane {lane} {problem}",
+                hint=hint,
+            )
+        )
 
     def _read_lane(self, edge: str, record: EdgeRecord, attributes: Attributes) -> Lane:
         lane_id = read_text(attributes, "id", self.path, "a lane")

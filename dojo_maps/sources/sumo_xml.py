@@ -18,6 +18,8 @@ class EdgeRecord:
     attributes: Attributes
     lanes: list[Attributes] = field(default_factory=list)
     opposites: dict[str, str] = field(default_factory=dict)
+    stop_offsets: list[str] = field(default_factory=list)
+    """The lane of each stop offset."""
 
 
 @dataclass(slots=True)
@@ -52,6 +54,12 @@ def read_records(data: bytes, path: Path | str) -> NetRecords:
         SourceError: not well-formed, not a SUMO network, or XML with a document type or entities.
     """
     records = NetRecords()
+
+    def stop_offset(_attributes: Attributes) -> None:
+        edge = records.edges[-1] if records.edges else None
+        if edge is not None and edge.lanes:  # Else it is the edge's own.
+            edge.stop_offsets.append(edge.lanes[-1].get("id", ""))
+
     handlers: dict[str, Callable[[Attributes], None]] = {
         "net": records.net.update,
         "location": records.location.update,
@@ -60,6 +68,7 @@ def read_records(data: bytes, path: Path | str) -> NetRecords:
         "neigh": lambda a: records.edges[-1].opposites.update(
             {records.edges[-1].lanes[-1].get("id", ""): a.get("lane", "")}
         ),
+        "stopOffset": stop_offset,
         "junction": records.junctions.append,
         "request": lambda a: records.requests[records.junctions[-1].get("id", "")].append(a),  # noqa: PLW0108
         "connection": records.connections.append,

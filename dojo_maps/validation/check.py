@@ -1,4 +1,4 @@
-"""What a check is: a pure function from the facts of a map to findings, and its card in the catalogue."""
+"""What a check is: a pure function from the facts of a map to findings, with its card on it."""
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
@@ -43,6 +43,7 @@ class Need(StrEnum):
     NOTHING = ""
     MESHES = "the scene's meshes, which a bundle has: convert the map first"
     IMPORT = "an import from OpenStreetMap, which counts what it could not build"
+    SUMO = "SUMO's program, and a network that makes it read and write nothing else"
     OSM = "the OpenStreetMap data that the network was made from, which no network holds"
 
 
@@ -71,6 +72,35 @@ class Check:
     hint: str
     run: Run | None = None
     needs: Need = Need.NOTHING
+
+
+def check(
+    *,
+    id: str,  # noqa: A002 - a check's name is its id wherever one meets it
+    code: str,
+    title: str,
+    severity: Severity,
+    limit: str,
+    source: str,
+    hint: str,
+    needs: Need = Need.NOTHING,
+) -> Callable[[Run], Check]:
+    """Put a card on a function, which makes it a check of its module; the words are those of `Check`."""
+
+    def put_on(run: Run) -> Check:
+        return Check(
+            id=id,
+            code=code,
+            title=title,
+            severity=severity,
+            limit=limit,
+            source=source,
+            hint=hint,
+            run=run,
+            needs=needs,
+        )
+
+    return put_on
 
 
 def element(kind: str, *ids: str) -> tuple[Element, ...]:

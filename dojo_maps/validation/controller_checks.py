@@ -6,12 +6,21 @@ import numpy as np
 import shapely
 
 from dojo_maps.description import Program
-from dojo_maps.validation.check import WARNING, Check, Finding, Need, element
+from dojo_maps.validation.check import WARNING, Check, Finding, Need, check, element
 from dojo_maps.validation.facts import Facts
 from dojo_maps.validation.profiles import Limits
 from dojo_maps.validation.programs import GREEN, YELLOW, following, signals_of
 
 
+@check(
+    id="signals.crossing_uncontrolled_at_tls",
+    code="SIG011",
+    title="Crossings at signals have a light",
+    severity=WARNING,
+    limit="every crossing of a signalised junction",
+    source="SUMO Simulation/Pedestrians",
+    hint="control the crossing in netedit, or set tl and linkIndex of the way onto it",
+)
 def check_crossing_uncontrolled(facts: Facts, _limits: Limits) -> Iterator[Finding]:
     """Find crossings at signalised junctions that no signal controls."""
     for crossing in facts.crossings.values():
@@ -24,6 +33,15 @@ def check_crossing_uncontrolled(facts: Facts, _limits: Limits) -> Iterator[Findi
             )
 
 
+@check(
+    id="signals.tls_trivial",
+    code="SIG012",
+    title="Signals have something to control",
+    severity=WARNING,
+    limit="3 links and 2 phases",
+    source="netconvert --tls.discard-simple",
+    hint="remove the signal, or join it with the one it belongs to",
+)
 def check_tls_trivial(facts: Facts, _limits: Limits) -> Iterator[Finding]:
     """Find signals that control hardly anything, or that never change."""
     for signal in signals_of(facts):
@@ -39,6 +57,15 @@ def check_tls_trivial(facts: Facts, _limits: Limits) -> Iterator[Finding]:
             )
 
 
+@check(
+    id="signals.split_signals",
+    code="SIG013",
+    title="One intersection has one signal",
+    severity=WARNING,
+    limit="25 m",
+    source="netconvert --tls.guess-signals.dist (25 m), --tls.join-dist (20 m)",
+    hint="join the signals: netconvert --tls.join, or one tl id for both nodes",
+)
 def check_split_signals(facts: Facts, limits: Limits) -> Iterator[Finding]:
     """Find signals so close to each other that they stand at one intersection."""
     at: list[tuple[str, np.ndarray]] = []
@@ -63,6 +90,15 @@ def check_split_signals(facts: Facts, limits: Limits) -> Iterator[Finding]:
             )
 
 
+@check(
+    id="signals.rl_form",
+    code="SIG016",
+    title="A controller can drive the program",
+    severity=WARNING,
+    limit="two green phases, each followed by yellow or red",
+    source="LucasAlegre/sumo-rl 46, 117",
+    hint="give each green its own phase, followed by one with yellow",
+)
 def check_rl_form(facts: Facts, _limits: Limits) -> Iterator[Finding]:
     """Find programs that a controller cannot drive green by green: too few, or not parted by a clearance.
 
@@ -98,55 +134,13 @@ def _undrivable(program: Program) -> str:
     return ""
 
 
-CHECKS = (
-    Check(
-        id="signals.crossing_uncontrolled_at_tls",
-        code="SIG011",
-        title="Crossings at signals have a light",
-        severity=WARNING,
-        limit="every crossing of a signalised junction",
-        source="SUMO Simulation/Pedestrians",
-        hint="control the crossing in netedit, or set tl and linkIndex of the way onto it",
-        run=check_crossing_uncontrolled,
-    ),
-    Check(
-        id="signals.tls_trivial",
-        code="SIG012",
-        title="Signals have something to control",
-        severity=WARNING,
-        limit="3 links and 2 phases",
-        source="netconvert --tls.discard-simple",
-        hint="remove the signal, or join it with the one it belongs to",
-        run=check_tls_trivial,
-    ),
-    Check(
-        id="signals.split_signals",
-        code="SIG013",
-        title="One intersection has one signal",
-        severity=WARNING,
-        limit="25 m",
-        source="netconvert --tls.guess-signals.dist (25 m), --tls.join-dist (20 m)",
-        hint="join the signals: netconvert --tls.join, or one tl id for both nodes",
-        run=check_split_signals,
-    ),
-    Check(
-        id="osm.missing_signal",
-        code="SIG014",
-        title="Signals of OpenStreetMap are in the network",
-        severity=WARNING,
-        limit="30 m from a cluster of signals within 45 m",
-        source="netconvert --tls.guess-signals",
-        hint="set the junction's type to traffic_light",
-        needs=Need.IMPORT,
-    ),
-    Check(
-        id="signals.rl_form",
-        code="SIG016",
-        title="A controller can drive the program",
-        severity=WARNING,
-        limit="two green phases, each followed by yellow or red",
-        source="LucasAlegre/sumo-rl 46, 117",
-        hint="give each green its own phase, followed by one with yellow",
-        run=check_rl_form,
-    ),
+MISSING_SIGNAL = Check(
+    id="osm.missing_signal",
+    code="SIG014",
+    title="Signals of OpenStreetMap are in the network",
+    severity=WARNING,
+    limit="30 m from a cluster of signals within 45 m",
+    source="netconvert --tls.guess-signals",
+    hint="set the junction's type to traffic_light",
+    needs=Need.IMPORT,
 )

@@ -1,7 +1,6 @@
-"""A description with what several checks look up in it; every table is made once, when first asked for."""
+"""An indexed description with what several checks measure on it; each is made once, when first asked for."""
 
 import math
-from collections import defaultdict
 from collections.abc import Sequence
 from functools import cached_property
 from typing import Any
@@ -10,74 +9,43 @@ import numpy as np
 import shapely
 
 from dojo_maps.description import (
-    Connection,
-    Crossing,
     Junction,
     Lane,
     LaneKind,
-    Origin,
     Points,
     Road,
     RoadMap,
     Signal,
-    WalkingArea,
 )  # fmt: skip
 from dojo_maps.geometry.pieces import lane_strips
 from dojo_maps.geometry.polylines import Floats, Ints, Shapes, lift
+from dojo_maps.index import MapIndex
 from dojo_maps.meshes.mesh import Mesh
 from dojo_maps.railways import street_signals
+from dojo_maps.sumo_loading import Loading
 
 DRIVABLE = (LaneKind.DRIVING, LaneKind.BUS)
+_STUB = 1.0
+"""Metres: shorter pieces are rounding of coordinates and have no direction."""
 _LOOK = 15.0
 """Metres of a road that tell where it leads at a junction."""
 _BACK_DEG = 160.0
 """A road that leaves at more than this from straight on leads back."""
 
 
-class Facts:
-    """The network's own part of a map, indexed; shapes are shapely, metres, in the frame of `origin`."""
+class Facts(MapIndex):
+    """A map's index with what checks measure on it; shapes are shapely, metres, in the frame of `origin`."""
 
-    def __init__(self, road_map: RoadMap, meshes: Sequence[Mesh] | None = None) -> None:
-        """Take a description, furnished or not, and its scene if there is one."""
-        self.map = road_map
+    def __init__(
+        self, road_map: RoadMap, meshes: Sequence[Mesh] | None = None, sumo: Loading | None = None
+    ) -> None:
+        """Take a description, furnished or not, with its scene and SUMO's word on it if there are any."""
+        super().__init__(road_map)
         self.meshes = meshes or ()
+        self.sumo = sumo
         self.origin = np.array([*road_map.origin, 0.0])
-        self.lanes = {lane.id: lane for lane in road_map.lanes}
-        self.roads = {road.id: road for road in road_map.roads}
-        self.junctions = {junction.id: junction for junction in road_map.junctions}
         self.kept: dict[str, Any] = {}
         self._headings: dict[tuple[str, bool], tuple[float, float]] = {}
-
-    @cached_property
-    def crossings(self) -> dict[str, Crossing]:
-        """The network's own crossings by id."""
-        return {c.id: c for c in self.map.crossings if c.origin is Origin.NETWORK}
-
-    @cached_property
-    def walking_areas(self) -> dict[str, WalkingArea]:
-        """The network's own walking areas by id."""
-        return {area.id: area for area in self.map.walking_areas if area.origin is Origin.NETWORK}
-
-    @cached_property
-    def connections(self) -> dict[str, Connection]:
-        """Connections by id."""
-        return {connection.id: connection for connection in self.map.connections}
-
-    @cached_property
-    def leaving(self) -> dict[str, list[Connection]]:
-        """The connections that leave each lane."""
-        found: dict[str, list[Connection]] = defaultdict(list)
-        for connection in self.map.connections:
-            found[connection.from_lane].append(connection)
-        return found
-
-    @cached_property
-    def entering(self) -> dict[str, list[Connection]]:
-        """The connections that enter each lane."""
-        found: dict[str, list[Connection]] = defaultdict(list)
-        for connection in self.map.connections:
-            found[connection.to_lane].append(connection)
-        return found
 
     @cached_property
     def drivable(self) -> tuple[Lane, ...]:
@@ -88,22 +56,6 @@ class Facts:
     def signals(self) -> tuple[Signal, ...]:
         """The signals of the street: those that control railways only are left out."""
         return street_signals(self.map)
-
-    def kind(self, junction: str) -> str:
-        """Name a junction's type; an unknown junction has none."""
-        return self.junctions[junction].kind if junction in self.junctions else ""
-
-    def legs(self, junction: str) -> int:
-        """Count a junction's neighbours."""
-        if junction not in self.junctions:
-            return 0
-        found = self.junctions[junction]
-        ends = {self.roads[road].from_junction for road in found.incoming}
-        return len(ends | {self.roads[road].to_junction for road in found.outgoing})
-
-    def lanes_of(self, road: str) -> list[Lane]:
-        """List a road's lanes, the outermost first."""
-        return [self.lanes[lane] for lane in self.roads[road].lanes if lane in self.lanes]
 
     def classes(self, road: str) -> frozenset[str]:
         """Tell which vehicles may use a road."""
@@ -136,15 +88,6 @@ class Facts:
             far = next((p for p in shape if math.hypot(p[0] - x, p[1] - y) >= _LOOK), shape[-1])
             self._headings[key] = (x - far[0], y - far[1]) if at_end else (far[0] - x, far[1] - y)
         return self._headings[key]
-
-    @cached_property
-    def road_links(self) -> dict[tuple[str, str], list[Connection]]:
-        """The connections from road to road."""
-        found: dict[tuple[str, str], list[Connection]] = defaultdict(list)
-        for connection in self.map.connections:
-            pair = (self.lanes[connection.from_lane].road, self.lanes[connection.to_lane].road)
-            found[pair].append(connection)
-        return found
 
     @cached_property
     def flat(self) -> bool:
@@ -212,6 +155,13 @@ def turn_deg(before: Sequence[float] | Floats, after: Sequence[float] | Floats) 
     """Measure the turn from one direction to another, degrees, positive to the left."""
     cross, dot = before[0] * after[1] - before[1] * after[0], before[0] * after[0] + before[1] * after[1]
     return math.degrees(math.atan2(cross, dot))
+
+
+def direction(shape: Floats) -> Floats:
+    """Take the direction of a line's first metres, past the stubs that rounding leaves; (2,), metres."""
+    distances = np.hypot(*(shape[:, :2] - shape[0, :2]).T)
+    far = int(np.argmax(distances >= min(_STUB, float(distances.max()))))
+    return shape[far, :2] - shape[0, :2]
 
 
 def twisted_share(polygon: shapely.Polygon, mended: float | None = None) -> float:

@@ -1,8 +1,8 @@
 """Checks of how shapes fit together: joints, short pieces, offsets, crossings, opposite turns, meshes."""
 
+import math
 from collections import defaultdict
 from collections.abc import Iterator
-from math import inf
 
 import numpy as np
 import shapely
@@ -12,38 +12,93 @@ from dojo_maps.geometry.pieces import RAISED
 from dojo_maps.geometry.polylines import Floats
 from dojo_maps.issue import Element, Severity
 from dojo_maps.meshes.mesh import Mesh, is_watertight
-from dojo_maps.validation.check import ERROR, NOTE, WARNING, Check, Finding, Need, element
-from dojo_maps.validation.facts import DRIVABLE, Facts
+from dojo_maps.validation.check import ERROR, NOTE, WARNING, Finding, Need, check, element
+from dojo_maps.validation.facts import DRIVABLE, Facts, direction
 from dojo_maps.validation.profiles import Limits
 
 _KINDS = {"walking_area": "walking_area", "sidewalk": "sidewalk", "island": "prop"}
 
 
+@check(
+    id="geometry.gap",
+    code="GEO008",
+    title="Ways across junctions join their lanes",
+    severity=WARNING,
+    limit="0.1 m along the lane, half its width beside it; error above 0.5 m",
+    source="ASAM OpenDRIVE contact_point_no_horizontal_gaps; CommonRoad potential connection",
+    hint="rebuild the network with netconvert, which draws the way anew, or move the lane's end back",
+)
 def check_gap(facts: Facts, limits: Limits) -> Iterator[Finding]:
-    """Find ways across junctions that do not begin where their lane ends, or end where the next begins."""
-    return _find_joints(facts, 0, limits.gap, "is torn by {:.2f} m", bad=limits.gap_error)
+    """Find ways across junctions that do not begin where their lane ends, or end where the next begins.
+
+    A way may begin or end beside the middle of its lane, as bicycles ride at the side of a wide one: what
+    counts there is the distance along the lane.
+    """
+    told = "is torn by {:.2f} m"
+    for connection in facts.map.connections:
+        steps = [across for across, _ in connection.joints]
+        if max(steps, default=0.0) > limits.gap:
+            if steps[0] > limits.gap:
+                steps[0] = _gap(facts.lanes[connection.from_lane], connection.shape[:2], at_end=True)
+            if steps[-1] > limits.gap:
+                steps[-1] = _gap(facts.lanes[connection.to_lane], connection.shape[:-3:-1], at_end=False)
+            yield from _find_joint(facts, connection, steps, limits.gap, told, bad=limits.gap_error)
 
 
+def _gap(lane: Lane, step: Floats, *, at_end: bool) -> float:
+    """Measure the gap at a lane's end or start, metres.
+
+    Args:
+        lane: what a way leads from or to.
+        step: (2, 3), metres, the lane's end or start, then the way's.
+        at_end: it is the lane's end.
+    """
+    x, y = (step[1] - step[0])[:2].tolist()
+    shape = lane.shape if at_end else lane.shape[::-1]
+    ahead = direction(shape[::-1]).tolist()
+    length = math.hypot(*ahead)
+    if length == 0 or abs(ahead[0] * y - ahead[1] * x) / length > lane.width / 2:
+        return math.hypot(x, y)
+    return abs(ahead[0] * x + ahead[1] * y) / length
+
+
+@check(
+    id="geometry.z_jump",
+    code="GEO009",
+    title="Ways across junctions do not jump in height",
+    severity=WARNING,
+    limit="0.1 m",
+    source="autoware_lanelet2_map_validator",
+    hint="give the ends of both lanes the junction's height",
+)
 def check_z_jump(facts: Facts, limits: Limits) -> Iterator[Finding]:
     """Find steps in the height of ways across junctions."""
-    return _find_joints(facts, 1, limits.z_jump, "jumps by {:.2f} m in height")
-
-
-def _find_joints(facts: Facts, which: int, limit: float, told: str, *, bad: float = inf) -> Iterator[Finding]:
-    """Find each connection's worst joint beyond a limit, by its distance across (0) or up (1)."""
     for connection in facts.map.connections:
-        steps = [joint[which] for joint in connection.joints]
-        worst = max(steps, default=0.0)
-        if worst > limit:
-            place = steps.index(worst)
-            yield Finding(
-                elements=_way(connection, to_first=place > 0),
-                at=_joint_place(facts, connection, place),
-                message=f"the connection {connection.id} {told.format(worst)}",
-                measured=worst,
-                limit=limit,
-                severity=ERROR if worst > bad else WARNING,
-            )
+        steps = [up for _, up in connection.joints]
+        yield from _find_joint(facts, connection, steps, limits.z_jump, "jumps by {:.2f} m in height")
+
+
+def _find_joint(
+    facts: Facts,
+    connection: Connection,
+    steps: list[float],
+    limit: float,
+    told: str,
+    *,
+    bad: float = math.inf,
+) -> Iterator[Finding]:
+    """Find a connection's worst joint beyond a limit."""
+    worst = max(steps, default=0.0)
+    if worst > limit:
+        place = steps.index(worst)
+        yield Finding(
+            elements=_way(connection, to_first=place > 0),
+            at=_joint_place(facts, connection, place),
+            message=f"the connection {connection.id} {told.format(worst)}",
+            measured=worst,
+            limit=limit,
+            severity=ERROR if worst > bad else WARNING,
+        )
 
 
 def _way(connection: Connection, *, to_first: bool) -> tuple[Element, ...]:
@@ -62,6 +117,15 @@ def _joint_place(facts: Facts, connection: Connection, place: int) -> Floats:
     return connection.shape[len(connection.shape) // 2]
 
 
+@check(
+    id="geometry.short_edge",
+    code="GEO011",
+    title="Roads can hold a vehicle, and before a signal a queue",
+    severity=WARNING,
+    limit="5 m; 15 m before a signal",
+    source="SUMO netcheck.py --short-tls-edges",
+    hint="join the junctions at both ends",
+)
 def check_short_edge(facts: Facts, limits: Limits) -> Iterator[Finding]:
     """Find roads too short to hold a car, or, before a signal, three; stubs at the map's edge are fine."""
     for road in facts.map.roads:
@@ -83,6 +147,15 @@ def check_short_edge(facts: Facts, limits: Limits) -> Iterator[Finding]:
             )
 
 
+@check(
+    id="geometry.short_connection",
+    code="GEO012",
+    title="Ways across junctions have a length",
+    severity=NOTE,
+    limit="1 m",
+    source="netconvert: Connection only %m short",
+    hint="increase the junction's radius, or join the roads",
+)
 def check_short_connection(facts: Facts, limits: Limits) -> Iterator[Finding]:
     """Find ways across junctions that are hardly there."""
     for k in np.flatnonzero(facts.way_lengths < limits.connection_length):
@@ -97,6 +170,15 @@ def check_short_connection(facts: Facts, limits: Limits) -> Iterator[Finding]:
             )
 
 
+@check(
+    id="geometry.node_offset",
+    code="GEO013",
+    title="Junctions are drawn where they are",
+    severity=WARNING,
+    limit="20 m",
+    source="netconvert --geometry.junction-mismatch-threshold",
+    hint="move the node, or reset the junction's custom shape",
+)
 def check_node_offset(facts: Facts, limits: Limits) -> Iterator[Finding]:
     """Find junctions that are drawn far from where they are said to be."""
     junctions = [j for j in facts.map.junctions if len(j.polygon) > 0]
@@ -118,6 +200,15 @@ def check_node_offset(facts: Facts, limits: Limits) -> Iterator[Finding]:
         )
 
 
+@check(
+    id="geometry.crossing_off_road",
+    code="GEO014",
+    title="Crossings cross the roads they name",
+    severity=ERROR,
+    limit="one lane, carried on 15 m into the junction",
+    source="autoware_lanelet2_map_validator Crosswalk",
+    hint="delete the crossing's custom shape, or correct its roads",
+)
 def check_crossing_off_road(facts: Facts, limits: Limits) -> Iterator[Finding]:
     """Find crossings that cross none of the lanes of the roads they name, carried on into the junction."""
     for crossing in facts.crossings.values():
@@ -144,6 +235,15 @@ def _distance(facts: Facts, crossing: Crossing, line: shapely.Geometry, lane: La
     return float(shapely.linestrings(longer).distance(line))
 
 
+@check(
+    id="geometry.intersecting_lefts",
+    code="GEO015",
+    title="Opposite turns pass each other",
+    severity=WARNING,
+    limit="paths do not cross; a note without a signal",
+    source="netconvert: Intersecting left turns",
+    hint="increase the junction's radius, or give the turns phases of their own",
+)
 def check_intersecting_lefts(facts: Facts, _limits: Limits) -> Iterator[Finding]:
     """Find opposite turns across traffic whose paths cross, so that neither can go while the other waits.
 
@@ -196,6 +296,16 @@ def _are_opposite(facts: Facts, one: Connection, other: Connection) -> bool:
     return bool(lengths > 0 and float(ahead[0] @ ahead[1]) / lengths < -0.7)
 
 
+@check(
+    id="geometry.mesh_health",
+    code="GEO016",
+    title="Raised surfaces are closed, floors face up, faces have area, positions are numbers",
+    severity=ERROR,
+    limit="every edge shared by two faces",
+    source="glTF 2.0, trimesh",
+    hint="report this with the network: the converter should never write such a mesh",
+    needs=Need.MESHES,
+)
 def check_mesh_health(facts: Facts, _limits: Limits) -> Iterator[Finding]:
     """Find raised surfaces that are not closed, faces without area, and positions that are not numbers."""
     for mesh in facts.meshes:
@@ -227,88 +337,3 @@ def _unhealthy(facts: Facts, mesh: Mesh, face: int, problem: str) -> Finding:
         at=np.nan_to_num(at) + facts.origin,
         message=f"the mesh {mesh.name} {problem}",
     )
-
-
-CHECKS = (
-    Check(
-        id="geometry.gap",
-        code="GEO008",
-        title="Ways across junctions join their lanes",
-        severity=WARNING,
-        limit="0.1 m; error above 0.5 m",
-        source="ASAM OpenDRIVE contact_point_no_horizontal_gaps; CommonRoad potential connection",
-        hint="rebuild the network with netconvert, which draws the way anew, or move the lane's end back",
-        run=check_gap,
-    ),
-    Check(
-        id="geometry.z_jump",
-        code="GEO009",
-        title="Ways across junctions do not jump in height",
-        severity=WARNING,
-        limit="0.1 m",
-        source="autoware_lanelet2_map_validator",
-        hint="give the ends of both lanes the junction's height",
-        run=check_z_jump,
-    ),
-    Check(
-        id="geometry.short_edge",
-        code="GEO011",
-        title="Roads can hold a vehicle, and before a signal a queue",
-        severity=WARNING,
-        limit="5 m; 15 m before a signal",
-        source="SUMO netcheck.py --short-tls-edges",
-        hint="join the junctions at both ends",
-        run=check_short_edge,
-    ),
-    Check(
-        id="geometry.short_connection",
-        code="GEO012",
-        title="Ways across junctions have a length",
-        severity=NOTE,
-        limit="1 m",
-        source="netconvert: Connection only %m short",
-        hint="increase the junction's radius, or join the roads",
-        run=check_short_connection,
-    ),
-    Check(
-        id="geometry.node_offset",
-        code="GEO013",
-        title="Junctions are drawn where they are",
-        severity=WARNING,
-        limit="20 m",
-        source="netconvert --geometry.junction-mismatch-threshold",
-        hint="move the node, or reset the junction's custom shape",
-        run=check_node_offset,
-    ),
-    Check(
-        id="geometry.crossing_off_road",
-        code="GEO014",
-        title="Crossings cross the roads they name",
-        severity=ERROR,
-        limit="one lane, carried on 15 m into the junction",
-        source="autoware_lanelet2_map_validator Crosswalk",
-        hint="delete the crossing's custom shape, or correct its roads",
-        run=check_crossing_off_road,
-    ),
-    Check(
-        id="geometry.intersecting_lefts",
-        code="GEO015",
-        title="Opposite turns pass each other",
-        severity=WARNING,
-        limit="paths do not cross; a note without a signal",
-        source="netconvert: Intersecting left turns",
-        hint="increase the junction's radius, or give the turns phases of their own",
-        run=check_intersecting_lefts,
-    ),
-    Check(
-        id="geometry.mesh_health",
-        code="GEO016",
-        title="Raised surfaces are closed, floors face up, faces have area, positions are numbers",
-        severity=ERROR,
-        limit="every edge shared by two faces",
-        source="glTF 2.0, trimesh",
-        hint="report this with the network: the converter should never write such a mesh",
-        run=check_mesh_health,
-        needs=Need.MESHES,
-    ),
-)

@@ -9,14 +9,25 @@ import shapely
 
 from dojo_maps.description import Lane, LaneKind, Points
 from dojo_maps.geometry.polylines import Floats, Ints, Shapes
-from dojo_maps.validation.check import ERROR, WARNING, Check, Finding, element
+from dojo_maps.validation.check import ERROR, WARNING, Finding, check, element
 from dojo_maps.validation.facts import Facts
 from dojo_maps.validation.profiles import Limits
 
+_Shared = tuple[shapely.Geometry, int, int]
+"""Common ground of two lanes, and their places in `drivable`."""
 _SLIVER = 0.05
 """Metres: common ground that is nowhere twice as wide is rounding of coordinates, most of all in bends."""
 
 
+@check(
+    id="geometry.lane_overlap",
+    code="GEO001",
+    title="Lanes of different roads do not lie on each other",
+    severity=WARNING,
+    limit="1 m² within 4 m of height; error above 10 m² and 1 m deep",
+    source="netconvert --geometry.check-overlap, --geometry.check-overlap.vertical-threshold",
+    hint="move the roads apart, join them, or give the bridge its height",
+)
 def check_lane_overlap(facts: Facts, limits: Limits) -> Iterator[Finding]:
     """Find drivable lanes of different roads, or lanes that swap sides within one, on the same ground.
 
@@ -25,39 +36,45 @@ def check_lane_overlap(facts: Facts, limits: Limits) -> Iterator[Finding]:
     lanes, strips = facts.drivable, facts.road_strips
     one, other = _pairs(facts.road_tree, strips)
     border = _JunctionBorders(facts, limits.border)
-    pairs: dict[tuple[str, str], list[tuple[float, int, int, Floats]]] = defaultdict(list)
+    pairs: dict[tuple[str, str], list[_Shared]] = defaultdict(list)
     shared = shapely.intersection(strips[one], strips[other])
     large = shapely.area(shared) > limits.overlap
     for i, j, common in zip(one[large], other[large], shared[large], strict=True):
         ground = border.cut_off(common, lanes[i], lanes[j])
-        if ground.area <= limits.overlap or _is_sliver(ground):
+        if ground.area <= limits.overlap or _is_sliver(ground) or _is_declared(facts, lanes[i], lanes[j]):
             continue
         at = _inside(ground)
         if facts.near_level(lanes[i].shape, lanes[j].shape, at + facts.origin[:2], limits.level_height):
             key = tuple(sorted((lanes[i].road, lanes[j].road)))
-            pairs[key[0], key[1]].append((ground.area, int(i), int(j), at))
+            pairs[key[0], key[1]].append((ground, int(i), int(j)))
     for roads, found in pairs.items():
         yield _lane_overlap(facts, limits, roads, found)
 
 
-def _lane_overlap(
-    facts: Facts, limits: Limits, roads: tuple[str, str], found: list[tuple[float, int, int, Floats]]
-) -> Finding:
-    found.sort(key=lambda row: -row[0])
-    area = sum(row[0] for row in found)
-    lanes = dict.fromkeys(facts.drivable[k].id for _, i, j, _ in found for k in (i, j))
-    first, second = (facts.drivable[k] for k in found[0][1:3])
+def _lane_overlap(facts: Facts, limits: Limits, roads: tuple[str, str], found: list[_Shared]) -> Finding:
+    found.sort(key=lambda row: -row[0].area)
+    area = sum(row[0].area for row in found)
+    strips = shapely.buffer([row[0] for row in found], 0)  # Without the lines that hang on to them.
+    depth = 2 * float(shapely.length(shapely.maximum_inscribed_circle(strips, 0.05)).max())
+    lanes = dict.fromkeys(facts.drivable[k].id for _, i, j in found for k in (i, j))
+    first, second = (facts.drivable[k] for k in found[0][1:])
     one_way = _one_lane_both_ways(facts, first, second)
-    severity = ERROR if area > limits.overlap_error and not one_way else WARNING
-    what = "are one strip, driven both ways" if one_way else f"lie on each other for {area:.1f} m²"
+    bad = area > limits.overlap_error and depth > limits.overlap_depth and not one_way
+    deep = f"lie on each other for {area:.1f} m², up to {depth:.1f} m deep"
+    what = "are one strip, driven both ways" if one_way else deep
     return Finding(
         elements=(*element("lane", *lanes), *element("road", *dict.fromkeys(roads))),
-        at=found[0][3] + facts.origin[:2],
+        at=_inside(found[0][0]) + facts.origin[:2],
         message=f"the lanes {first.id} and {second.id} {what}",
         measured=area,
         limit=limits.overlap,
-        severity=severity,
+        severity=ERROR if bad else WARNING,
     )
+
+
+def _is_declared(facts: Facts, first: Lane, second: Lane) -> bool:
+    """Tell whether the network says itself that two lanes share their ground, one for each direction."""
+    return facts.roads[first.road].bidi == second.road and facts.roads[second.road].bidi == first.road
 
 
 def _one_lane_both_ways(facts: Facts, first: Lane, second: Lane) -> bool:
@@ -96,6 +113,15 @@ class _JunctionBorders:
         return self._areas[junction]
 
 
+@check(
+    id="geometry.sidewalk_on_road",
+    code="GEO002",
+    title="Pavement does not lie on the carriageway",
+    severity=WARNING,
+    limit="0.5 m²",
+    source="measured: 12,006 m² in one city network",
+    hint="move the sidewalk, narrow it or the lanes beside it, or enlarge the junction's radius",
+)
 def check_sidewalk_on_road(facts: Facts, limits: Limits) -> Iterator[Finding]:
     """Find sidewalks and walking areas that lie on a carriageway."""
     sidewalks = [lane for lane in facts.map.lanes if lane.kind is LaneKind.SIDEWALK]
@@ -136,6 +162,15 @@ def _is_open(lane: Lane) -> bool:
     return "pedestrian" in lane.allow
 
 
+@check(
+    id="geometry.junction_overlap",
+    code="GEO003",
+    title="Junctions do not lie on each other",
+    severity=WARNING,
+    limit="1 m² within 4 m of height",
+    source="osm2streets: trimmed roads",
+    hint="join the junctions in netedit, or with a join of both nodes in a node file",
+)
 def check_junction_overlap(facts: Facts, limits: Limits) -> Iterator[Finding]:
     """Find junctions that lie on each other."""
     junctions = facts.map.junctions
@@ -179,37 +214,3 @@ def _is_sliver(ground: shapely.Geometry | Shapes) -> Any:
 
 def _inside(ground: shapely.Geometry) -> Floats:
     return shapely.get_coordinates(shapely.point_on_surface(ground))[0]
-
-
-CHECKS = (
-    Check(
-        id="geometry.lane_overlap",
-        code="GEO001",
-        title="Lanes of different roads do not lie on each other",
-        severity=WARNING,
-        limit="1 m² within 4 m of height; error above 10 m²",
-        source="netconvert --geometry.check-overlap, --geometry.check-overlap.vertical-threshold",
-        hint="move the roads apart, join them, or give the bridge its height",
-        run=check_lane_overlap,
-    ),
-    Check(
-        id="geometry.sidewalk_on_road",
-        code="GEO002",
-        title="Pavement does not lie on the carriageway",
-        severity=WARNING,
-        limit="0.5 m²",
-        source="measured: 12,006 m² in one city network",
-        hint="move the sidewalk, narrow it or the lanes beside it, or enlarge the junction's radius",
-        run=check_sidewalk_on_road,
-    ),
-    Check(
-        id="geometry.junction_overlap",
-        code="GEO003",
-        title="Junctions do not lie on each other",
-        severity=WARNING,
-        limit="1 m² within 4 m of height",
-        source="osm2streets: trimmed roads",
-        hint="join the junctions in netedit, or with a join of both nodes in a node file",
-        run=check_junction_overlap,
-    ),
-)

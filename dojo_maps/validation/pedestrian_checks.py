@@ -9,7 +9,7 @@ import shapely
 
 from dojo_maps.description import LaneKind
 from dojo_maps.geometry.polylines import Floats
-from dojo_maps.validation.check import ERROR, NOTE, WARNING, Check, Finding, Need, element
+from dojo_maps.validation.check import ERROR, NOTE, WARNING, Check, Finding, Need, check, element
 from dojo_maps.validation.facts import DRIVABLE, Facts, twisted_share
 from dojo_maps.validation.profiles import Limits
 
@@ -18,6 +18,15 @@ _FAR = 30.0
 """Metres, past any walking area."""
 
 
+@check(
+    id="pedestrians.crossing_ends",
+    code="PED001",
+    title="Crossings join two walking areas",
+    severity=ERROR,
+    limit="2",
+    source="SUMO Simulation/Pedestrians",
+    hint="rebuild the junction with netconvert --walkingareas, or add the missing connection",
+)
 def check_crossing_ends(facts: Facts, _limits: Limits) -> Iterator[Finding]:
     """Find crossings that do not join two walking areas, though a way leads off them."""
     touched: dict[str, set[str]] = defaultdict(set)
@@ -37,6 +46,15 @@ def check_crossing_ends(facts: Facts, _limits: Limits) -> Iterator[Finding]:
             )
 
 
+@check(
+    id="pedestrians.crossing_no_target",
+    code="PED004",
+    title="Crossings lead somewhere",
+    severity=ERROR,
+    limit="1 way off",
+    source="SUMO: Invalid pedestrian topology: crossing has no target",
+    hint="rebuild the junction with netconvert --walkingareas",
+)
 def check_crossing_no_target(facts: Facts, _limits: Limits) -> Iterator[Finding]:
     """Find crossings that nothing leads off."""
     left = {walk.from_id for walk in facts.map.walks}
@@ -49,6 +67,15 @@ def check_crossing_no_target(facts: Facts, _limits: Limits) -> Iterator[Finding]
             )
 
 
+@check(
+    id="pedestrians.walk_components",
+    code="PED002",
+    title="One can walk everywhere",
+    severity=WARNING,
+    limit="1 part",
+    source="measured: 8 parts in one city network",
+    hint="add a sidewalk or a crossing that joins the part",
+)
 def check_walk_components(facts: Facts, _limits: Limits) -> Iterator[Finding]:
     """Find sidewalks, crossings and walking areas that one cannot walk to from most others."""
     if not facts.walking_areas:
@@ -115,6 +142,15 @@ def _joins(facts: Facts) -> dict[str, set[str]]:
     return joins
 
 
+@check(
+    id="pedestrians.dead_end_walking_area",
+    code="PED003",
+    title="Walking areas lead on",
+    severity=WARNING,
+    limit="2 ways, unless the map ends there",
+    source="SUMO: Invalid walkingarea does not allow continuation",
+    hint="add a crossing, or the sidewalk that is missing",
+)
 def check_dead_end_walking_area(facts: Facts, _limits: Limits) -> Iterator[Finding]:
     """Find walking areas that lead nowhere, unless the map ends there."""
     joins = _joins(facts)
@@ -129,6 +165,15 @@ def check_dead_end_walking_area(facts: Facts, _limits: Limits) -> Iterator[Findi
             )
 
 
+@check(
+    id="pedestrians.missing_crossing",
+    code="PED005",
+    title="Signalised junctions can be crossed on foot",
+    severity=WARNING,
+    limit="each leg with sidewalks on both sides, from three legs",
+    source="a-b-street/speedwalk 14",
+    hint="add the crossing in netedit, or with netconvert --crossings.guess",
+)
 def check_missing_crossing(facts: Facts, _limits: Limits) -> Iterator[Finding]:
     """Find signalised junctions where a leg with sidewalks on both sides cannot be crossed."""
     crossed = {road for crossing in facts.crossings.values() for road in crossing.roads}
@@ -163,6 +208,15 @@ def _is_street_with_sidewalk(facts: Facts, road: str) -> bool:
     return LaneKind.SIDEWALK in kinds and bool(kinds & set(DRIVABLE))
 
 
+@check(
+    id="pedestrians.walking_area_invalid",
+    code="PED006",
+    title="Walking areas have an outline and room",
+    severity=WARNING,
+    limit="1 m², at most 1 % of it twisted",
+    source="SUMO tracker 5661",
+    hint="delete the walking area's custom shape",
+)
 def check_walking_area_invalid(facts: Facts, limits: Limits) -> Iterator[Finding]:
     """Find walking areas that cross themselves or that no one fits on.
 
@@ -189,6 +243,15 @@ def check_walking_area_invalid(facts: Facts, limits: Limits) -> Iterator[Finding
             )
 
 
+@check(
+    id="pedestrians.walkway_extent",
+    code="PED007",
+    title="There is room to wait at crossings",
+    severity=NOTE,
+    limit="1 m (strict: 3 m)",
+    source="autoware_lanelet2_map_validator Walkway; SUMO's default sidewalk is 2 m wide",
+    hint="widen the sidewalk",
+)
 def check_walkway_extent(facts: Facts, limits: Limits) -> Iterator[Finding]:
     """Find crossings that end on pavement too shallow to wait on."""
     polygons: dict[str, shapely.Geometry] = {}
@@ -227,95 +290,23 @@ def _depth(line: Floats, areas: list[shapely.Geometry]) -> float:
     return max(float(ray.intersection(area).length) for area in areas)
 
 
-CHECKS = (
-    Check(
-        id="pedestrians.crossing_ends",
-        code="PED001",
-        title="Crossings join two walking areas",
-        severity=ERROR,
-        limit="2",
-        source="SUMO Simulation/Pedestrians",
-        hint="rebuild the junction with netconvert --walkingareas, or add the missing connection",
-        run=check_crossing_ends,
-    ),
-    Check(
-        id="pedestrians.walk_components",
-        code="PED002",
-        title="One can walk everywhere",
-        severity=WARNING,
-        limit="1 part",
-        source="measured: 8 parts in one city network",
-        hint="add a sidewalk or a crossing that joins the part",
-        run=check_walk_components,
-    ),
-    Check(
-        id="pedestrians.dead_end_walking_area",
-        code="PED003",
-        title="Walking areas lead on",
-        severity=WARNING,
-        limit="2 ways, unless the map ends there",
-        source="SUMO: Invalid walkingarea does not allow continuation",
-        hint="add a crossing, or the sidewalk that is missing",
-        run=check_dead_end_walking_area,
-    ),
-    Check(
-        id="pedestrians.crossing_no_target",
-        code="PED004",
-        title="Crossings lead somewhere",
-        severity=ERROR,
-        limit="1 way off",
-        source="SUMO: Invalid pedestrian topology: crossing has no target",
-        hint="rebuild the junction with netconvert --walkingareas",
-        run=check_crossing_no_target,
-    ),
-    Check(
-        id="pedestrians.missing_crossing",
-        code="PED005",
-        title="Signalised junctions can be crossed on foot",
-        severity=WARNING,
-        limit="each leg with sidewalks on both sides, from three legs",
-        source="a-b-street/speedwalk 14",
-        hint="add the crossing in netedit, or with netconvert --crossings.guess",
-        run=check_missing_crossing,
-    ),
-    Check(
-        id="pedestrians.walking_area_invalid",
-        code="PED006",
-        title="Walking areas have an outline and room",
-        severity=WARNING,
-        limit="1 m², at most 1 % of it twisted",
-        source="SUMO tracker 5661",
-        hint="delete the walking area's custom shape",
-        run=check_walking_area_invalid,
-    ),
-    Check(
-        id="pedestrians.walkway_extent",
-        code="PED007",
-        title="There is room to wait at crossings",
-        severity=NOTE,
-        limit="1 m (strict: 3 m)",
-        source="autoware_lanelet2_map_validator Walkway; SUMO's default sidewalk is 2 m wide",
-        hint="widen the sidewalk",
-        run=check_walkway_extent,
-    ),
-    Check(
-        id="osm.missing_crossing",
-        code="PED008",
-        title="Crossings of OpenStreetMap are in the network",
-        severity=WARNING,
-        limit="10 m",
-        source="measured: 60 % are",
-        hint="add the crossing in netedit",
-        needs=Need.IMPORT,
-    ),
-    Check(
-        id="osm.guessed_crossing",
-        code="PED009",
-        title="Crossings of the network are in OpenStreetMap",
-        severity=NOTE,
-        limit="10 m",
-        source="measured: 66 % are",
-        hint="remove the crossing, or map it",
-        needs=Need.OSM,
-    ),
+MISSING_CROSSING = Check(
+    id="osm.missing_crossing",
+    code="PED008",
+    title="Crossings of OpenStreetMap are in the network",
+    severity=WARNING,
+    limit="10 m",
+    source="measured: 60 % are",
+    hint="add the crossing in netedit",
+    needs=Need.IMPORT,
+)
+GUESSED_CROSSING = Check(
+    id="osm.guessed_crossing",
+    code="PED009",
+    title="Crossings of the network are in OpenStreetMap",
+    severity=NOTE,
+    limit="10 m",
+    source="measured: 66 % are",
+    hint="remove the crossing, or map it",
+    needs=Need.OSM,
 )

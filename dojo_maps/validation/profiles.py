@@ -13,8 +13,10 @@ class Limits:
 
     overlap: float = 1.0
     overlap_error: float = 10.0
+    overlap_depth: float = 1.0
     pavement_overlap: float = 0.5
     junction_overlap: float = 1.0
+    junction_lost: float = 1.0
     level_height: float = 4.0
     border: float = 2.0
     repeated_point: float = 0.05
@@ -35,6 +37,7 @@ class Limits:
     connection_length: float = 1.0
     node_offset: float = 20.0
     crossing_reach: float = 15.0
+    pair_length: float = 0.1
     length_share: float = 0.05
     length_difference: float = 1.0
     turn_back_deg: float = 150.0

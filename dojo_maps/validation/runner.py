@@ -7,6 +7,7 @@ from typing import Any
 from dojo_maps.description import RoadMap
 from dojo_maps.issue import Issue, Severity
 from dojo_maps.meshes.mesh import Mesh
+from dojo_maps.sumo_loading import Loading
 from dojo_maps.validation.catalogue import CHECKS
 from dojo_maps.validation.check import Check, Need, place
 from dojo_maps.validation.exclusions import Exclusion, split_excluded
@@ -24,6 +25,7 @@ def find_issues(
     known: Iterable[Issue],
     profile: Profile = DEFAULT,
     checks: Sequence[Check] = CHECKS,
+    sumo: Loading | None = None,
 ) -> tuple[list[Issue], dict[str, str]]:
     """Run every check.
 
@@ -33,13 +35,19 @@ def find_issues(
         known: what was found while reading the source.
         profile: limits and severities.
         checks: which to run.
+        sumo: the network on its way into SUMO; None skips the checks that ask SUMO.
 
     Returns:
         The issues in the order of the catalogue, and the state of each check that did not complete:
         "skipped" or "crashed", with the reason. A check that breaks counts as an error.
     """
-    facts = Facts(road_map, meshes)
-    there = {Need.NOTHING: True, Need.MESHES: meshes is not None, Need.IMPORT: road_map.source.kind == "osm"}
+    facts = Facts(road_map, meshes, sumo)
+    there = {
+        Need.NOTHING: True,
+        Need.MESHES: meshes is not None,
+        Need.SUMO: sumo is not None,
+        Need.IMPORT: road_map.source.kind == "osm",
+    }
     issues, states = list(known), {}
     for check in checks:
         if not there.get(check.needs):
@@ -61,9 +69,11 @@ def run_checks(
     known: Iterable[Issue],
     profile: Profile = DEFAULT,
     exclusions: Sequence[Exclusion] = (),
+    *,
+    sumo: Loading | None = None,
 ) -> dict[str, Any]:
     """Run every check and write the report as JSON values; what is excluded is listed apart, not counted."""
-    found, states = find_issues(road_map, meshes, known, profile, CHECKS)
+    found, states = find_issues(road_map, meshes, known, profile, CHECKS, sumo)
     issues, excluded = split_excluded(found, exclusions)
     return {
         "format": REPORT_FORMAT,

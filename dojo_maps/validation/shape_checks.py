@@ -7,18 +7,29 @@ from collections.abc import Iterator
 import numpy as np
 import shapely
 
-from dojo_maps.description import Lane, LaneKind
+from dojo_maps.description import Junction, Lane, LaneKind
 from dojo_maps.geometry.polylines import Floats, Ints, along
-from dojo_maps.validation.check import ERROR, NOTE, WARNING, Check, Finding, element
+from dojo_maps.validation.check import ERROR, NOTE, WARNING, Finding, check, element
 from dojo_maps.validation.facts import DRIVABLE, Facts, in_a_row, twisted_share
 from dojo_maps.validation.profiles import Limits
 
 _STUB = 1.0
 """Metres: bends and slopes over shorter pieces are rounding of coordinates."""
+_TRACK, _EDGE = 1.8, 0.1
+"""Metres: the width of a car's track, and what is too thin to count."""
 _STRAIGHT = 0.9
 """Share of its length that a lane's ends are apart if one can tell its left from its right by them."""
 
 
+@check(
+    id="geometry.junction_invalid",
+    code="GEO004",
+    title="Outlines of junctions do not cross themselves",
+    severity=ERROR,
+    limit="no crossing; outlines under 1 m² do not count; error where 1 m² of the ways across is left out",
+    source="OGC simple features; autoware_lanelet2_map_validator IntersectionAreaValidity",
+    hint="reset the junction's shape in netedit, or delete its custom shape",
+)
 def check_junction_invalid(facts: Facts, limits: Limits) -> Iterator[Finding]:
     """Find junctions whose outline crosses itself; nodes that only bend a road have no area and are fine."""
     junctions = [junction for junction in facts.map.junctions if len(junction.polygon) > 2]
@@ -26,18 +37,47 @@ def check_junction_invalid(facts: Facts, limits: Limits) -> Iterator[Finding]:
     shapes = np.array(polygons, dtype=object)
     wrong = ~shapely.is_valid(shapes) & (shapely.area(shapely.convex_hull(shapes)) >= 1.0)
     for k in np.flatnonzero(wrong):
-        lost = twisted_share(shapes[k])
-        if lost > 0:
+        share = twisted_share(shapes[k])
+        if share > 0:
+            lost = _lost_ground(facts, junctions[k], shapes[k])
+            bad = share > limits.twisted and lost > limits.junction_lost
+            cost = f" and leaves out {lost:.1f} m² of the ways across" if bad else ""
             yield Finding(
                 elements=element("junction", junctions[k].id),
                 at=junctions[k].polygon[0],
-                message=f"the outline of the junction {junctions[k].id} crosses itself",
-                measured=lost,
+                message=f"the outline of the junction {junctions[k].id} crosses itself{cost}",
+                measured=share,
                 limit=0.0,
-                severity=ERROR if lost > limits.twisted else WARNING,
+                severity=ERROR if bad else WARNING,
             )
 
 
+def _lost_ground(facts: Facts, junction: Junction, outline: shapely.Polygon) -> float:
+    """Measure what a crossed outline leaves out of the ground that vehicles drive on, square metres."""
+    ways = [
+        shapely.linestrings(way.shape[:, :2] - facts.origin[:2])
+        for road in junction.incoming
+        for lane in facts.lanes_of(road)
+        for way in facts.leaving.get(lane.id, ())
+        if len(way.shape) > 1
+    ]
+    lanes = [lane for road in (*junction.incoming, *junction.outgoing) for lane in facts.lanes_of(road)]
+    driven = shapely.union_all(shapely.buffer(ways, _TRACK / 2, cap_style="flat"))
+    lost = driven.difference(shapely.make_valid(outline)).difference(
+        shapely.union_all(facts.strips_of(lanes))
+    )
+    return float(lost.buffer(-_EDGE).buffer(_EDGE).area)
+
+
+@check(
+    id="geometry.lane_invalid",
+    code="GEO005",
+    title="Lanes have no repeated points, do not cross themselves and keep their order",
+    severity=WARNING,
+    limit="points 5 cm apart",
+    source="lanelet2_validation PointsTooClose",
+    hint="remove the point, or redraw the lane, in netedit; netconvert --geometry.min-dist thins points",
+)
 def check_lane_invalid(facts: Facts, limits: Limits) -> Iterator[Finding]:
     """Find lanes with points on one place, lanes that cross themselves, and neighbours that swapped sides."""
     lanes = facts.map.lanes
@@ -84,6 +124,15 @@ def _swapped(facts: Facts, lanes: list[Lane], limits: Limits) -> Iterator[Findin
             )
 
 
+@check(
+    id="geometry.kink",
+    code="GEO006",
+    title="Lanes do not bend sharply",
+    severity=WARNING,
+    limit="99° between two pieces (strict: 60°); streets do turn square corners",
+    source="netconvert --geometry.max-angle (99°)",
+    hint="smooth the road's shape, or split it at a junction",
+)
 def check_kink(facts: Facts, limits: Limits) -> Iterator[Finding]:
     """Find sharp bends inside drivable lanes."""
     points, angles, _, owners = _bends(facts)
@@ -103,6 +152,15 @@ def check_kink(facts: Facts, limits: Limits) -> Iterator[Finding]:
         )
 
 
+@check(
+    id="geometry.tight_radius",
+    code="GEO007",
+    title="Roads end without tight turns",
+    severity=WARNING,
+    limit="9 m",
+    source="netconvert --geometry.min-radius",
+    hint="netconvert --geometry.min-radius.fix, or move the shape's last point",
+)
 def check_tight_radius(facts: Facts, limits: Limits) -> Iterator[Finding]:
     """Find roads whose first or last bend is too tight to drive; the radius is netconvert's own measure."""
     points, angles, ends, owners = _bends(facts)
@@ -151,6 +209,15 @@ def _bends(facts: Facts) -> tuple[Floats, Floats, Floats, Ints]:
     return corners[k], angles, np.where(np.isfinite(ends), ends, 0.0), owners[k]
 
 
+@check(
+    id="geometry.grade",
+    code="GEO009",
+    title="Lanes are not too steep",
+    severity=WARNING,
+    limit="10 %",
+    source="netconvert --geometry.max-grade",
+    hint="correct the heights, or smooth them with netconvert --geometry.max-grade.fix",
+)
 def check_grade(facts: Facts, limits: Limits) -> Iterator[Finding]:
     """Find drivable lanes that are too steep."""
     if facts.flat:
@@ -169,6 +236,15 @@ def check_grade(facts: Facts, limits: Limits) -> Iterator[Finding]:
             )
 
 
+@check(
+    id="geometry.width",
+    code="GEO010",
+    title="Lanes and crossings have a usable width",
+    severity=WARNING,
+    limit="drive 2.5 to 4.5 m (error below 1.8), sidewalk 1.2, cycle lane 1.0, crossing 2.0 m",
+    source="netconvert --opendrive.min-width (1.8 m) and default widths",
+    hint="correct the lane's width",
+)
 def check_width(facts: Facts, limits: Limits) -> Iterator[Finding]:
     """Find lanes and crossings that are too narrow for their users, and lanes that are two in truth."""
     least = dict.fromkeys(DRIVABLE, limits.drive_width)
@@ -198,6 +274,15 @@ def check_width(facts: Facts, limits: Limits) -> Iterator[Finding]:
             )
 
 
+@check(
+    id="geometry.length_mismatch",
+    code="GEO017",
+    title="Lanes are as long as they are drawn",
+    severity=NOTE,
+    limit="5 % and 1 m",
+    source="measured: netconvert changed lanes by up to 23.8 m",
+    hint="remove the custom length unless it is meant",
+)
 def check_length_mismatch(facts: Facts, limits: Limits) -> Iterator[Finding]:
     """Find roads that SUMO drives at another length than they are drawn with."""
     seen: set[str] = set()
@@ -217,77 +302,3 @@ def check_length_mismatch(facts: Facts, limits: Limits) -> Iterator[Finding]:
 
 def _middle(lane: Lane) -> Floats:
     return lane.shape[len(lane.shape) // 2]
-
-
-CHECKS = (
-    Check(
-        id="geometry.junction_invalid",
-        code="GEO004",
-        title="Outlines of junctions do not cross themselves",
-        severity=ERROR,
-        limit="no crossing; outlines under 1 m² do not count; error where over 1 % of the ground is twisted",
-        source="OGC simple features; autoware_lanelet2_map_validator IntersectionAreaValidity",
-        hint="reset the junction's shape in netedit, or delete its custom shape",
-        run=check_junction_invalid,
-    ),
-    Check(
-        id="geometry.lane_invalid",
-        code="GEO005",
-        title="Lanes have no repeated points, do not cross themselves and keep their order",
-        severity=WARNING,
-        limit="points 5 cm apart",
-        source="lanelet2_validation PointsTooClose",
-        hint="remove the point, or redraw the lane, in netedit; netconvert --geometry.min-dist thins points",
-        run=check_lane_invalid,
-    ),
-    Check(
-        id="geometry.kink",
-        code="GEO006",
-        title="Lanes do not bend sharply",
-        severity=WARNING,
-        limit="99° between two pieces (strict: 60°); streets do turn square corners",
-        source="netconvert --geometry.max-angle (99°)",
-        hint="smooth the road's shape, or split it at a junction",
-        run=check_kink,
-    ),
-    Check(
-        id="geometry.tight_radius",
-        code="GEO007",
-        title="Roads end without tight turns",
-        severity=WARNING,
-        limit="9 m",
-        source="netconvert --geometry.min-radius",
-        hint="netconvert --geometry.min-radius.fix, or move the shape's last point",
-        run=check_tight_radius,
-    ),
-    Check(
-        id="geometry.grade",
-        code="GEO009",
-        title="Lanes are not too steep",
-        severity=WARNING,
-        limit="10 %",
-        source="netconvert --geometry.max-grade",
-        hint="correct the heights, or smooth them with netconvert --geometry.max-grade.fix",
-        run=check_grade,
-    ),
-    Check(
-        id="geometry.width",
-        code="GEO010",
-        title="Lanes and crossings have a usable width",
-        severity=WARNING,
-        limit="drive 2.5 to 4.5 m (error below 1.8), sidewalk 1.2, cycle lane 1.0, crossing 2.0 m",
-        source="netconvert --opendrive.min-width (1.8 m) and default widths",
-        hint="correct the lane's width",
-        run=check_width,
-    ),
-    Check(
-        id="geometry.length_mismatch",
-        code="GEO017",
-        title="Lanes are as long as they are drawn",
-        severity=NOTE,
-        limit="5 % and 1 m",
-        source="measured: netconvert changed lanes by up to 23.8 m",
-        hint="remove the custom length unless it is meant",
-        run=check_length_mismatch,
-    ),
-)

@@ -3,7 +3,7 @@
 from collections import defaultdict
 from collections.abc import Iterator
 
-from dojo_maps.validation.check import ERROR, NOTE, WARNING, Check, Finding, element
+from dojo_maps.validation.check import ERROR, NOTE, WARNING, Finding, check, element
 from dojo_maps.validation.facts import Facts
 from dojo_maps.validation.profiles import Limits
 from dojo_maps.validation.programs import (
@@ -19,6 +19,15 @@ _GOES = "GgsoO"
 """Letters with which a vehicle may go, now or after a stop: green, stop first, signals off."""
 
 
+@check(
+    id="signals.state_length",
+    code="SIG001",
+    title="States have a letter for each link",
+    severity=ERROR,
+    limit="highest link index + 1, in every phase",
+    source="SUMO tls_check.py; sumo: Mismatching phase size",
+    hint="write states with a letter per link, or let netconvert --tls.rebuild make them",
+)
 def check_state_length(facts: Facts, _limits: Limits) -> Iterator[Finding]:
     """Find programs whose states have too few letters for the signal's links, or not all as many."""
     for signal in signals_of(facts):
@@ -36,6 +45,15 @@ def check_state_length(facts: Facts, _limits: Limits) -> Iterator[Finding]:
                 )
 
 
+@check(
+    id="signals.unused_index",
+    code="SIG002",
+    title="Letters of a state control a link",
+    severity=NOTE,
+    limit="none without a link",
+    source="sumo: Unused state in tlLogic",
+    hint="remove the letters with netconvert --tls.ungroup-signals, or add the missing connection",
+)
 def check_unused_index(facts: Facts, _limits: Limits) -> Iterator[Finding]:
     """Find letters of a state that control nothing."""
     for signal in signals_of(facts):
@@ -53,6 +71,15 @@ def check_unused_index(facts: Facts, _limits: Limits) -> Iterator[Finding]:
                 )
 
 
+@check(
+    id="signals.never_green",
+    code="SIG003",
+    title="Links get green",
+    severity=ERROR,
+    limit="one phase; warning where another program has it",
+    source="sumo: Missing green phase",
+    hint="add a phase in which the link has G or g",
+)
 def check_never_green(facts: Facts, _limits: Limits) -> Iterator[Finding]:
     """Find links that no phase of a program lets go; a warning where another program of the signal does."""
     for signal in signals_of(facts):
@@ -77,6 +104,15 @@ def _programs(names: list[str]) -> str:
     return f"program {names[0]}" if len(names) == 1 else f"{len(names)} programs, {names[0]} among them"
 
 
+@check(
+    id="signals.always_green",
+    code="SIG004",
+    title="Links that cross others stop at some time",
+    severity=WARNING,
+    limit="one phase",
+    source="MUTCD 4D",
+    hint="show red while the crossing link has green, or g if it has to yield",
+)
 def check_always_green(facts: Facts, _limits: Limits) -> Iterator[Finding]:
     """Find protected links that never stop while links that they cross get a green, too."""
     for signal, program in programs_of(facts):
@@ -100,6 +136,15 @@ def check_always_green(facts: Facts, _limits: Limits) -> Iterator[Finding]:
                 )
 
 
+@check(
+    id="signals.green_conflict",
+    code="SIG005",
+    title="No two protected greens collide",
+    severity=ERROR,
+    limit="none of the network's foes",
+    source="sumo: Unsafe green phase; mutual conflict",
+    hint="give one of the two g, so that it yields, or a phase of its own",
+)
 def check_green_conflict(facts: Facts, _limits: Limits) -> Iterator[Finding]:
     """Find pairs of letters that show protected green at once though ways they control cross or join."""
     for signal in signals_of(facts):
@@ -121,6 +166,15 @@ def check_green_conflict(facts: Facts, _limits: Limits) -> Iterator[Finding]:
                     )
 
 
+@check(
+    id="signals.missing_yellow",
+    code="SIG006",
+    title="Yellow comes between green and red",
+    severity=WARNING,
+    limit="one phase",
+    source="sumo: Missing yellow phase",
+    hint="put a phase with y for these links after it",
+)
 def check_missing_yellow(facts: Facts, _limits: Limits) -> Iterator[Finding]:
     """Find phases after which vehicles see red straight after green."""
     for signal, program in programs_of(facts):
@@ -143,67 +197,3 @@ def check_missing_yellow(facts: Facts, _limits: Limits) -> Iterator[Finding]:
 
 def _list(values: list[int]) -> str:
     return ", ".join(map(str, values))
-
-
-CHECKS = (
-    Check(
-        id="signals.state_length",
-        code="SIG001",
-        title="States have a letter for each link",
-        severity=ERROR,
-        limit="highest link index + 1, in every phase",
-        source="SUMO tls_check.py; sumo: Mismatching phase size",
-        hint="write states with a letter per link, or let netconvert --tls.rebuild make them",
-        run=check_state_length,
-    ),
-    Check(
-        id="signals.unused_index",
-        code="SIG002",
-        title="Letters of a state control a link",
-        severity=NOTE,
-        limit="none without a link",
-        source="sumo: Unused state in tlLogic",
-        hint="remove the letters with netconvert --tls.ungroup-signals, or add the missing connection",
-        run=check_unused_index,
-    ),
-    Check(
-        id="signals.never_green",
-        code="SIG003",
-        title="Links get green",
-        severity=ERROR,
-        limit="one phase; warning where another program has it",
-        source="sumo: Missing green phase",
-        hint="add a phase in which the link has G or g",
-        run=check_never_green,
-    ),
-    Check(
-        id="signals.always_green",
-        code="SIG004",
-        title="Links that cross others stop at some time",
-        severity=WARNING,
-        limit="one phase",
-        source="MUTCD 4D",
-        hint="show red while the crossing link has green, or g if it has to yield",
-        run=check_always_green,
-    ),
-    Check(
-        id="signals.green_conflict",
-        code="SIG005",
-        title="No two protected greens collide",
-        severity=ERROR,
-        limit="none of the network's foes",
-        source="sumo: Unsafe green phase; mutual conflict",
-        hint="give one of the two g, so that it yields, or a phase of its own",
-        run=check_green_conflict,
-    ),
-    Check(
-        id="signals.missing_yellow",
-        code="SIG006",
-        title="Yellow comes between green and red",
-        severity=WARNING,
-        limit="one phase",
-        source="sumo: Missing yellow phase",
-        hint="put a phase with y for these links after it",
-        run=check_missing_yellow,
-    ),
-)

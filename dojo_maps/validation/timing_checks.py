@@ -7,7 +7,7 @@ from functools import lru_cache
 from dojo_maps.description import Connection, Crossing, Program
 from dojo_maps.geometry.polylines import along
 from dojo_maps.issue import Element
-from dojo_maps.validation.check import ERROR, NOTE, WARNING, Check, Finding
+from dojo_maps.validation.check import ERROR, NOTE, WARNING, Finding, check
 from dojo_maps.validation.facts import Facts
 from dojo_maps.validation.profiles import Limits
 from dojo_maps.validation.programs import (
@@ -28,6 +28,15 @@ _CAR = 6.0
 _LONGEST_ALL_RED = 6.0
 
 
+@check(
+    id="signals.yellow_short",
+    code="SIG007",
+    title="Yellow is long enough to stop",
+    severity=ERROR,
+    limit="3 s; warning at 0.5 s less than 1 s + v / 6.1 m/s²",
+    source="MUTCD, ITE",
+    hint="lengthen the yellow phase",
+)
 def check_yellow_short(facts: Facts, limits: Limits) -> Iterator[Finding]:
     """Find yellows too short for the speed to stop from: Y = 1 s + v / (2 × 3.05 m/s²), 3 to 6 s."""
     for signal, program in programs_of(facts):
@@ -59,6 +68,15 @@ def yellow_for(signal: SignalFacts, index: int, shortest: float) -> float:
     return min(max(_REACTION + speed / (2 * _DECELERATION), shortest), _LONGEST_YELLOW)
 
 
+@check(
+    id="signals.all_red",
+    code="SIG008",
+    title="The junction clears before the next green",
+    severity=NOTE,
+    limit="(way + 6 m) / v, at most 6 s",
+    source="ITE",
+    hint="put a phase with r for all after the yellow",
+)
 def check_all_red(facts: Facts, _limits: Limits) -> Iterator[Finding]:
     """Find programs that start a green before those who left last are across: R = (way + 6 m) / v."""
     for signal, program in programs_of(facts):
@@ -124,6 +142,15 @@ def _time_until(program: Program, letters: str, phase: int) -> float | None:
     return None
 
 
+@check(
+    id="pedestrians.crossing_clearance",
+    code="SIG009",
+    title="Walkers are across before vehicles get green",
+    severity=ERROR,
+    limit="length / 1.2 m/s",
+    source="signal timing manuals, 4 ft/s; netconvert's own clearance is 5 s, however long the crossing",
+    hint="end the walkers' green earlier, or lengthen the phase after it",
+)
 def check_crossing_clearance(facts: Facts, limits: Limits) -> Iterator[Finding]:
     """Find crossings whose red leaves too little time to walk across before the next vehicles' green."""
     for signal, program in programs_of(facts):
@@ -159,6 +186,15 @@ def _crossing_first(signal: SignalFacts, index: int, crossing: str) -> tuple[Ele
     return (first, *(item for item in signal.elements(index) if item != first))
 
 
+@check(
+    id="pedestrians.walk_min",
+    code="SIG010",
+    title="Walkers have time to start",
+    severity=WARNING,
+    limit="7 s; error below 4 s",
+    source="MUTCD 4E.06; netconvert --tls.crossing-min.time (4 s)",
+    hint="lengthen the phase",
+)
 def check_walk_min(facts: Facts, limits: Limits) -> Iterator[Finding]:
     """Find greens for walkers that are too short to notice and start."""
     for signal, program in programs_of(facts):
@@ -178,6 +214,15 @@ def check_walk_min(facts: Facts, limits: Limits) -> Iterator[Finding]:
                 )
 
 
+@check(
+    id="signals.minor_green_fast",
+    code="SIG015",
+    title="Turns that yield are not too fast",
+    severity=WARNING,
+    limit="70 km/h",
+    source="netconvert --tls.minor-left.max-speed (19.44 m/s)",
+    hint="give the turn a phase of its own",
+)
 def check_minor_green_fast(facts: Facts, limits: Limits) -> Iterator[Finding]:
     """Find turns across traffic that have to yield on roads where that is too fast to judge."""
     turn = "r" if facts.map.left_hand else "l"
@@ -200,6 +245,15 @@ def check_minor_green_fast(facts: Facts, limits: Limits) -> Iterator[Finding]:
                 )
 
 
+@check(
+    id="signals.cycle",
+    code="SIG017",
+    title="Cycles have a usual length",
+    severity=NOTE,
+    limit="30 to 120 s",
+    source="netconvert: high cycle time",
+    hint="shorten or lengthen the green phases",
+)
 def check_cycle(facts: Facts, limits: Limits) -> Iterator[Finding]:
     """Find fixed programs with very long or very short cycles."""
     for signal, program in programs_of(facts):
@@ -214,6 +268,15 @@ def check_cycle(facts: Facts, limits: Limits) -> Iterator[Finding]:
             )
 
 
+@check(
+    id="signals.green_fraction",
+    code="SIG018",
+    title="Links get a share of the cycle",
+    severity=NOTE,
+    limit="above 1 %",
+    source="sumo's loader",
+    hint="lengthen the link's green",
+)
 def check_green_fraction(facts: Facts, limits: Limits) -> Iterator[Finding]:
     """Find links that get hardly any of the cycle."""
     for signal, program in programs_of(facts):
@@ -233,77 +296,3 @@ def check_green_fraction(facts: Facts, limits: Limits) -> Iterator[Finding]:
                     measured=green / cycle,
                     limit=limits.green_share,
                 )
-
-
-CHECKS = (
-    Check(
-        id="signals.yellow_short",
-        code="SIG007",
-        title="Yellow is long enough to stop",
-        severity=ERROR,
-        limit="3 s; warning at 0.5 s less than 1 s + v / 6.1 m/s²",
-        source="MUTCD, ITE",
-        hint="lengthen the yellow phase",
-        run=check_yellow_short,
-    ),
-    Check(
-        id="signals.all_red",
-        code="SIG008",
-        title="The junction clears before the next green",
-        severity=NOTE,
-        limit="(way + 6 m) / v, at most 6 s",
-        source="ITE",
-        hint="put a phase with r for all after the yellow",
-        run=check_all_red,
-    ),
-    Check(
-        id="pedestrians.crossing_clearance",
-        code="SIG009",
-        title="Walkers are across before vehicles get green",
-        severity=ERROR,
-        limit="length / 1.2 m/s",
-        source="signal timing manuals, 4 ft/s; netconvert's own clearance is 5 s, however long the crossing",
-        hint="end the walkers' green earlier, or lengthen the phase after it",
-        run=check_crossing_clearance,
-    ),
-    Check(
-        id="pedestrians.walk_min",
-        code="SIG010",
-        title="Walkers have time to start",
-        severity=WARNING,
-        limit="7 s; error below 4 s",
-        source="MUTCD 4E.06; netconvert --tls.crossing-min.time (4 s)",
-        hint="lengthen the phase",
-        run=check_walk_min,
-    ),
-    Check(
-        id="signals.minor_green_fast",
-        code="SIG015",
-        title="Turns that yield are not too fast",
-        severity=WARNING,
-        limit="70 km/h",
-        source="netconvert --tls.minor-left.max-speed (19.44 m/s)",
-        hint="give the turn a phase of its own",
-        run=check_minor_green_fast,
-    ),
-    Check(
-        id="signals.cycle",
-        code="SIG017",
-        title="Cycles have a usual length",
-        severity=NOTE,
-        limit="30 to 120 s",
-        source="netconvert: high cycle time",
-        hint="shorten or lengthen the green phases",
-        run=check_cycle,
-    ),
-    Check(
-        id="signals.green_fraction",
-        code="SIG018",
-        title="Links get a share of the cycle",
-        severity=NOTE,
-        limit="above 1 %",
-        source="sumo's loader",
-        hint="lengthen the link's green",
-        run=check_green_fraction,
-    ),
-)

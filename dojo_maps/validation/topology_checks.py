@@ -7,7 +7,7 @@ import numpy as np
 
 from dojo_maps.description import Lane, Road
 from dojo_maps.geometry.polylines import Floats
-from dojo_maps.validation.check import ERROR, WARNING, Check, Finding, Need, element
+from dojo_maps.validation.check import ERROR, WARNING, Check, Finding, Need, check, element
 from dojo_maps.validation.facts import DRIVABLE, Facts
 from dojo_maps.validation.profiles import Limits
 
@@ -15,6 +15,15 @@ _NAMED = 20
 """How many roads of a cut-off part are named."""
 
 
+@check(
+    id="topology.lane_dead_end",
+    code="TOP001",
+    title="Lanes lead on",
+    severity=ERROR,
+    limit="one way on per drivable lane whose road goes on",
+    source="SUMO: vehicles stop for good on a lane without a connection",
+    hint="add the missing connection, or end the lane before the junction",
+)
 def check_lane_dead_end(facts: Facts, _limits: Limits) -> Iterator[Finding]:
     """Find drivable lanes that end at a junction though their road goes on there from other lanes.
 
@@ -42,6 +51,15 @@ def _loses_a_lane(facts: Facts, onward: list[Road]) -> bool:
     return len(onward) == 1 and all(facts.entering.get(lane.id) for lane in _drivable_lanes(facts, onward[0]))
 
 
+@check(
+    id="topology.lane_no_entry",
+    code="TOP002",
+    title="Lanes are entered",
+    severity=WARNING,
+    limit="one way in per drivable lane",
+    source="netconvert: Lane is not connected from any incoming edge",
+    hint="add a connection into it, unless it is a turn lane that opens here",
+)
 def check_lane_no_entry(facts: Facts, _limits: Limits) -> Iterator[Finding]:
     """Find drivable lanes that no way leads into though other roads come to where their road begins.
 
@@ -61,6 +79,15 @@ def check_lane_no_entry(facts: Facts, _limits: Limits) -> Iterator[Finding]:
         )
 
 
+@check(
+    id="topology.edge_not_connected",
+    code="TOP003",
+    title="Roads lead on",
+    severity=ERROR,
+    limit="one way on per road",
+    source="netconvert: Edge is not connected to outgoing edges",
+    hint="add connections at the road's end",
+)
 def check_edge_not_connected(facts: Facts, _limits: Limits) -> Iterator[Finding]:
     """Find roads without a way on at a junction that other roads leave."""
     for road in facts.map.roads:
@@ -73,6 +100,15 @@ def check_edge_not_connected(facts: Facts, _limits: Limits) -> Iterator[Finding]
             )
 
 
+@check(
+    id="topology.uturn_only",
+    code="TOP005",
+    title="Roads lead on otherwise than back",
+    severity=WARNING,
+    limit="one way on that is no turning back",
+    source="SUMO tracker 12978",
+    hint="add the missing connections at the road's end",
+)
 def check_uturn_only(facts: Facts, _limits: Limits) -> Iterator[Finding]:
     """Find roads that can only be turned back on though other roads leave their end."""
     for road in facts.map.roads:
@@ -121,6 +157,15 @@ def _coming_from_elsewhere(facts: Facts, road: Road, classes: set[str]) -> list[
     ]
 
 
+@check(
+    id="topology.components",
+    code="TOP006",
+    title="The road network is one",
+    severity=WARNING,
+    limit="1 part for cars",
+    source="SUMO netcheck.py",
+    hint="join the part, or drop it with netconvert --keep-edges.components 1",
+)
 def check_components(facts: Facts, _limits: Limits) -> Iterator[Finding]:
     """Find parts of the road network for cars that no way joins with the largest part."""
     groups = _groups(facts)
@@ -163,6 +208,15 @@ def _lets_cars(facts: Facts, lane: str) -> bool:
     return "passenger" in facts.lanes[lane].allow
 
 
+@check(
+    id="topology.unreachable_edge_in_tls",
+    code="TOP007",
+    title="Roads inside a signal can be reached",
+    severity=WARNING,
+    limit="one way in",
+    source="netconvert: Unreachable edge within tlLogic",
+    hint="connect the road, or remove it from the signal",
+)
 def check_unreachable_edge_in_tls(facts: Facts, _limits: Limits) -> Iterator[Finding]:
     """Find roads between two junctions of one signal that no way leads into."""
     for signal in facts.signals:
@@ -180,6 +234,45 @@ def check_unreachable_edge_in_tls(facts: Facts, _limits: Limits) -> Iterator[Fin
                 )
 
 
+@check(
+    id="topology.unequal_lengths",
+    code="TOP014",
+    title="Lanes of both directions on one strip are equally long",
+    severity=WARNING,
+    limit="0.1 m",
+    source="sumo: Unequal lengths of bidi lane; of neigh lane",
+    hint="give both lanes one length, or rebuild the network with netconvert",
+)
+def check_unequal_lengths(facts: Facts, limits: Limits) -> Iterator[Finding]:
+    """Find lanes whose length differs from that of the opposite lane on their ground or beside them."""
+    pairs = [(lane.id, lane.opposite) for lane in facts.map.lanes if lane.opposite in facts.lanes]
+    for road in facts.map.roads:
+        other = facts.roads.get(road.bidi or "")
+        if other is not None and len(road.lanes) == len(other.lanes) == 1:
+            pairs.append((road.lanes[0], other.lanes[0]))
+    for pair in sorted({tuple(sorted(pair)) for pair in pairs if pair[1]}):
+        one, two = (facts.lanes[lane] for lane in pair)
+        apart = abs(one.length - two.length)
+        if apart > limits.pair_length:
+            yield Finding(
+                elements=element("lane", one.id, two.id),
+                at=one.shape[0],
+                message=f"the lanes {one.id} and {two.id}, one for each direction, "
+                f"are {one.length:.2f} and {two.length:.2f} m long",
+                measured=apart,
+                limit=limits.pair_length,
+            )
+
+
+@check(
+    id="topology.dangling_reference",
+    code="TOP012",
+    title="What is named exists",
+    severity=ERROR,
+    limit="none",
+    source="SUMO net format",
+    hint="correct the name or remove what names it, then rebuild the network with netconvert",
+)
 def check_dangling_reference(facts: Facts, _limits: Limits) -> Iterator[Finding]:
     """Find roads that name junctions, and crossings that name roads, which are not there."""
     for road in facts.map.roads:
@@ -201,103 +294,49 @@ def _dangling(kind: str, id_: str, named: str, name: str, at: Floats) -> Finding
     )
 
 
-CHECKS = (
-    Check(
-        id="topology.lane_dead_end",
-        code="TOP001",
-        title="Lanes lead on",
-        severity=ERROR,
-        limit="one way on per drivable lane whose road goes on",
-        source="SUMO: vehicles stop for good on a lane without a connection",
-        hint="add the missing connection, or end the lane before the junction",
-        run=check_lane_dead_end,
-    ),
-    Check(
-        id="topology.lane_no_entry",
-        code="TOP002",
-        title="Lanes are entered",
-        severity=WARNING,
-        limit="one way in per drivable lane",
-        source="netconvert: Lane is not connected from any incoming edge",
-        hint="add a connection into it, unless it is a turn lane that opens here",
-        run=check_lane_no_entry,
-    ),
-    Check(
-        id="topology.edge_not_connected",
-        code="TOP003",
-        title="Roads lead on",
-        severity=ERROR,
-        limit="one way on per road",
-        source="netconvert: Edge is not connected to outgoing edges",
-        hint="add connections at the road's end",
-        run=check_edge_not_connected,
-    ),
-    Check(
-        id="topology.uturn_only",
-        code="TOP005",
-        title="Roads lead on otherwise than back",
-        severity=WARNING,
-        limit="one way on that is no turning back",
-        source="SUMO tracker 12978",
-        hint="add the missing connections at the road's end",
-        run=check_uturn_only,
-    ),
-    Check(
-        id="topology.components",
-        code="TOP006",
-        title="The road network is one",
-        severity=WARNING,
-        limit="1 part for cars",
-        source="SUMO netcheck.py",
-        hint="join the part, or drop it with netconvert --keep-edges.components 1",
-        run=check_components,
-    ),
-    Check(
-        id="topology.unreachable_edge_in_tls",
-        code="TOP007",
-        title="Roads inside a signal can be reached",
-        severity=WARNING,
-        limit="one way in",
-        source="netconvert: Unreachable edge within tlLogic",
-        hint="connect the road, or remove it from the signal",
-        run=check_unreachable_edge_in_tls,
-    ),
-    Check(
-        id="topology.turn_lane_mismatch",
-        code="TOP011",
-        title="Turn lanes are as many as lanes",
-        severity=WARNING,
-        limit="turn:lanes names each driving lane",
-        source="netconvert: Ignoring turn sign information",
-        hint="correct the tags in OpenStreetMap",
-        needs=Need.OSM,
-    ),
-    Check(
-        id="topology.dangling_reference",
-        code="TOP012",
-        title="What is named exists",
-        severity=ERROR,
-        limit="none",
-        source="SUMO net format",
-        hint="correct the name or remove what names it, then rebuild the network with netconvert",
-        run=check_dangling_reference,
-    ),
-    Check(
-        id="topology.duplicate_id",
-        code="TOP013",
-        title="Ids are unique",
-        severity=ERROR,
-        limit="none",
-        source="SUMO net format",
-        hint="give each its own id",
-    ),
-    Check(
-        id="topology.request_mismatch",
-        code="TOP013",
-        title="Junctions have a rule for each of their links",
-        severity=ERROR,
-        limit="one request per link",
-        source="SUMO net format",
-        hint="rebuild the network with netconvert",
-    ),
+TURN_LANE_MISMATCH = Check(
+    id="topology.turn_lane_mismatch",
+    code="TOP011",
+    title="Turn lanes are as many as lanes",
+    severity=WARNING,
+    limit="turn:lanes names each driving lane",
+    source="netconvert: Ignoring turn sign information",
+    hint="correct the tags in OpenStreetMap",
+    needs=Need.OSM,
+)
+DUPLICATE_ID = Check(
+    id="topology.duplicate_id",
+    code="TOP013",
+    title="Ids are unique",
+    severity=ERROR,
+    limit="none",
+    source="SUMO net format",
+    hint="give each its own id",
+)
+REQUEST_MISMATCH = Check(
+    id="topology.request_mismatch",
+    code="TOP013",
+    title="Junctions have a rule for each of their links",
+    severity=ERROR,
+    limit="one request per link",
+    source="SUMO net format",
+    hint="rebuild the network with netconvert",
+)
+UNKNOWN_CLASS = Check(
+    id="topology.unknown_class",
+    code="TOP015",
+    title="Permissions name vehicle classes that there are",
+    severity=WARNING,
+    limit="SUMO's classes",
+    source="sumo: Unknown vehicle class ignored",
+    hint="correct the lane's permissions",
+)
+STOP_OFFSET_REPEATED = Check(
+    id="topology.stop_offset_repeated",
+    code="TOP016",
+    title="Lanes have one stop offset",
+    severity=WARNING,
+    limit="one",
+    source="sumo: Duplicate stopOffset definition",
+    hint="leave one of them",
 )

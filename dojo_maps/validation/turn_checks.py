@@ -7,16 +7,23 @@ import shapely
 
 from dojo_maps.description import Connection, Lane, Road
 from dojo_maps.geometry.polylines import Floats
-from dojo_maps.validation.check import ERROR, WARNING, Check, Finding, element
-from dojo_maps.validation.facts import DRIVABLE, Facts, turn_deg
+from dojo_maps.validation.check import ERROR, WARNING, Finding, check, element
+from dojo_maps.validation.facts import DRIVABLE, Facts, direction, turn_deg
 from dojo_maps.validation.profiles import Limits
 
-_STUB = 1.0
-"""Metres: shorter pieces are rounding of coordinates and have no direction."""
 _NEAR = 5.0
 """Metres from a lane's other end within which a way meets it there."""
 
 
+@check(
+    id="topology.missing_turn",
+    code="TOP004",
+    title="Roads that go straight on are connected",
+    severity=WARNING,
+    limit="one connection within 30° of straight on",
+    source="SUMO tracker 14478",
+    hint="add the connection, or exclude the finding where the movement is forbidden",
+)
 def check_missing_turn(facts: Facts, limits: Limits) -> Iterator[Finding]:
     """Find roads that go straight on across a junction for cars without a connection that does.
 
@@ -55,10 +62,15 @@ def _missing_straight(facts: Facts, limits: Limits, road: Road, onward: list[Roa
     )
 
 
-def _distances(shape: Floats) -> Floats:
-    return np.hypot(*(shape - shape[0]).T)
-
-
+@check(
+    id="topology.wrong_way",
+    code="TOP008",
+    title="Ways enter lanes in their direction",
+    severity=ERROR,
+    limit="150° of turn unless it is a turning back",
+    source="geometry",
+    hint="reverse the lane's shape, or correct the connection's lanes",
+)
 def check_wrong_way(facts: Facts, limits: Limits) -> Iterator[Finding]:
     """Find ways that meet a lane at its other end, and straight ways that turn back.
 
@@ -90,7 +102,7 @@ def check_wrong_way(facts: Facts, limits: Limits) -> Iterator[Finding]:
 
 
 def _turn_between(one: Lane, other: Lane) -> float:
-    return abs(turn_deg(-_direction(one.shape[::-1]), _direction(other.shape)))
+    return abs(turn_deg(-direction(one.shape[::-1]), direction(other.shape)))
 
 
 def _is_nearer(place: Floats, wrong: Floats, right: Floats, limits: Limits) -> bool:
@@ -99,13 +111,15 @@ def _is_nearer(place: Floats, wrong: Floats, right: Floats, limits: Limits) -> b
     return gaps[0] + limits.gap_error < gaps[1] and gaps[0] < _NEAR
 
 
-def _direction(shape: Floats) -> Floats:
-    """Take the direction of a line's first metres, past the stubs that rounding leaves."""
-    distances = _distances(shape[:, :2])
-    far = int(np.argmax(distances >= min(_STUB, float(distances.max()))))
-    return shape[far, :2] - shape[0, :2]
-
-
+@check(
+    id="topology.lane_type_mix",
+    code="TOP009",
+    title="Ways join lanes for the same vehicles",
+    severity=ERROR,
+    limit="one vehicle class in common",
+    source="SUMO tracker 8538, 13087",
+    hint="correct the permissions of the lanes, or connect the lane beside",
+)
 def check_lane_type_mix(facts: Facts, _limits: Limits) -> Iterator[Finding]:
     """Find ways that no vehicle may use at both ends, and roads for cars joined for others only."""
     for connection in facts.map.connections:
@@ -141,6 +155,15 @@ def _excludes_cars(facts: Facts, one: str, other: str, connections: list[Connect
     )
 
 
+@check(
+    id="topology.median_cross",
+    code="TOP010",
+    title="Ways across junctions stay off other roads",
+    severity=WARNING,
+    limit="3 m over a third road",
+    source="osm2streets",
+    hint="correct the connection, or the shape of the road it runs over",
+)
 def check_median_cross(facts: Facts, limits: Limits) -> Iterator[Finding]:
     """Find ways across junctions that run over a road they do not join; who turns back has to."""
     ways = [
@@ -181,47 +204,3 @@ def check_median_cross(facts: Facts, limits: Limits) -> Iterator[Finding]:
 
 def _is_third(facts: Facts, way: Connection, lane: Lane) -> bool:
     return lane.road not in (facts.lanes[way.from_lane].road, facts.lanes[way.to_lane].road)
-
-
-CHECKS = (
-    Check(
-        id="topology.missing_turn",
-        code="TOP004",
-        title="Roads that go straight on are connected",
-        severity=WARNING,
-        limit="one connection within 30° of straight on",
-        source="SUMO tracker 14478",
-        hint="add the connection, or exclude the finding where the movement is forbidden",
-        run=check_missing_turn,
-    ),
-    Check(
-        id="topology.wrong_way",
-        code="TOP008",
-        title="Ways enter lanes in their direction",
-        severity=ERROR,
-        limit="150° of turn unless it is a turning back",
-        source="geometry",
-        hint="reverse the lane's shape, or correct the connection's lanes",
-        run=check_wrong_way,
-    ),
-    Check(
-        id="topology.lane_type_mix",
-        code="TOP009",
-        title="Ways join lanes for the same vehicles",
-        severity=ERROR,
-        limit="one vehicle class in common",
-        source="SUMO tracker 8538, 13087",
-        hint="correct the permissions of the lanes, or connect the lane beside",
-        run=check_lane_type_mix,
-    ),
-    Check(
-        id="topology.median_cross",
-        code="TOP010",
-        title="Ways across junctions stay off other roads",
-        severity=WARNING,
-        limit="3 m over a third road",
-        source="osm2streets",
-        hint="correct the connection, or the shape of the road it runs over",
-        run=check_median_cross,
-    ),
-)

@@ -1,0 +1,118 @@
+"""SUMO's programs as processes of their own: found, given SUMO's own data, ended with all they started.
+
+Nothing of SUMO is imported here.
+"""
+
+import importlib.util
+import os
+import shutil
+import signal
+import subprocess
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import IO
+
+from dojo_maps.errors import ToolMissingError
+from dojo_maps.interruption import held
+
+
+def find_program(name: str) -> Path:
+    """Find one of SUMO's programs: in the package eclipse-sumo, under $SUMO_HOME, then on the PATH.
+
+    Args:
+        name: without an ending, such as `netconvert`.
+
+    Raises:
+        ToolMissingError: it is in none of them.
+    """
+    file = f"{name}.exe" if os.name == "nt" else name
+    homes = []
+    # Importing sumo itself would set environment variables for the whole process.
+    spec = importlib.util.find_spec("sumo")
+    if spec is not None and spec.submodule_search_locations:
+        homes.append(Path(spec.submodule_search_locations[0]))
+    if os.environ.get("SUMO_HOME"):
+        homes.append(Path(os.environ["SUMO_HOME"]))
+    for home in homes:
+        program = home / "bin" / file
+        if program.is_file() and os.access(program, os.X_OK):
+            return program
+    found = shutil.which(file)
+    if found is None:
+        raise ToolMissingError(f"{name} is not installed; it is part of SUMO: pip install eclipse-sumo")
+    return Path(found)
+
+
+def sumo_environment(program: Path) -> dict[str, str]:
+    """Name SUMO's own data for the child; the wheel's PROJ reads PROJ_LIB, later ones PROJ_DATA."""
+    environment = dict(os.environ)
+    home = program.parent.parent
+    if (home / "data").is_dir():
+        environment["SUMO_HOME"] = str(home)
+    if (home / "data" / "proj" / "proj.db").is_file():
+        environment["PROJ_LIB"] = environment["PROJ_DATA"] = str(home / "data" / "proj")
+    return environment
+
+
+@contextmanager
+def running_program(
+    program: Path, arguments: Sequence[str], folder: Path | None, diagnostics: int | IO[bytes]
+) -> "Iterator[subprocess.Popen[bytes]]":
+    """Run a program of SUMO in a process group of its own, which ends with the context at the latest.
+
+    Args:
+        program: as `find_program` finds it.
+        arguments: its options, as on a command line.
+        folder: where it runs; relative paths in the options start here.
+        diagnostics: where its standard error goes: a file, or `subprocess.PIPE`.
+
+    Raises:
+        ToolMissingError: it cannot be started.
+    """
+    child = None
+    try:
+        with held():  # Started by half, nobody would know whom to end.
+            child = _start(program, arguments, folder, diagnostics)
+        yield child
+    finally:
+        if child is not None:
+            with child:
+                kill_program(child)
+
+
+def _start(
+    program: Path, arguments: Sequence[str], folder: Path | None, diagnostics: int | IO[bytes]
+) -> "subprocess.Popen[bytes]":
+    try:
+        return subprocess.Popen(  # noqa: S603 (no shell; the program is SUMO's own)
+            [str(program), *arguments],
+            cwd=folder,
+            env=sumo_environment(program),
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.DEVNULL,
+            stderr=diagnostics,
+            start_new_session=True,
+        )
+    except OSError as error:
+        raise ToolMissingError(
+            f"{program.name} cannot be started: {error.strerror} ({program}); "
+            "it is part of SUMO: pip install eclipse-sumo"
+        ) from error
+
+
+def kill_program(child: "subprocess.Popen[bytes]") -> None:
+    """End a program and what it started, if it still runs."""
+    if child.poll() is None:
+        if hasattr(os, "killpg"):
+            os.killpg(child.pid, signal.SIGKILL)
+        else:
+            child.kill()
+
+
+def signal_name(number: int) -> str:
+    """Name a signal that ended a program."""
+    try:
+        return signal.Signals(number).name
+    except ValueError:
+        return f"signal {number}"
