@@ -2,6 +2,7 @@
 
 from dojo_maps.validation import (
     controller_checks,
+    drawing_checks,
     geometry_checks,
     osm_checks,
     overlap_checks,
@@ -15,8 +16,8 @@ from dojo_maps.validation import (
 
 _THEMES = ("geometry", "topology", "signals", "pedestrians", "osm")
 _MODULES = (
-    overlap_checks, shape_checks, geometry_checks, topology_checks, turn_checks, signal_checks,
-    controller_checks, timing_checks, pedestrian_checks, osm_checks,
+    overlap_checks, shape_checks, geometry_checks, drawing_checks, topology_checks, turn_checks,
+    signal_checks, controller_checks, timing_checks, pedestrian_checks, osm_checks,
 )  # fmt: skip
 
 CHECKS = tuple(
