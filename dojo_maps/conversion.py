@@ -2,6 +2,7 @@
 
 import hashlib
 import os
+import shutil
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -14,7 +15,7 @@ from dojo_maps.demand import write_demand
 from dojo_maps.description import RoadMap
 from dojo_maps.edits import reapply_edits
 from dojo_maps.enrichment import furnish
-from dojo_maps.errors import GeometryError, UsageError
+from dojo_maps.errors import DojoError, GeometryError, UsageError, WriteError
 from dojo_maps.exports import EXPORTERS
 from dojo_maps.geometry.arrangement import paved_ground
 from dojo_maps.geometry.pieces import build_pieces
@@ -72,7 +73,7 @@ def convert(
         on_stage: told what begins.
 
     Returns:
-        The bundle, and its report as JSON values.
+        The bundle, and its report as JSON values; its `exports` tell of each format whether it is written.
 
     Raises:
         GeometryError: the map's shapes defeat every way to cut them.
@@ -123,12 +124,9 @@ def _convert(
         extra = {} if quality is None else {"osm": quality}
         if options.demand != 0:
             extra |= _add_demand(fresh, road_map, options.demand)
+        if options.exports:
+            extra["exports"] = _export(fresh, road_map, options.exports, on_stage)
         report = _write(fresh, road_map, meshes, issues, extra)
-        for export in options.exports:
-            on_stage(f"Exporting {export}")
-            target = fresh / bundle.EXPORTS / export
-            target.mkdir(parents=True)
-            EXPORTERS[export](road_map, fresh / bundle.NETWORK, target)
     return bundle.Bundle(folder=folder, road_map=road_map), report
 
 
@@ -168,6 +166,31 @@ def _add_demand(folder: Path, road_map: RoadMap, volume: float | None) -> dict[s
     """Write traffic beside the network, where there is a junction that it can cross."""
     demand = write_demand(road_map, folder / bundle.NETWORK, folder / bundle.DEMAND, volume=volume)
     return {} if demand is None else {"demand": asdict(demand)}
+
+
+def _export(
+    folder: Path, road_map: RoadMap, names: tuple[str, ...], on_stage: Callable[[str], None]
+) -> dict[str, str]:
+    """Write every export; tells of each whether it is "written" or "failed: " and why.
+
+    Raises:
+        OSError, WriteError: nothing can be written there, so that the bundle cannot be either.
+    """
+    states = {}
+    for name in names:
+        on_stage(f"Exporting {name}")
+        target = folder / bundle.EXPORTS / name
+        target.mkdir(parents=True)
+        try:
+            EXPORTERS[name](road_map, folder / bundle.NETWORK, target)
+            states[name] = "written"
+        except (OSError, WriteError):
+            raise
+        except Exception as error:  # noqa: BLE001 - one format must not cost the map and the others
+            shutil.rmtree(target)
+            what = str(error) if isinstance(error, DojoError) else f"{type(error).__name__}: {error}"
+            states[name] = f"failed: {' '.join(what.split())}"
+    return states
 
 
 def _write(
