@@ -8,23 +8,18 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from shapely.errors import ShapelyError
-
 from dojo_maps import bundle
 from dojo_maps.demand import write_demand
 from dojo_maps.description import RoadMap
+from dojo_maps.drawing import draw
 from dojo_maps.edits import reapply_edits
-from dojo_maps.enrichment import furnish
-from dojo_maps.errors import DojoError, GeometryError, UsageError, WriteError
+from dojo_maps.errors import DojoError, UsageError, WriteError
 from dojo_maps.exports import EXPORTERS
-from dojo_maps.geometry.arrangement import paved_ground
-from dojo_maps.geometry.pieces import build_pieces
 from dojo_maps.input_files import read_bytes, sha256_of
 from dojo_maps.issue import Issue
 from dojo_maps.memory import without_cycle_search
 from dojo_maps.meshes.gltf import write_scene
 from dojo_maps.meshes.mesh import Mesh
-from dojo_maps.meshes.scene import build_scene
 from dojo_maps.report.overview import draw_overview
 from dojo_maps.report.page import write_page
 from dojo_maps.serialization import to_json
@@ -113,7 +108,13 @@ def _convert(
         described, issues = read_network(data, path=path, name=name, sha256=sha256)
     source = replace(described.source, network_sha256=hashlib.sha256(data).hexdigest())
     described = replace(described, source=source)
-    road_map, meshes = furnish_and_build(described, options, on_stage)
+    road_map, meshes, uncut = draw(
+        described,
+        generated=options.generated,
+        jobs=options.jobs or os.cpu_count() or 1,
+        on_stage=on_stage,
+    )
+    issues += uncut
     with bundle.replace_bundle(folder) as fresh:
         on_stage("Writing")
         (fresh / bundle.NETWORK).write_bytes(data)
@@ -142,24 +143,6 @@ def _import_osm(
     source = replace(network.road_map.source, kind="osm")
     described = replace(network.road_map, source=source, props=network.road_map.props + context)
     return network.data, described, network.issues + losses + notes, quality
-
-
-def furnish_and_build(
-    described: RoadMap, options: ConvertOptions, on_stage: Callable[[str], None] = lambda _stage: None
-) -> tuple[RoadMap, tuple[Mesh, ...]]:
-    """Add what a street has to a description and build its scene, without touching the disk."""
-    try:
-        on_stage("Joining surfaces")
-        pieces = build_pieces(described)
-        paved = paved_ground(pieces)
-        on_stage("Furnishing the street")
-        road_map = furnish(described, paved, generated=options.generated)
-        jobs = options.jobs or os.cpu_count() or 1
-        return road_map, build_scene(road_map, pieces, paved, jobs=jobs, on_stage=on_stage)
-    except ShapelyError as error:
-        raise GeometryError(
-            f"{described.name}: its shapes cannot be cut along each other: {error}"
-        ) from error
 
 
 def _add_demand(folder: Path, road_map: RoadMap, volume: float | None) -> dict[str, Any]:

@@ -1,5 +1,9 @@
 """One bad spot costs that spot: the rest of the network is drawn, checked and written all the same."""
 
+import re
+from collections import Counter
+from collections.abc import Collection
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -9,6 +13,12 @@ import shapely
 from damage import network_of
 
 import dojo_maps
+from dojo_maps.description import RoadMap, points
+from dojo_maps.drawing import draw
+from dojo_maps.geometry.arrangement import paved_ground
+from dojo_maps.geometry.pieces import Layer, Pieces
+from dojo_maps.input_files import read_bytes
+from dojo_maps.sources.files import find_network
 from dojo_maps.sources.sumo_net import read_network
 
 
@@ -76,9 +86,6 @@ def test_a_network_without_any_ground_is_written(tmp_path: Path) -> None:
 
 
 def test_joined_ground_holds_no_lines() -> None:
-    from dojo_maps.geometry.arrangement import paved_ground  # noqa: PLC0415
-    from dojo_maps.geometry.pieces import Layer, Pieces  # noqa: PLC0415
-
     strip = "39.504 80.807, 39.296 77.613, 18.824 78.942, 4.461 76.847, 3.999 80.013, 18.696 82.158"
     floor = (
         "3.21 72.75, 2.17 72.98, 1.8 73.06, 1.43 73.14, 0.98 73.2, 0.37 73.25, 0.85 79.63, 2.22 79.63, "
@@ -99,3 +106,47 @@ def test_joined_ground_holds_no_lines() -> None:
         cuts=nothing,
     )
     assert paved_ground(pieces).geom_type == "MultiPolygon"
+
+
+def broken_at(road_map: RoadMap, junctions: Collection[str]) -> RoadMap:
+    """Take the last corner of some junctions to where no geometry is."""
+    nowhere = [[np.nan] * 3]
+    return replace(
+        road_map,
+        junctions=tuple(
+            replace(j, polygon=points(np.vstack([j.polygon[:-1], nowhere]))) if j.id in junctions else j
+            for j in road_map.junctions
+        ),
+    )
+
+
+def faces_by_source(meshes: Collection[Any]) -> Counter[tuple[str, str]]:
+    return Counter((mesh.name, mesh.ids[source]) for mesh in meshes for source in mesh.sources)
+
+
+@pytest.mark.filterwarnings("ignore:invalid value")
+@pytest.mark.parametrize("count", [1, 3])
+def test_junctions_that_cannot_be_cut_cost_these_junctions_only(count: int) -> None:
+    path, name = find_network("cologne1")
+    road_map, _ = read_network(read_bytes(path), path=path, name=name, sha256="")
+    broken = [junction.id for junction in road_map.junctions if len(junction.polygon) > 2][:count]
+    bare = {j.id: points([]) if j.id in broken else j.polygon for j in road_map.junctions}
+    without = replace(road_map, junctions=tuple(replace(j, polygon=bare[j.id]) for j in road_map.junctions))
+    _, expected, _ = draw(without)
+    drawn, meshes, issues = draw(broken_at(road_map, broken))
+    assert faces_by_source(meshes) == faces_by_source(expected)
+    assert [(issue.check, issue.elements[0].id) for issue in issues] == [
+        ("geometry.uncut_surface", junction) for junction in broken
+    ]
+    assert len(drawn.junctions[0].polygon) == len(road_map.junctions[0].polygon)
+
+
+def test_a_crossing_of_one_position_costs_its_bars(network_path: Any, tmp_path: Path) -> None:
+    good = network_path("walkers_signal").read_text()
+    crossing = re.search(r'<lane id="(:\w+_c0)_0"[^>]* (shape="[^"]*")', good)
+    data = good.replace(crossing[0], crossing[0].replace(crossing[2], 'shape="0,0"')).encode()
+    _, report = convert(data, tmp_path)
+    named = {
+        e["id"] for i in report["issues"] for e in i["elements"] if i["check"].startswith("geometry.unc")
+    }
+    assert named == {crossing[1]}
