@@ -117,6 +117,7 @@ def _volume(text: str) -> float:
 
 
 def _convert(options: argparse.Namespace) -> int:
+    from dojo_maps.bundle import REPORT_PAGE
     from dojo_maps.conversion import ConvertOptions, convert
 
     wanted = ConvertOptions(
@@ -129,14 +130,18 @@ def _convert(options: argparse.Namespace) -> int:
     written, report = convert(options.source, options.output, wanted, on_stage=Progress(quiet=options.quiet))
     road_map, counts = written.road_map, report["counts"]
     print(
-        f"{written.folder}: {len(road_map.roads)} roads, {len(road_map.lanes)} lanes, "
-        f"{len(road_map.junctions)} junctions, {len(road_map.signals)} signals, "
-        f"{len(road_map.crossings)} crossings; "
-        f"{counts['error']} errors, {counts['warning']} warnings, {counts['note']} notes"
+        f"written to {written.folder}; "
+        f"{counts['error']} errors, {counts['warning']} warnings, {counts['note']} notes, "
+        f"see {written.folder / REPORT_PAGE}; "
+        f"{len(road_map.roads)} roads, {len(road_map.lanes)} lanes, {len(road_map.junctions)} junctions, "
+        f"{len(road_map.signals)} signals, {len(road_map.crossings)} crossings"
     )
     if "demand" in report:
         print("demand: {vehicles} vehicles and {walkers} walkers in an hour".format(**report["demand"]))
-    return int(counts["error"] > 0 or (options.strict and counts["warning"] > 0))
+    failed = {name: state for name, state in report.get("exports", {}).items() if state != "written"}
+    for name, state in failed.items():
+        print(f"dojo-maps: export {name} {state}; the rest is written", file=sys.stderr)
+    return 4 if failed else int(counts["error"] > 0 or (options.strict and counts["warning"] > 0))
 
 
 def _validate(options: argparse.Namespace) -> int:

@@ -2,29 +2,25 @@
 
 import hashlib
 import os
+import shutil
 from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from shapely.errors import ShapelyError
-
 from dojo_maps import bundle
 from dojo_maps.demand import write_demand
 from dojo_maps.description import RoadMap
+from dojo_maps.drawing import draw
 from dojo_maps.edits import reapply_edits
-from dojo_maps.enrichment import furnish
-from dojo_maps.errors import GeometryError, UsageError
+from dojo_maps.errors import DojoError, UsageError, WriteError
 from dojo_maps.exports import EXPORTERS
-from dojo_maps.geometry.arrangement import paved_ground
-from dojo_maps.geometry.pieces import build_pieces
 from dojo_maps.input_files import read_bytes, sha256_of
 from dojo_maps.issue import Issue
 from dojo_maps.memory import without_cycle_search
 from dojo_maps.meshes.gltf import write_scene
 from dojo_maps.meshes.mesh import Mesh
-from dojo_maps.meshes.scene import build_scene
 from dojo_maps.report.overview import draw_overview
 from dojo_maps.report.page import write_page
 from dojo_maps.serialization import to_json
@@ -74,7 +70,7 @@ def convert(
         on_stage: told what begins.
 
     Returns:
-        The bundle, and its report as JSON values.
+        The bundle, and its report as JSON values; its `exports` tell of each format whether it is written.
 
     Raises:
         GeometryError: the map's shapes defeat every way to cut them.
@@ -116,7 +112,13 @@ def _convert(
     described = replace(described, source=source)
     with ExitStack() as stack:
         sumo = stack.enter_context(loading(data))
-        road_map, meshes = furnish_and_build(described, options, on_stage)
+        road_map, meshes, uncut = draw(
+            described,
+            generated=options.generated,
+            jobs=options.jobs or os.cpu_count() or 1,
+            on_stage=on_stage,
+        )
+        issues += uncut
         fresh = stack.enter_context(bundle.replace_bundle(folder))
         on_stage("Writing")
         (fresh / bundle.NETWORK).write_bytes(data)
@@ -127,12 +129,9 @@ def _convert(
         extra = {} if quality is None else {"osm": quality}
         if options.demand != 0:
             extra |= _add_demand(fresh, road_map, options.demand)
+        if options.exports:
+            extra["exports"] = _export(fresh, road_map, options.exports, on_stage)
         report = _write(fresh, road_map, meshes, issues, extra, sumo)
-        for export in options.exports:
-            on_stage(f"Exporting {export}")
-            target = fresh / bundle.EXPORTS / export
-            target.mkdir(parents=True)
-            EXPORTERS[export](road_map, fresh / bundle.NETWORK, target)
     return bundle.Bundle(folder=folder, road_map=road_map), report
 
 
@@ -150,28 +149,35 @@ def _import_osm(
     return network.data, described, network.issues + losses + notes, quality
 
 
-def furnish_and_build(
-    described: RoadMap, options: ConvertOptions, on_stage: Callable[[str], None] = lambda _stage: None
-) -> tuple[RoadMap, tuple[Mesh, ...]]:
-    """Add what a street has to a description and build its scene, without touching the disk."""
-    try:
-        on_stage("Joining surfaces")
-        pieces = build_pieces(described)
-        paved = paved_ground(pieces)
-        on_stage("Furnishing the street")
-        road_map = furnish(described, paved, generated=options.generated)
-        jobs = options.jobs or os.cpu_count() or 1
-        return road_map, build_scene(road_map, pieces, paved, jobs=jobs, on_stage=on_stage)
-    except ShapelyError as error:
-        raise GeometryError(
-            f"{described.name}: its shapes cannot be cut along each other: {error}"
-        ) from error
-
-
 def _add_demand(folder: Path, road_map: RoadMap, volume: float | None) -> dict[str, Any]:
     """Write traffic beside the network, where there is a junction that it can cross."""
     demand = write_demand(road_map, folder / bundle.NETWORK, folder / bundle.DEMAND, volume=volume)
     return {} if demand is None else {"demand": asdict(demand)}
+
+
+def _export(
+    folder: Path, road_map: RoadMap, names: tuple[str, ...], on_stage: Callable[[str], None]
+) -> dict[str, str]:
+    """Write every export; tells of each whether it is "written" or "failed: " and why.
+
+    Raises:
+        OSError, WriteError: nothing can be written there, so that the bundle cannot be either.
+    """
+    states = {}
+    for name in names:
+        on_stage(f"Exporting {name}")
+        target = folder / bundle.EXPORTS / name
+        target.mkdir(parents=True)
+        try:
+            EXPORTERS[name](road_map, folder / bundle.NETWORK, target)
+            states[name] = "written"
+        except (OSError, WriteError):
+            raise
+        except Exception as error:  # noqa: BLE001 - one format must not cost the map and the others
+            shutil.rmtree(target)
+            what = str(error) if isinstance(error, DojoError) else f"{type(error).__name__}: {error}"
+            states[name] = f"failed: {' '.join(what.split())}"
+    return states
 
 
 def _write(

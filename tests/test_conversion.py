@@ -11,6 +11,7 @@ import pytest
 import dojo_maps
 from dojo_maps import cli
 from dojo_maps.errors import SourceError
+from dojo_maps.input_files import read_bytes
 from dojo_maps.sources.files import find_network
 
 
@@ -80,11 +81,35 @@ def test_exports_are_part_of_the_bundle(tmp_path: Path) -> None:
     assert all(any(path.iterdir()) for path in (folder / "exports").iterdir())
 
 
-def test_failed_export_leaves_no_bundle(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    status = cli.main(["convert", "grid4x4", "--export", "geojson", "-o", str(tmp_path / "x.dojo")])
+def test_an_export_that_fails_costs_neither_the_bundle_nor_the_others(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    network, folder = tmp_path / "x.net.xml", tmp_path / "x.dojo"
+    good = read_bytes(find_network("cologne1")[0])
+    network.write_bytes(re.sub(rb'projParameter="[^"]*"', b'projParameter="+proj=nowhere"', good))
+    names = ["geojson", "metadrive"]
+    status = cli.main(["convert", str(network), "--quiet", "--export", *names, "-o", str(folder)])
     assert status == 4
-    assert "projection" in capsys.readouterr().err
-    assert not list(tmp_path.iterdir())
+    (line,) = capsys.readouterr().err.splitlines()
+    assert "geojson failed" in line
+    assert "nowhere" in line
+    assert [path.name for path in (folder / "exports").iterdir()] == ["metadrive"]
+    states = json.loads((folder / "report.json").read_text())["exports"]
+    assert states["metadrive"] == "written"
+    assert "nowhere" in states["geojson"]
+
+
+def test_convert_says_what_is_written_and_where_also_with_errors(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    network, folder = tmp_path / "x.net.xml", tmp_path / "x.dojo"
+    good = read_bytes(find_network("cologne1")[0]).decode()
+    network.write_text(good.replace('<lane id="', '<lane width="-1" id="'))
+    assert cli.main(["convert", str(network), "--quiet", "-o", str(folder)]) == 1
+    (line,) = capsys.readouterr().out.splitlines()
+    errors = json.loads((folder / "report.json").read_text())["counts"]["error"]
+    assert line.startswith(f"written to {folder}; {errors} errors, ")
+    assert f"see {folder}/report.html" in line
 
 
 def test_commands_start_without_loading_what_they_do_not_run() -> None:

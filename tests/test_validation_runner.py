@@ -33,7 +33,7 @@ from dojo_maps.validation.profiles import DEFAULT, PROFILES, Limits
 
 TETRAHEDRON = np.array([(0, 2, 1), (0, 1, 3), (1, 2, 3), (2, 0, 3)])
 CODES = {
-    *(f"GEO{k:03}" for k in range(1, 18)),
+    *(f"GEO{k:03}" for k in range(1, 20)),
     *(f"TOP{k:03}" for k in range(1, 17)),
     *(f"SIG{k:03}" for k in range(1, 19)),
     *(f"PED{k:03}" for k in range(1, 10)),
@@ -224,7 +224,7 @@ def test_exclusion_that_is_not_a_rule_with_a_reason_is_refused(rule: object, tmp
 
 
 def test_exclusion_file_that_is_missing_or_no_json_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(SourceError, match="cannot be read"):
+    with pytest.raises(SourceError, match="no such file"):
         read_exclusions(tmp_path / "nowhere.json")
     (tmp_path / "bad.json").write_text("[", encoding="utf-8")
     with pytest.raises(SourceError, match="not readable as JSON"):

@@ -5,12 +5,13 @@ other on one raster, so no ground is covered twice, none is lost, and neighbours
 roads pass over each other, the claims on a face fall into levels by their heights.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import shapely
 
-from dojo_maps.geometry.pieces import GRID, RAISED, Pieces
+from dojo_maps.geometry.pieces import GRID, RAISED, Pieces, flat_polygons
 from dojo_maps.geometry.polylines import Flags, Floats, HeightLines, Ints, Shapes
 
 LEVEL_GAP = 2.0
@@ -48,8 +49,17 @@ def paved_ground(pieces: Pieces) -> shapely.Geometry:
     joined = shapely.multipolygons(pieces.polygons[: pieces.paved])
     for distance in (_SEAM, -_SEAM):
         joined = shapely.buffer(joined, distance, join_style="mitre", mitre_limit=2.0)
-    # Mitred buffers may come out crossing themselves.
-    return shapely.set_precision(shapely.make_valid(joined), GRID)
+    # Mitred buffers may come out crossing themselves, and mended they may hold lines.
+    mended = shapely.set_precision(shapely.make_valid(joined), GRID)
+    return shapely.multipolygons(flat_polygons(np.array([mended]), larger_than=0.0)[0])
+
+
+def join_coverage(polygons: Sequence[shapely.Polygon] | Shapes) -> shapely.Geometry:
+    """Join polygons that share their corners; where some lie on each other after all, by the slower way."""
+    try:
+        return shapely.coverage_union_all(polygons)
+    except shapely.errors.GEOSException:
+        return shapely.union_all(polygons, grid_size=GRID)
 
 
 def divide_ground(pieces: Pieces, paved: shapely.Geometry, ramps: Shapes, *, margin: float) -> Parts:
@@ -61,7 +71,8 @@ def divide_ground(pieces: Pieces, paved: shapely.Geometry, ramps: Shapes, *, mar
         ramps: (n,) polygons in which kerbs are lowered.
         margin: metres of terrain around the map.
     """
-    frame = shapely.box(*_widened(shapely.total_bounds(pieces.polygons), margin))
+    bounds = shapely.total_bounds(pieces.polygons) if len(pieces.polygons) else np.zeros(4)
+    frame = shapely.box(*_widened(bounds, margin))
     shapely.prepare(paved)
     mouths = pieces.mouths[~shapely.covers(paved, pieces.mouths)]
     areas = [*pieces.polygons, *mouths, *ramps, paved, frame]
@@ -116,7 +127,7 @@ def _fill_wedges(faces: Shapes, inner: Shapes, mouths: Shapes, paved: shapely.Ge
     filled = np.zeros(len(faces), dtype=bool)
     candidates = np.unique(shapely.STRtree(mouths).query(inner, predicate="within")[0])
     candidates = candidates[~shapely.contains(paved, inner[candidates])]
-    wedges = shapely.get_parts(shapely.coverage_union_all(faces[candidates]))
+    wedges = shapely.get_parts(join_coverage(faces[candidates]))
     if not len(wedges):
         return filled
     outline = shapely.segmentize(shapely.get_exterior_ring(wedges), 0.05)
@@ -158,7 +169,7 @@ def _merge(faces: Parts) -> Parts:
     joined = []
     for start, end in zip(starts, ends, strict=True):
         run = faces.polygons[order[start:end]]
-        joined.append(run[0] if len(run) == 1 else shapely.coverage_union_all(run))
+        joined.append(run[0] if len(run) == 1 else join_coverage(run))
     polygons, index = shapely.get_parts(np.array(joined, dtype=object), return_index=True)
     source = order[starts][index]
     return Parts(

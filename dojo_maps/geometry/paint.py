@@ -7,7 +7,7 @@ from enum import StrEnum
 import numpy as np
 import shapely
 
-from dojo_maps.geometry.arrangement import Parts
+from dojo_maps.geometry.arrangement import Parts, join_coverage
 from dojo_maps.geometry.pieces import GRID, Layer, Pieces
 from dojo_maps.geometry.polylines import Ints, Shapes
 
@@ -69,7 +69,7 @@ class Canvas:
     def area_of(self, lanes: Iterable[str]) -> shapely.Geometry:
         """Join the ground that some lanes own."""
         polygons = [polygon for lane in lanes for polygon in self._of.get(lane, ())]
-        return polygons[0] if len(polygons) == 1 else shapely.coverage_union_all(polygons)
+        return polygons[0] if len(polygons) == 1 else join_coverage(polygons)
 
     def cut(self, polygons: Shapes) -> tuple[Shapes, Ints]:
         """Cut polygons to the carriageway; returns the pieces and the index of each one's polygon."""

@@ -68,6 +68,23 @@ def join(name: str, parts: Iterable[tuple[str, Floats, Ints]]) -> Mesh:
     return compact(name, np.concatenate(vertices), np.concatenate(faces), np.concatenate(sources), list(ids))
 
 
+def concatenate(meshes: Sequence[Mesh]) -> Mesh:
+    """Put meshes of one name into one; their vertices stay apart."""
+    first, *others = meshes
+    if not others:
+        return first
+    ids = list(dict.fromkeys(id_ for mesh in meshes for id_ in mesh.ids))
+    number = {id_: k for k, id_ in enumerate(ids)}
+    starts = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes)])
+    return compact(
+        first.name,
+        np.concatenate([mesh.vertices for mesh in meshes]),
+        np.concatenate([mesh.faces + start for mesh, start in zip(meshes, starts, strict=False)]),
+        np.concatenate([np.array([number[id_] for id_ in mesh.ids])[mesh.sources] for mesh in meshes]),
+        ids,
+    )
+
+
 def is_watertight(mesh: Mesh) -> bool:
     """Tell whether every edge is shared by exactly two faces that run along it in opposite ways."""
     edges = mesh.faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)

@@ -45,7 +45,7 @@ def _painters_order(meshes: Sequence[Mesh]) -> tuple[Floats, list[tuple[int, int
     corners = [mesh.vertices[mesh.faces] for mesh in meshes if _is_drawn(mesh)]
     colours = [COLOURS[mesh.name][::-1] for mesh in meshes if _is_drawn(mesh)]
     which = np.repeat(np.arange(len(corners)), [len(c) for c in corners])
-    every = np.concatenate(corners)
+    every = np.concatenate([np.empty((0, 3, 3)), *corners])
     edge, other = every[:, 1] - every[:, 0], every[:, 2] - every[:, 0]
     upward = edge[:, 0] * other[:, 1] - edge[:, 1] * other[:, 0] > 0
     every, which = every[upward], which[upward]

@@ -19,13 +19,13 @@ MAX_NEARBY = 100.0
 """Metres of outlines that may lie near the average piece; in the networks that come with SUMO up to 32 do."""
 MAX_LENGTH = 2e7
 """Metres of all lanes and crossings together, as in a few of the largest cities at once."""
-_WIDEST = 1e6
+WIDEST = 1e6
 """Metres; a larger network has a misplaced shape."""
-_HIGHEST = 1e5
+HIGHEST = 1e5
 """Metres above or below zero; ten times the highest mountain."""
 _REACH = 2.5
 """Metres: pieces closer than twice this meet when the gaps between them are closed."""
-_MAX_WIDTH = 1_000.0
+MAX_WIDTH = 1_000.0
 _LEAST, _MOST = 0.05, 1.0
 """Bounds on how much a piece counts for, metres. Short ones count for less, so that finely drawn shapes do
 not count for more, though not for nothing: there is work for each."""
@@ -40,12 +40,12 @@ def measure_bounds(shapes: list[Points], path: Path) -> tuple[tuple[float, float
     """
     every = np.concatenate(shapes)
     low, high = every[:, :2].min(axis=0), every[:, :2].max(axis=0)
-    if (high - low).max() > _WIDEST:
+    if (high - low).max() > WIDEST:
         size = f"{high[0] - low[0]:.0f} by {high[1] - low[1]:.0f} m"
-        raise SourceError(path, f"the network spans {size}; at most {_WIDEST:.0f} m are converted")
+        raise SourceError(path, f"the network spans {size}; at most {WIDEST:.0f} m are converted")
     height = float(np.abs(every[:, 2]).max())
-    if height > _HIGHEST:
-        raise SourceError(path, f"a shape lies {height:.0f} m high; at most {_HIGHEST:.0f} m are converted")
+    if height > HIGHEST:
+        raise SourceError(path, f"a shape lies {height:.0f} m high; at most {HIGHEST:.0f} m are converted")
     return (float(low[0]), float(low[1])), (float(high[0]), float(high[1]))
 
 
@@ -58,9 +58,9 @@ def check_limits(
         SourceError: the network is too long or too crowded.
     """
     for strip in strips:
-        if strip.width > _MAX_WIDTH:
+        if strip.width > MAX_WIDTH:
             raise SourceError(
-                path, f"width={strip.width:g}, expected at most {_MAX_WIDTH:g} m", element=_name(strip)
+                path, f"width={strip.width:g}, expected at most {MAX_WIDTH:g} m", element=_name(strip)
             )
     length = sum(float(along(strip.shape)[-1]) for strip in strips)
     if length > MAX_LENGTH:

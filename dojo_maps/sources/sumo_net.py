@@ -36,7 +36,8 @@ from dojo_maps.sources.sumo_pavement import (
 )
 from dojo_maps.sources.sumo_signals import read_signals
 from dojo_maps.sources.sumo_xml import EdgeRecord, NetRecords, read_records
-from dojo_maps.sources.values import MIN_WIDTH, read_float, read_int, read_shape, read_text
+from dojo_maps.sources.unusable_values import replace_unusable
+from dojo_maps.sources.values import MIN_WIDTH, read_float, read_int, read_offset, read_shape, read_text
 
 _LANE_WIDTH = 3.2
 """SUMO's default, metres, where a lane names none."""
@@ -62,6 +63,17 @@ def read_network(data: bytes, *, path: Path, name: str, sha256: str) -> tuple[Ro
         SourceError: the bytes are not a SUMO network, or an element of it has no usable value.
     """
     records = read_records(data, path)
+    try:
+        return _describe(records, path, name, sha256)
+    except SourceError:
+        replaced = replace_unusable(records, path)
+        if not replaced:
+            raise
+        road_map, issues = _describe(records, path, name, sha256)
+        return road_map, (*replaced, *issues)
+
+
+def _describe(records: NetRecords, path: Path, name: str, sha256: str) -> tuple[RoadMap, tuple[Issue, ...]]:
     reader = _Reader(path, records)
     if not reader.roads:
         raise SourceError(path, "the network has no roads")
@@ -130,6 +142,7 @@ class _Reader:
         shapes = [lane.shape for lane in self.lanes.values()]
         shapes += [junction.polygon for junction in self.junctions.values()]
         shapes += [area.polygon for area in self.walking_areas.values()]
+        measure_bounds([*shapes, *(crossing.shape for crossing in self.crossings.values())], self.path)
         return measure_bounds(shapes, self.path)
 
     def _read_edge(self, record: EdgeRecord, walks: Mapping[str, Attributes]) -> None:
@@ -261,9 +274,9 @@ class _Reader:
 
 def _read_projection(location: Attributes, path: Path) -> Projection:
     proj = location.get("projParameter", "!").strip()
-    offset = read_shape(location.get("netOffset", "0,0"), path, "location")[0]
     return Projection(
-        proj=None if proj in ("!", "-", ".", "") else proj, net_offset=(float(offset[0]), float(offset[1]))
+        proj=None if proj in ("!", "-", ".", "") else proj,
+        net_offset=read_offset(location.get("netOffset", "0,0"), path, "location"),
     )
 
 

@@ -11,6 +11,8 @@ _MAX_COORDINATE = 1e8
 """Metres; farther out, double precision no longer keeps the millimetre that meshes are made with."""
 _MAX_POSITIONS = 5_000
 """In one shape: fifty times the longest in the networks that come with SUMO; an OSM way has at most 2,000."""
+LARGEST = 1e12
+"""The largest number that is read."""
 MIN_WIDTH = 0.01
 """The least width of a lane or crossing that is read, metres."""
 
@@ -41,7 +43,7 @@ def read_float(
         value = float(text)
     except ValueError:
         value = math.nan
-    if not math.isfinite(value) or abs(value) > 1e12 or (least is not None and value < least):
+    if not math.isfinite(value) or abs(value) > LARGEST or (least is not None and value < least):
         bound = f" of at least {least:g}" if least is not None else ""
         raise SourceError(path, f"{key}={text[:80]!r}, expected a number{bound}", element=what)
     return value
@@ -86,3 +88,14 @@ def read_shape(text: str, path: Path, what: str) -> Points:
         shown = text if len(text) <= 60 else f"{text[:60]}..."
         raise SourceError(path, f"shape={shown!r}, expected positions as x,y or x,y,z", element=what)
     return points([row if len(row) == 3 else [*row, 0.0] for row in rows])
+
+
+def read_offset(text: str, path: Path, what: str) -> tuple[float, float]:
+    """Read how far a network was moved, `x,y` or `x,y,z`; however far, nothing is drawn there."""
+    try:
+        x, y, *_ = (float(value) for value in text.split(","))
+    except ValueError:
+        x = y = math.nan
+    if not (math.isfinite(x) and math.isfinite(y)):
+        raise SourceError(path, f"netOffset={text[:60]!r}, expected x,y", element=what)
+    return (x, y)

@@ -2,6 +2,7 @@
 
 from dojo_maps.validation import (
     controller_checks,
+    drawing_checks,
     geometry_checks,
     osm_checks,
     overlap_checks,
@@ -25,7 +26,7 @@ _CHECKS = [value for module in _MODULES for value in vars(module).values() if is
 
 CHECKS = tuple(
     sorted(
-        (*_CHECKS, *osm_checks.CHECKS),
+        (*_CHECKS, *drawing_checks.CHECKS, *osm_checks.CHECKS),
         key=lambda check: (_THEMES.index(check.id.partition(".")[0]), check.code),
     )
 )

@@ -182,6 +182,8 @@ def check_short_connection(facts: Facts, limits: Limits) -> Iterator[Finding]:
 def check_node_offset(facts: Facts, limits: Limits) -> Iterator[Finding]:
     """Find junctions that are drawn far from where they are said to be."""
     junctions = [j for j in facts.map.junctions if len(j.polygon) > 0]
+    if not junctions:
+        return
     lines = np.array([shapely.linestrings(j.polygon[[*range(len(j.polygon)), 0], :2]) for j in junctions])
     nodes = shapely.points([j.position[:2] for j in junctions])
     distances = shapely.distance(lines, nodes)
