@@ -23,7 +23,7 @@ from dojo_maps.interruption import held, silence
 CAN_FORK = sys.platform == "linux"
 """Elsewhere libraries may not survive it, and calls happen here."""
 _HEARTBEAT = 1.0
-"""Seconds after which a fork looks whether its caller is still there."""
+"""Seconds after which a wait looks up, whether its caller is still there."""
 _INTERRUPTS = {signal.SIGINT, signal.SIGTERM}
 _first = threading.Lock()
 """Taken by the first interrupt; later ones change nothing."""
@@ -132,3 +132,21 @@ def _wait(is_done: threading.Event, caller: int) -> None:
     """Wait until it is done, or nobody asks for it. A join that was interrupted cannot be repeated."""
     while not is_done.wait(_HEARTBEAT) and os.getppid() == caller:
         pass
+
+
+def receive(pipe: Connection, gone: Any) -> Any:
+    """Wait for a message from who started this process.
+
+    Args:
+        pipe: to them.
+        gone: the answer where they are gone, or have interrupted this process.
+
+    Returns:
+        The message.
+    """
+    try:
+        while not pipe.poll(_HEARTBEAT):
+            pass  # An interruption cannot end a wait in a fork, so it comes between two of them.
+        return pipe.recv()
+    except (EOFError, OSError, KeyboardInterrupt):
+        return gone

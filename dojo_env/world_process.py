@@ -34,7 +34,7 @@ from typing import Any, NamedTuple
 from dojo_env.config import EnvConfig
 from dojo_env.controllers import Controller
 from dojo_env.errors import ConfigError, SimulationDiedError, SimulationError
-from dojo_env.forks import CAN_FORK, call_in_fork, interrupts_taken, interrupts_wait
+from dojo_env.forks import CAN_FORK, call_in_fork, interrupts_taken, interrupts_wait, receive
 from dojo_env.instant import Instant
 from dojo_env.local_world import LocalWorld
 from dojo_env.snapshot import Snapshot
@@ -46,8 +46,6 @@ _PATIENCE = 60.0
 """Seconds that a process gets to write what there is of its episode and to end."""
 _BEGINNINGS = ("reset", "restore", "run")
 """What begins an episode."""
-_HEARTBEAT = 1.0
-"""Seconds after which a wait looks up."""
 _SEEN = "seen"
 _UNPICKLABLE = (pickle.PicklingError, AttributeError, TypeError)
 _GUARD = (
@@ -402,12 +400,6 @@ def _portable(error: Exception) -> Exception:
 
 def _receive_call(pipe: Connection) -> _Call:
     """Wait for a call; who is gone wants us to close. A word for a fork that has died is nobody's."""
-    try:
-        word = _SEEN
-        while word == _SEEN:
-            while not pipe.poll(_HEARTBEAT):
-                pass  # An interruption cannot end a wait in a fork, so it comes between two of them.
-            word = pipe.recv()
-        return _Call(*word)
-    except (EOFError, OSError, KeyboardInterrupt):
-        return _CLOSE
+    while (word := receive(pipe, _CLOSE)) == _SEEN:
+        pass
+    return _Call(*word)

@@ -10,7 +10,7 @@ import networks
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from fuzz import damage
+from random_damage import damage
 
 
 def replaced(good: bytes, old: str, new: str, count: int = 1) -> bytes:

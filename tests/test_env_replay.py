@@ -229,7 +229,7 @@ def test_replay_films_through_given_cameras_at_night(
         (["GOOD", "--conditions", "hour=99"], 2, "hour"),
         (["GOOD", "--conditions", "sunny"], 2, "sunny"),
         (["GOOD", "--conditions", "seed=1"], 2, "seed"),
-        (["GOOD", "--cameras", "missing.json"], 2, "missing.json"),
+        (["GOOD", "--cameras", "missing.json"], 3, "missing.json"),
         (["GOOD", "--export", "metadrive", "-o", "HERE"], 2, "already"),
     ],
 )

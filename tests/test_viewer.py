@@ -144,11 +144,14 @@ def test_write_view_writes_the_same_bytes_again(scene, tmp_path):
     assert (tmp_path / "one.html").read_bytes() == (tmp_path / "two.html").read_bytes()
 
 
-@pytest.mark.parametrize("content", [None, b"", b"PK\x03\x04 no glTF"])
-def test_write_view_refuses_what_is_no_scene(tmp_path, content):
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [(None, "no such file"), (b"", "is empty"), (b"PK\x03\x04 no glTF", "convert the map again")],
+)
+def test_write_view_refuses_what_is_no_scene(tmp_path, content, words):
     path = tmp_path / "scene.glb"
     if content is not None:
         path.write_bytes(content)
-    with pytest.raises(SourceError, match="convert the map again"):
+    with pytest.raises(SourceError, match=words):
         write_view(path, tmp_path / "view.html", title="none")
     assert not (tmp_path / "view.html").exists()

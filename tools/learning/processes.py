@@ -16,12 +16,13 @@ from stable_baselines3.common.vec_env import SubprocVecEnv, VecEnv
 from stable_baselines3.common.vec_env.base_vec_env import VecEnvIndices
 
 from dojo_env.errors import SimulationError
-from dojo_env.forks import call_in_fork, receive_call
+from dojo_env.forks import call_in_fork, receive
 
 from .episodes import SeededEpisodes
 
 LOADED_ONCE = ["stable_baselines3", "libsumo", "dojo_env.parallel", "dojo_env.sensor_observations"]
 """What takes seconds to import; processes are forks of one that has. It finds installed packages only."""
+_CLOSE = ("close", None)
 _PIECE = 1 << 16
 """Bytes that are read at once of an answer that nobody waits for."""
 
@@ -101,7 +102,7 @@ def _serve(pipe: Connection, make: Callable[[], SeededEpisodes]) -> None:
     env = make()
     env.prepare()
     pipe.send((env.observation_space, env.action_space))
-    (command, _), ended, number = receive_call(pipe), None, 0
+    (command, _), ended, number = receive(pipe, _CLOSE), None, 0
     while command == "reset":
         command, ended = call_in_fork(_run_episode, env, number, pipe, ended)
         number += 1
@@ -117,7 +118,7 @@ def _run_episode(env: SeededEpisodes, number: int, pipe: Connection, ended: Any)
     seen, told = env.reset()
     pipe.send((seen, told) if ended is None else (seen, *ended, told))
     while True:
-        command, action = receive_call(pipe)
+        command, action = receive(pipe, _CLOSE)
         if command != "step":
             return command, None
         seen, reward, _, is_over, info = env.step(action)
