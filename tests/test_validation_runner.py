@@ -9,12 +9,13 @@ from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree as ET
 
+import mutations
 import networks
 import numpy as np
 import pytest
 from conftest import Conversion, dojo_maps
+from mutations import lights, shapes, ways
 
-import mutations
 from dojo_maps.description import RoadMap
 from dojo_maps.errors import SourceError
 from dojo_maps.input_files import read_bytes
@@ -29,7 +30,6 @@ from dojo_maps.validation.exclusions import read_exclusions
 from dojo_maps.validation.facts import Facts
 from dojo_maps.validation.geometry_checks import check_mesh_health
 from dojo_maps.validation.profiles import DEFAULT, PROFILES, Limits
-from mutations import lights, shapes, ways
 
 TETRAHEDRON = np.array([(0, 2, 1), (0, 1, 3), (1, 2, 3), (2, 0, 3)])
 CODES = {
