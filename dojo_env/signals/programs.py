@@ -6,7 +6,9 @@ from pathlib import Path
 
 from dojo_env.elements import read_elements
 from dojo_env.errors import ConfigError
-from dojo_maps.description import Phase, Program, Signal
+from dojo_maps.description import Program, Signal
+from dojo_maps.safe_xml import Attributes
+from dojo_maps.signals.programs import read_program
 
 
 def add_programs(signals: Iterable[Signal], files: Iterable[Path]) -> list[Signal]:
@@ -27,40 +29,29 @@ def add_programs(signals: Iterable[Signal], files: Iterable[Path]) -> list[Signa
 
 def _read_programs(path: Path) -> list[tuple[str, Program]]:
     """List (signal id, program) in the file's order."""
-    found: list[tuple[str, Program]] = []
+    logics: list[tuple[Attributes, list[Attributes], Attributes]] = []
+    owner = ""
 
-    def visit(name: str, attributes: dict[str, str]) -> None:
-        try:
-            if name == "tlLogic":
-                found.append((attributes["id"], _program(attributes)))
-            elif name == "phase" and found:
-                signal, program = found[-1]
-                found[-1] = (signal, replace(program, phases=(*program.phases, _phase(attributes))))
-        except (KeyError, ValueError) as error:
-            raise ConfigError(
-                f"{path}: a broken {name} ({error}); see SUMO's page on traffic lights"
-            ) from error
+    def visit(name: str, attributes: Attributes) -> None:
+        nonlocal owner
+        if name == "tlLogic":
+            logics.append((attributes, [], {}))
+        elif name == "phase" and logics:
+            logics[-1][1].append(attributes)
+        elif name == "param" and owner in ("tlLogic", "phase") and logics:
+            logics[-1][2][attributes.get("key", "")] = attributes.get("value", "")
+        owner = owner if name == "param" else name
 
     read_elements(path, visit)
+    found = []
+    for attributes, phases, parameters in logics:
+        try:
+            found.append((attributes["id"], read_program(attributes, phases, parameters)))
+        except (KeyError, ValueError) as error:
+            raise ConfigError(
+                f"{path}: a broken tlLogic ({error}); see SUMO's page on traffic lights"
+            ) from error
     return [(signal, program) for signal, program in found if program.phases]
-
-
-def _program(attributes: dict[str, str]) -> Program:
-    return Program(
-        id=attributes.get("programID", "0"),
-        kind=attributes.get("type", "static"),
-        offset=0.0,
-        phases=(),
-    )
-
-
-def _phase(attributes: dict[str, str]) -> Phase:
-    return Phase(
-        duration=float(attributes["duration"]),
-        min_duration=None,
-        max_duration=None,
-        state=attributes["state"],
-    )
 
 
 def _fitting(program: Program, signal: Signal) -> Program:
