@@ -27,6 +27,29 @@ def add_programs(signals: Iterable[Signal], files: Iterable[Path]) -> list[Signa
     ]
 
 
+def refuse_switching(signals: Iterable[str], files: Iterable[Path]) -> None:
+    """Refuse signals whose programs SUMO itself switches by the clock: it would overrule who controls them.
+
+    Raises:
+        ConfigError: a WAUT of the files names one of the signals.
+    """
+    wanted = set(signals)
+    for path in files:
+        named: list[str] = []
+
+        def visit(name: str, attributes: Attributes, named: list[str] = named) -> None:
+            if name == "wautJunction":
+                named.append(attributes.get("junctionID", ""))
+
+        read_elements(path, visit)
+        switched = next((signal for signal in named if signal in wanted), None)
+        if switched is not None:
+            raise ConfigError(
+                f"{path}: a WAUT switches the programs of signal {switched}, which nothing else can control "
+                "then; remove its wautJunction, leave the signal out with ts_ids, or choose fixed-time"
+            )
+
+
 def _read_programs(path: Path) -> list[tuple[str, Program]]:
     """List (signal id, program) in the file's order."""
     logics: list[tuple[Attributes, list[Attributes], Attributes]] = []
