@@ -2,6 +2,7 @@
 
 import argparse
 import sys
+from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -153,8 +154,8 @@ def _run(options: argparse.Namespace) -> int:
     summary = summarize(figures)
     for name, value in summary.items():
         print(f"{name:24}{value['mean']:12.2f} ± {value['std']:.2f}")
-    violations = sum(sum(episode["violations"].values()) for episode in figures)
-    print(f"{'safety violations':24}{violations:12d}")
+    violations = sum((Counter(episode["violations"]) for episode in figures), Counter[str]())
+    print(f"{'safety violations':24}{violations.total():12d}")
     if options.json:
         content = {
             "scenario": options.scenario,
@@ -163,6 +164,9 @@ def _run(options: argparse.Namespace) -> int:
             "episodes": figures,
         }
         write_json(options.json, content)
+    if violations:
+        found = ", ".join(f"{count} {rule}" for rule, count in violations.most_common())
+        print(f"dojo-env: warning: {options.scenario}: signals were unsafe: {found}", file=sys.stderr)
     return 0
 
 

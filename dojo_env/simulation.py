@@ -191,14 +191,22 @@ class Simulation:
             list(map(get.lane_getCO2Emission, lanes)),
         ]
 
-    def run_program(self, signal: str, kind: str, *, min_green: float, max_green: float) -> None:
-        """Let SUMO's own logic run the phases of a signal's program, its greens within bounds."""
+    def run_program(
+        self,
+        signal: str,
+        kind: str,
+        steps: Iterable[tuple[float, str, bool]],
+        *,
+        min_green: float,
+        max_green: float,
+    ) -> None:
+        """Let SUMO's own logic run a cycle of seconds, letters, and whether it is a green within bounds."""
         lights = self._running().trafficlight
         phases = [
-            lights.Phase(p.duration, p.state, min_green, max_green)
-            if set("Gg") & set(p.state) and not set("yY") & set(p.state)
-            else lights.Phase(p.duration, p.state, p.duration, p.duration)
-            for p in lights.getAllProgramLogics(signal)[-1].phases
+            lights.Phase(seconds or min_green, state, min_green, max_green)
+            if varies
+            else lights.Phase(seconds, state, seconds, seconds)
+            for seconds, state, varies in steps
         ]
         lights.setProgramLogic(signal, lights.Logic("dojo", _LOGICS[kind], 0, phases))
 

@@ -233,7 +233,8 @@ class Link:
 class Phase:
     """One state of a signal program and how long it lasts, in seconds.
 
-    `following` are the places of the phases that may come next; none is the one after it.
+    `following` are the places of the phases that may come next; none is the one after it. `yellow` and `red`
+    are those that a NEMA phase shows of itself where it ends.
     """
 
     duration: float
@@ -241,16 +242,22 @@ class Phase:
     max_duration: float | None
     state: str
     following: tuple[int, ...] = ()
+    yellow: float | None = None
+    red: float | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Program:
-    """A signal program; `kind` is SUMO's logic type, such as static or actuated."""
+    """A signal program; `kind` is SUMO's logic type, such as static, actuated or NEMA.
+
+    `rings` are those of a NEMA program: per ring and side of a barrier, the places of its phases.
+    """
 
     id: str
     kind: str
     offset: float
     phases: tuple[Phase, ...]
+    rings: tuple[tuple[tuple[int, ...], ...], ...] = ()
 
 
 LAMP_SPACING = 0.3

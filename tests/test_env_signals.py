@@ -14,11 +14,11 @@ from hypothesis import strategies as st
 
 from dojo_env.config import SignalConfig
 from dojo_env.errors import ConfigError
-from dojo_env.signals.conflicts import GREEN
 from dojo_env.signals.plan import SignalPlan, build_plan
 from dojo_env.signals.safety import SafetyLog, SignalWatch
 from dojo_env.signals.switching import SignalSwitch
 from dojo_maps.description import LinkKind, RoadMap
+from dojo_maps.signals.programs import GREEN
 from dojo_maps.sources.enrich_net import enrich_network
 from dojo_maps.sources.sumo_net import read_network
 

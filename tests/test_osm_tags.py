@@ -7,7 +7,6 @@ from dojo_maps.sources.osm.arms import trim
 from dojo_maps.sources.osm.country import read_speed
 from dojo_maps.sources.osm.lanes import connect_lanes
 from dojo_maps.sources.osm.ways import LaneTags, RoadTags, read_road
-from dojo_maps.sources.signal_programs import yellow_time
 
 
 def road(*, left_hand: bool = False, lon: float = 24.9, lat: float = 60.2, **tags: str) -> RoadTags:
@@ -131,10 +130,6 @@ def test_connect_lanes_leaves_no_lane_and_no_road_out(lanes: int, angles: list[f
         found = connect_lanes(sources, [[PLAIN] * 2 for _ in angles], angles, left_hand=False)
         assert {lane for lane, _, _ in found} == set(range(lanes))
         assert {movement for _, movement, _ in found} == set(range(len(angles)))
-
-
-def test_yellow_time_follows_the_speed() -> None:
-    assert [yellow_time(kmh / 3.6) for kmh in (20, 50, 60, 80, 200)] == [3, 3, 4, 5, 6]
 
 
 def test_connect_lanes_merges_no_lanes_that_lead_elsewhere() -> None:

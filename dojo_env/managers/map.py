@@ -7,7 +7,7 @@ from dojo_env.config import SignalConfig
 from dojo_env.errors import ConfigError
 from dojo_env.managers.base import Manager
 from dojo_env.signals.plan import SignalPlan, build_plan
-from dojo_env.signals.programs import add_programs
+from dojo_env.signals.programs import add_programs, refuse_switching
 from dojo_maps.bundle import Bundle
 from dojo_maps.description import LinkKind, Signal
 from dojo_maps.railways import street_signals
@@ -30,10 +30,14 @@ class MapManager(Manager):
             additional: files that may hold other programs for them.
 
         Raises:
-            ConfigError: the map has no signal to control, or lacks one that is named.
+            ConfigError: the map has no signal to control, lacks one that is named, or SUMO switches the
+                programs of one by the clock while something else should control it.
         """
         self.bundle = bundle
-        wanted = add_programs(_choose_signals(bundle, config.ts_ids), additional)
+        chosen = _choose_signals(bundle, config.ts_ids)
+        if not config.fixed_ts or config.program != "network":
+            refuse_switching((signal.id for signal in chosen), additional)
+        wanted = add_programs(chosen, additional)
         self.plans: Mapping[str, SignalPlan] = {
             signal.id: build_plan(bundle.road_map, signal, config) for signal in wanted
         }

@@ -60,7 +60,9 @@ class SignalManager(Manager):
         for signal, switch in self._switches.items():
             if self._config.program != "network":
                 limits = {"min_green": self._config.min_green, "max_green": self._config.max_green or 0.0}
-                self._simulation.run_program(signal, self._config.program, **limits)
+                self._simulation.run_program(
+                    signal, self._config.program, self._plans[signal].cycle, **limits
+                )
             elif not self._config.fixed_ts:
                 self._simulation.show(signal, switch.state)
         self._look()

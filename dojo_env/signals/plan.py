@@ -1,6 +1,6 @@
 """What there is to control at a signal: its green phases, its links, and the times its changes need."""
 
-import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -8,13 +8,14 @@ from numpy.typing import NDArray
 
 from dojo_env.config import SignalConfig
 from dojo_env.errors import ConfigError
-from dojo_env.signals.conflicts import GREEN, Conflicts, list_walks, read_conflicts
-from dojo_maps.description import LinkKind, RoadMap, Signal
+from dojo_maps.description import LinkKind, Program, RoadMap, Signal
+from dojo_maps.signals.conflicts import Conflicts, list_walks, read_conflicts
+from dojo_maps.signals.nema import list_cycle, list_pairs, show
+from dojo_maps.signals.programs import GREEN, YELLOW, is_green
+from dojo_maps.signals.timing import walking_time, whole, yellow_time
 
-_REACTION, _BRAKING = 1.0, 3.05
-"""Seconds and m/s². Source: ITE, Guidelines for Determining Traffic Signal Change and Clearance Intervals."""
-_YELLOW_BOUNDS = (3.0, 6.0)
-"""Seconds. Source: MUTCD 11th edition, section 4F.17."""
+Step = tuple[float, str, bool]
+"""Seconds, the letters shown meanwhile, and whether it is a green whose length may vary."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -27,12 +28,14 @@ class SignalPlan:
         conflicts: which links must not be green together.
         is_crossing: (n,) per link: it is for walkers alone.
         yellow: (n,) seconds of yellow after a link's green; 0 for walkers alone.
+        red: (n,) seconds between a link's yellow and the next green that the program itself asks for.
         clearance: (n,) seconds that a walker needs to get across; 0 for vehicles alone.
         lanes: the lanes that lead to the signal, each once, in the order of their links.
         out_lanes: the lanes that lead away from it, in the same order.
         links: (index, from lane, to lane) of each vehicle link, with multiplicity.
         limits: (lanes,) speed limits, m/s.
         lengths: (lanes,) metres.
+        cycle: the program in order, each green followed by what ends it, for SUMO's own controllers.
         changes: what differs from the network's own program, for people to read.
     """
 
@@ -41,12 +44,14 @@ class SignalPlan:
     conflicts: Conflicts
     is_crossing: NDArray[np.bool_]
     yellow: NDArray[np.float64]
+    red: NDArray[np.float64]
     clearance: NDArray[np.float64]
     lanes: tuple[str, ...]
     out_lanes: tuple[str, ...]
     links: tuple[tuple[int, str, str], ...]
     limits: NDArray[np.float64]
     lengths: NDArray[np.float64]
+    cycle: tuple[Step, ...] = ()
     changes: tuple[str, ...] = ()
 
 
@@ -64,7 +69,8 @@ def build_plan(road_map: RoadMap, signal: Signal, config: SignalConfig) -> Signa
     conflicts = read_conflicts(road_map, signal, count)
     walked = np.zeros(count, dtype=bool)
     walked[[link.index for link in signal.links if link.kind is LinkKind.PEDESTRIAN]] = True
-    own = [] if config.phases == "computed" else _program_phases(signal, walked)
+    program = signal.programs[-1] if signal.programs else None
+    own = [] if config.phases == "computed" or program is None else _program_phases(program, walked)
     wanted = own or _computed_phases(conflicts, links, walked, count)
     crossings = walked.copy()
     crossings[[index for index, _, _ in links]] = False
@@ -76,19 +82,22 @@ def build_plan(road_map: RoadMap, signal: Signal, config: SignalConfig) -> Signa
     speeds = np.zeros(count)
     for index, source, _ in links:
         speeds[index] = max(speeds[index], lane_of[source].speed)
+    # A letter that no lane heeds is shown like the others: with yellow.
+    yellow, red = _changes_of(program, config, speeds, crossings)
     return SignalPlan(
         signal=signal.id,
         phases=phases,
         conflicts=conflicts,
         is_crossing=crossings,
-        # A letter that no lane heeds is shown like the others: with yellow.
-        yellow=np.where(crossings, 0.0, [_yellow(speed, config) for speed in speeds.tolist()]),
+        yellow=yellow,
+        red=red,
         clearance=_clearances(road_map, signal, count, config.walking_speed),
         lanes=lanes,
         out_lanes=tuple(dict.fromkeys(target for _, _, target in links)),
         links=links,
         limits=np.array([max(lane_of[lane].speed, 0.1) for lane in lanes]),
         lengths=np.array([max(lane_of[lane].length, 0.1) for lane in lanes]),
+        cycle=_complete(_list_steps(program, phases, conflicts), yellow, np.maximum(red, config.all_red)),
         changes=tuple(
             f"phase {number}: {old} shows {new}, as links of it conflict"
             for number, (old, new) in enumerate(zip(wanted, safe, strict=True))
@@ -97,16 +106,17 @@ def build_plan(road_map: RoadMap, signal: Signal, config: SignalConfig) -> Signa
     )
 
 
-def _program_phases(signal: Signal, crossings: NDArray[np.bool_]) -> list[str]:
-    """Take the phases of the network's program that are green and no passage to another.
+def _program_phases(program: Program, crossings: NDArray[np.bool_]) -> list[str]:
+    """Take the phases of the network's program that are green and no passage to another; NEMA's pairs.
 
     A phase in which walkers already have red while vehicles go on is the end of the phase before it. One that
     is for walkers alone counts where some of them have no other.
     """
-    if not signal.programs:
-        return []
-    states = [phase.state for phase in signal.programs[-1].phases]
-    green = [state for state in states if GREEN & set(state) and not set(state) & set("yYuoO")]
+    if program.rings:
+        states = [show(program, pair) for pair in list_pairs(program)]
+    else:
+        states = [phase.state for phase in program.phases]
+    green = [state for state in states if is_green(state)]
 
     def vehicles(state: str) -> str:
         return "".join(letter for letter, walk in zip(state, crossings, strict=False) if not walk)
@@ -143,11 +153,54 @@ def _computed_phases(
     return phases
 
 
-def _yellow(speed: float, config: SignalConfig) -> float:
-    if not isinstance(config.yellow_time, str):
-        return float(config.yellow_time)
-    low, high = _YELLOW_BOUNDS
-    return float(math.ceil(min(max(_REACTION + speed / (2 * _BRAKING), low), high)))
+def _changes_of(
+    program: Program | None, config: SignalConfig, speeds: NDArray[np.float64], walks: NDArray[np.bool_]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Find each link's yellow, the setting's or its NEMA movement's where that is longer, and own red."""
+    by_speed = isinstance(config.yellow_time, str)
+    yellow = np.array([yellow_time(v) if by_speed else float(config.yellow_time) for v in speeds.tolist()])
+    red = np.zeros(len(speeds))
+    for phase in program.phases if program is not None and program.rings else ():
+        green = np.array([letter in GREEN for letter in phase.state.ljust(len(speeds), "r")[: len(speeds)]])
+        yellow[green] = np.maximum(yellow[green], whole(phase.yellow or 0.0))
+        red[green] = np.maximum(red[green], whole(phase.red or 0.0))
+    return np.where(walks, 0.0, yellow), np.where(walks, 0.0, red)
+
+
+def _list_steps(program: Program | None, phases: Sequence[str], conflicts: Conflicts) -> list[Step]:
+    """List a program's phases in order; of a NEMA program, pairs in which its rings go on together."""
+    if program is None:
+        return [(0.0, state, True) for state in phases]
+    if program.rings:
+        pairs = (show(program, pair) for pair in list_cycle(program))
+        return [(0.0, state, True) for state in dict.fromkeys(map(conflicts.make_safe, pairs))]
+    return [
+        (p.duration, p.state, bool(GREEN & set(p.state)) and not YELLOW & set(p.state))
+        for p in program.phases
+    ]
+
+
+def _complete(
+    steps: Sequence[Step], yellow: NDArray[np.float64], red: NDArray[np.float64]
+) -> tuple[Step, ...]:
+    """Put yellow and red in where vehicles lose green without, or others gain it at once."""
+    complete: list[Step] = []
+    for step, (_, after, _) in zip(steps, [*steps[1:], *steps[:1]], strict=True):
+        complete.append(step)
+        before = step[1]
+        pairs = list(enumerate(zip(before, after, strict=True)))
+        lost = [k for k, (a, b) in pairs if a in GREEN and b not in GREEN | YELLOW and yellow[k]]
+        gains = any((b in GREEN and a not in GREEN) or (a, b) == ("g", "G") for _, (a, b) in pairs)
+        ended = lost + [k for k, (a, b) in pairs if a in YELLOW and b not in YELLOW]
+        goes_on = GREEN | YELLOW
+        kept = "".join(a if b in goes_on or a not in goes_on else "r" for _, (a, b) in pairs)
+        if lost:
+            seconds = float(max(yellow[k] for k in lost))
+            complete.append((seconds, "".join("y" if k in lost else a for k, a in enumerate(kept)), False))
+        seconds = float(max((red[k] for k in ended), default=0.0))
+        if seconds and gains:
+            complete.append((seconds, kept, False))
+    return tuple(complete)
 
 
 def _clearances(road_map: RoadMap, signal: Signal, count: int, speed: float) -> NDArray[np.float64]:
@@ -157,5 +210,5 @@ def _clearances(road_map: RoadMap, signal: Signal, count: int, speed: float) -> 
     for index, crossing in list_walks(signal):
         if crossing in shapes:
             length = float(np.linalg.norm(np.diff(shapes[crossing][:, :2], axis=0), axis=1).sum())
-            seconds[index] = max(seconds[index], math.ceil(round(length / speed, 6)))
+            seconds[index] = max(seconds[index], walking_time(length, speed))
     return seconds

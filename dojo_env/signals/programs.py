@@ -6,7 +6,9 @@ from pathlib import Path
 
 from dojo_env.elements import read_elements
 from dojo_env.errors import ConfigError
-from dojo_maps.description import Phase, Program, Signal
+from dojo_maps.description import Program, Signal
+from dojo_maps.safe_xml import Attributes
+from dojo_maps.signals.programs import read_program
 
 
 def add_programs(signals: Iterable[Signal], files: Iterable[Path]) -> list[Signal]:
@@ -25,42 +27,54 @@ def add_programs(signals: Iterable[Signal], files: Iterable[Path]) -> list[Signa
     ]
 
 
+def refuse_switching(signals: Iterable[str], files: Iterable[Path]) -> None:
+    """Refuse signals whose programs SUMO itself switches by the clock: it would overrule who controls them.
+
+    Raises:
+        ConfigError: a WAUT of the files names one of the signals.
+    """
+    wanted = set(signals)
+    for path in files:
+        named: list[str] = []
+
+        def visit(name: str, attributes: Attributes, named: list[str] = named) -> None:
+            if name == "wautJunction":
+                named.append(attributes.get("junctionID", ""))
+
+        read_elements(path, visit)
+        switched = next((signal for signal in named if signal in wanted), None)
+        if switched is not None:
+            raise ConfigError(
+                f"{path}: a WAUT switches the programs of signal {switched}, which nothing else can control "
+                "then; remove its wautJunction, leave the signal out with ts_ids, or choose fixed-time"
+            )
+
+
 def _read_programs(path: Path) -> list[tuple[str, Program]]:
     """List (signal id, program) in the file's order."""
-    found: list[tuple[str, Program]] = []
+    logics: list[tuple[Attributes, list[Attributes], Attributes]] = []
+    owner = ""
 
-    def visit(name: str, attributes: dict[str, str]) -> None:
-        try:
-            if name == "tlLogic":
-                found.append((attributes["id"], _program(attributes)))
-            elif name == "phase" and found:
-                signal, program = found[-1]
-                found[-1] = (signal, replace(program, phases=(*program.phases, _phase(attributes))))
-        except (KeyError, ValueError) as error:
-            raise ConfigError(
-                f"{path}: a broken {name} ({error}); see SUMO's page on traffic lights"
-            ) from error
+    def visit(name: str, attributes: Attributes) -> None:
+        nonlocal owner
+        if name == "tlLogic":
+            logics.append((attributes, [], {}))
+        elif name == "phase" and logics:
+            logics[-1][1].append(attributes)
+        elif name == "param" and owner in ("tlLogic", "phase") and logics:
+            logics[-1][2][attributes.get("key", "")] = attributes.get("value", "")
+        owner = owner if name == "param" else name
 
     read_elements(path, visit)
+    found = []
+    for attributes, phases, parameters in logics:
+        try:
+            found.append((attributes["id"], read_program(attributes, phases, parameters)))
+        except (KeyError, ValueError) as error:
+            raise ConfigError(
+                f"{path}: a broken tlLogic ({error}); see SUMO's page on traffic lights"
+            ) from error
     return [(signal, program) for signal, program in found if program.phases]
-
-
-def _program(attributes: dict[str, str]) -> Program:
-    return Program(
-        id=attributes.get("programID", "0"),
-        kind=attributes.get("type", "static"),
-        offset=0.0,
-        phases=(),
-    )
-
-
-def _phase(attributes: dict[str, str]) -> Phase:
-    return Phase(
-        duration=float(attributes["duration"]),
-        min_duration=None,
-        max_duration=None,
-        state=attributes["state"],
-    )
 
 
 def _fitting(program: Program, signal: Signal) -> Program:

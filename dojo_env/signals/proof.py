@@ -16,7 +16,7 @@ first, so that the first counterexample of a rule is a shortest one:
 now, so the clock begins anew in every state. And a distance counts only up to a bound, beyond which all are
 alike: how long a green has lasted is compared with `min_green`, and with durations of at most `max_green`;
 how long walkers have had red is compared with their own clearance; what is due already comes next, however
-long it has been due. The judge compares with the same bounds, yellow and all-red. Times are whole seconds
+long it has been due. The judge compares with the same bounds, yellow and red. Times are whole seconds
 (settings refuse others), so floats hold them exactly.
 
 **What is assumed.** SUMO shows the letters that are set, from the second in which they are set: the watch
@@ -33,7 +33,7 @@ them, yellow or a clearance:
 - `short_green`: a green ends before `min_green`; `long_green`: a phase stands longer than `max_green`, the
   all-red before it not counted;
 - `short_red`: a link turns green, or gets priority, while vehicles that are its foes show yellow, or less
-  than `all_red` after it;
+  than their red after it;
 - `walker_cut_off`: a link turns green, or gets priority, before walkers who lost green and are its foes can
   be across.
 """
@@ -48,9 +48,9 @@ import numpy as np
 
 from dojo_env.config import SignalConfig
 from dojo_env.errors import ConfigError
-from dojo_env.signals.conflicts import GREEN
 from dojo_env.signals.plan import SignalPlan
 from dojo_env.signals.switching import SignalSwitch, SwitchState
+from dojo_maps.signals.programs import GREEN, YELLOW
 
 _MOST = 100_000_000
 """States times links: what some gigabytes hold."""
@@ -233,13 +233,16 @@ class _Judge:
         self._yields = plan.conflicts.yields.tolist()
         self._yellow = [int(seconds) for seconds in plan.yellow]
         self._clearance = [int(seconds) for seconds in plan.clearance]
-        self._all_red, self._min_green = int(config.all_red), int(config.min_green)
+        self._red, self._min_green = (
+            np.maximum(plan.red, config.all_red).astype(int).tolist(),
+            int(config.min_green),
+        )
         self._max_green = int(config.max_green or 0) if len(plan.phases) > 1 else 0
         self._phases = frozenset(plan.phases)
         self._bounds = {
             "green": [self._min_green] * len(self._foes),
             "yellow": self._yellow,
-            "stopped": [max(self._all_red, seconds) for seconds in self._clearance],
+            "stopped": [max(pair) for pair in zip(self._red, self._clearance, strict=True)],
         }
         self._looks: dict[tuple[_Memory, str], tuple[_Memory, list[_Breach]]] = {}
 
@@ -265,7 +268,8 @@ class _Judge:
         )
         if letters != before:
             # Where the next phase only takes green away, all-red looks like it, and is no part of it.
-            shown = -self._all_red if "y" in before else 0
+            ended = (red for red, letter in zip(self._red, before, strict=True) if letter in YELLOW)
+            shown = -max(ended, default=0)
         return letters, grown, min(shown + 1, self._max_green + 1)
 
     def _find_breaches(self, memory: _Memory, letters: str) -> Iterator[_Breach]:
@@ -305,11 +309,11 @@ class _Judge:
             stopped = ages[foe] if _kind(before[foe]) == kind == "stopped" else 0
             if kind == "green":
                 continue  # Together they are a conflict, or one waits for the other.
-            if self._yellow[foe] and (kind == "yellow" or stopped < self._all_red):
+            if self._yellow[foe] and (kind == "yellow" or stopped < self._red[foe]):
                 yield "short_red", (link, foe)
             if stopped < self._clearance[foe]:
                 yield "walker_cut_off", (link, foe)
 
 
 def _kind(letter: str) -> str:
-    return "green" if letter in GREEN else "yellow" if letter == "y" else "stopped"
+    return "green" if letter in GREEN else "yellow" if letter in YELLOW else "stopped"

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from dojo_env.config import SignalConfig
-from dojo_env.signals.conflicts import GREEN
 from dojo_env.signals.plan import SignalPlan
+from dojo_maps.signals.programs import GREEN, YELLOW
 
 _KEPT = 20
 _LONG_AGO = -1e9
@@ -58,6 +58,7 @@ class SignalWatch:
         # Plain lists: a change is judged letter by letter, and thousands of times an episode.
         self._foes = [np.flatnonzero(row).tolist() for row in plan.conflicts.foes]
         self._walks, self._yellow = plan.is_crossing.tolist(), plan.yellow.tolist()
+        self._red = np.maximum(plan.red, config.all_red).tolist()
 
     def look(self, time: float, state: str) -> None:
         """Judge the letters that are shown from `time` on."""
@@ -85,23 +86,24 @@ class SignalWatch:
 
     def _judge_changes(self, time: float, state: str) -> None:
         # Where the next phase only takes green away, all-red looks like it, and is no part of it.
-        self._phase_since = time + self._config.all_red if "y" in self._state else time
+        ended = (red for red, letter in zip(self._red, self._state, strict=True) if letter in YELLOW)
+        self._phase_since = time + max(ended, default=0.0)
         for link, (old, new) in enumerate(zip(self._state, state, strict=True)):
             if old == new:
                 continue
             if old in GREEN and new not in GREEN:
                 self._judge_end_of_green(link, time, new)
-            elif old == "y":
+            elif old in YELLOW and new not in YELLOW:
                 self._judge_end_of_yellow(link, time, new)
             if new == "G" or (new in GREEN and old not in GREEN):
                 self._judge_start_of_green(link, time, state)
-            if (old in GREEN) != (new in GREEN) or "y" in (old, new):
+            if (old in GREEN) != (new in GREEN) or (old in YELLOW) != (new in YELLOW):
                 self._since[link] = time
-                if new not in GREEN and new != "y":
+                if new not in GREEN | YELLOW:
                     self._stopped[link] = time
 
     def _judge_end_of_green(self, link: int, time: float, new: str) -> None:
-        if new != "y" and not self._walks[link]:
+        if new not in YELLOW and not self._walks[link]:
             self._report("skipped_yellow", time, (link,))
         if not self._config.fixed_ts and time - self._since[link] < self._config.min_green:
             self._report("short_green", time, (link,))
@@ -115,14 +117,14 @@ class SignalWatch:
         if self._config.fixed_ts:
             return
         for foe in self._foes[link]:
-            if state[foe] in GREEN or state[foe] == "y":
-                if state[foe] == "y":
+            if state[foe] in GREEN | YELLOW:
+                if state[foe] in YELLOW:
                     self._report("short_red", time, (link, foe))
                 continue
-            stopped = time if self._state[foe] in GREEN or self._state[foe] == "y" else self._stopped[foe]
+            stopped = time if self._state[foe] in GREEN | YELLOW else self._stopped[foe]
             if time - stopped < self._plan.clearance[foe]:
                 self._report("walker_cut_off", time, (link, foe))
-            elif not self._walks[foe] and time - stopped < self._config.all_red:
+            elif not self._walks[foe] and time - stopped < self._red[foe]:
                 self._report("short_red", time, (link, foe))
 
     def _report(self, rule: str, time: float, links: tuple[int, ...]) -> None:

@@ -9,8 +9,8 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 
 from dojo_env.config import SignalConfig
-from dojo_env.signals.conflicts import GREEN
 from dojo_env.signals.plan import SignalPlan
+from dojo_maps.signals.programs import GREEN
 
 Stage = tuple[float, str]
 """Seconds, and the letters shown meanwhile."""
@@ -114,7 +114,8 @@ class SignalSwitch:
         shared = [link for link in cars if self._plan.clearance[link]]
         walk_ended = dict(self.now.walk_ended) | dict.fromkeys(walks, self.clock)
         yellow = max((float(self._plan.yellow[link]) for link in cars), default=0.0)
-        all_red = self._config.all_red if cars else 0.0
+        own = (float(self._plan.red[link]) for link in cars)
+        all_red = max(self._config.all_red, *own) if cars else 0.0
         red = max(all_red, self._walking_time(gained, dict.fromkeys(shared, self.clock)))
         hold = max(0.0, self._walking_time(gained, walk_ended) - yellow - red)
         walk_ended |= dict.fromkeys(shared, self.clock + hold + yellow)

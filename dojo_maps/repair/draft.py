@@ -1,15 +1,15 @@
 """A signal program on the desk: phases can be lengthened, split and put in, and the order stays right."""
 
-import math
+from dataclasses import replace
 from pathlib import Path
 
 from dojo_maps.description import Program
 from dojo_maps.repair.edits import SetPhases
 from dojo_maps.repair.net_text import key_of
 from dojo_maps.safe_xml import Attributes
+from dojo_maps.signals.programs import following, least, read_seconds
 from dojo_maps.sources.sumo_signals import read_program
 from dojo_maps.sources.sumo_xml import LogicRecord
-from dojo_maps.validation.programs import following, least
 
 _VARIABLE = ("actuated", "delay_based")
 
@@ -36,7 +36,7 @@ class Draft:
         """The program as it will be."""
         if self._read is None or self._read[0] != self.phases:
             phases = [dict(phase) for phase in self.phases]
-            self._read = (phases, read_program(LogicRecord(self.record.attributes, phases), self._path))
+            self._read = (phases, read_program(replace(self.record, phases=phases), self._path))
         return self._read[1]
 
     @property
@@ -83,14 +83,14 @@ class Draft:
         """Let a phase last longer, at least and at most."""
         for key in ("duration", "minDur", "maxDur"):
             if key in self.phases[phase]:
-                self.phases[phase][key] = in_seconds(float(self.phases[phase][key]) + seconds)
+                self.phases[phase][key] = in_seconds(read_seconds(self.phases[phase][key]) + seconds)
 
     def take(self, phase: int | None, seconds: float, keep: float) -> None:
         """Take time from a phase of a fixed program, so that the cycle stays; not if too little is left."""
         if phase is None or self.variable:
             return
         chosen = self.phases[phase]
-        left = float(chosen.get("duration", "0")) - seconds
+        left = read_seconds(chosen.get("duration", "0")) - seconds
         if left >= keep and "minDur" not in chosen and "maxDur" not in chosen:
             chosen["duration"] = in_seconds(left)
 
@@ -106,11 +106,11 @@ class Draft:
     def split(self, phase: int, first: float, rest: float) -> int:
         """Divide a phase: the first piece lasts `first` seconds, the second at least `rest`; its place."""
         piece = dict(self.phases[phase])
-        lasts = float(piece.get("duration", "0"))
+        lasts = read_seconds(piece.get("duration", "0"))
         fresh = {**piece, "duration": in_seconds(max(lasts - first, rest))}
         for key in ("minDur", "maxDur"):
             if key in piece:
-                left = rest if key == "minDur" else max(float(piece[key]) - first, rest)
+                left = rest if key == "minDur" else max(read_seconds(piece[key]) - first, rest)
                 fresh[key] = in_seconds(left)
                 self.phases[phase][key] = in_seconds(first)
         fresh.pop("next", None)
@@ -127,11 +127,6 @@ class Draft:
 def in_seconds(value: float) -> str:
     """Write seconds as networks do: no more digits than needed."""
     return f"{value:.2f}".rstrip("0").rstrip(".")
-
-
-def whole(seconds: float) -> float:
-    """Round up to whole seconds, SUMO's usual step."""
-    return float(math.ceil(round(seconds, 6)))
 
 
 def _moved(places: str, start: int) -> str:

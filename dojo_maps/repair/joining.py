@@ -8,6 +8,7 @@ from dojo_maps.repair.draft import in_seconds
 from dojo_maps.repair.edits import Change, Edit, Remove, SetAttributes, SetPhases, Site
 from dojo_maps.repair.net_text import key_of
 from dojo_maps.repair.reference_repairs import link_indices, links_of
+from dojo_maps.signals.programs import read_seconds
 from dojo_maps.sources.sumo_xml import LogicRecord
 
 _TICK = 100
@@ -72,12 +73,12 @@ def _overlay(one: LogicRecord, other: LogicRecord) -> list[tuple[int, str]] | No
 
 
 def _ticks(logic: LogicRecord) -> list[tuple[int, str]]:
-    return [(round(float(p.get("duration", "0")) * _TICK), p.get("state", "")) for p in logic.phases]
+    return [(round(read_seconds(p.get("duration", "0")) * _TICK), p.get("state", "")) for p in logic.phases]
 
 
 def _offset(logic: LogicRecord) -> int:
     try:
-        offset = float(logic.attributes.get("offset", "0"))
+        offset = read_seconds(logic.attributes.get("offset", "0"))
     except ValueError:
         return 0
     return round(offset * _TICK) if math.isfinite(offset) else 0

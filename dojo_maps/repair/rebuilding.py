@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from dojo_maps.repair.edits import Rebuild
+from dojo_maps.signals.programs import read_seconds
 from dojo_maps.sources.enrich_net import KEEP, enrich_network
 from dojo_maps.sources.netconvert import NetconvertError, run_netconvert
 from dojo_maps.sources.sumo_xml import LogicRecord, read_records
@@ -37,7 +38,7 @@ def _programs(logics: Sequence[LogicRecord]) -> dict[tuple[str, str], list[tuple
     """What every program shows, and for how long."""
     return {
         (logic.attributes.get("id", ""), logic.attributes.get("programID", "")): [
-            (phase.get("state", ""), float(phase.get("duration", "0"))) for phase in logic.phases
+            (phase.get("state", ""), read_seconds(phase.get("duration", "0"))) for phase in logic.phases
         ]
         for logic in logics
     }

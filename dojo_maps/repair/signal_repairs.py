@@ -3,10 +3,14 @@
 from collections.abc import Callable, Iterator, Sequence
 
 from dojo_maps.issue import Element, Issue
-from dojo_maps.repair.draft import Draft, in_seconds, whole
+from dojo_maps.repair.draft import Draft, in_seconds
 from dojo_maps.repair.edits import Edit, Repair, Site, named
+from dojo_maps.signals.conflicts import list_foes
+from dojo_maps.signals.nema import NEMA
+from dojo_maps.signals.programs import GREEN, YELLOW, read_seconds, run_from, starts
+from dojo_maps.signals.timing import whole
 from dojo_maps.validation.profiles import Limits
-from dojo_maps.validation.programs import GREEN, YELLOW, SignalFacts, run_from, signals_of, starts
+from dojo_maps.validation.programs import SignalFacts, signals_of
 from dojo_maps.validation.timing_checks import yellow_for
 
 LEAST_GREEN = 7.0
@@ -26,6 +30,8 @@ def repair_programs(mend: Mend, *, uncovers: bool = False) -> Repair:
             if signal.signal.id not in wanted:
                 continue
             for record in site.text.logics(signal.signal.id):
+                if record.attributes.get("type") == NEMA:
+                    continue  # Its phases are movements: what it shows is not what stands there.
                 draft = Draft(record, site.path)
                 mend(signal, draft, site.limits)
                 if draft.change is not None:
@@ -99,7 +105,7 @@ def _clears(draft: Draft, phase: int, after: int) -> bool:
     """Tell whether a phase only ends greens, is short, and comes after nothing else."""
     old, new = draft.phases[phase]["state"], draft.phases[after]["state"]
     gains = any(b in GREEN and a not in GREEN for a, b in zip(old, new, strict=False))
-    short = float(draft.phases[after].get("duration", "0")) <= _LONGEST_CLEARANCE
+    short = read_seconds(draft.phases[after].get("duration", "0")) <= _LONGEST_CLEARANCE
     return short and not gains and draft.before(after) == phase and not set(old) & set(YELLOW)
 
 
@@ -114,11 +120,15 @@ def _between(old: str, new: str, cut: Sequence[int]) -> str:
 def let_yield(signal: SignalFacts, draft: Draft, _limits: Limits) -> None:
     """Give g, which yields, to the one of two colliding greens that the junction's rules make yield."""
     yields = {
-        (rule.link, junction.right_of_way[place].link)
+        pair
         for name in signal.signal.junctions
         if (junction := signal.facts.junctions.get(name)) is not None
-        for rule in junction.right_of_way
-        for place in rule.response
+        for foes in list_foes(junction)
+        for pair, waits in (
+            ((foes.one, foes.other), foes.one_waits),
+            ((foes.other, foes.one), foes.other_waits),
+        )
+        if waits
     }
     changed: dict[int, None] = {}
     for conflict in signal.conflicts:

@@ -2,9 +2,11 @@
 
 from dojo_maps.description import Crossing
 from dojo_maps.geometry.polylines import along
-from dojo_maps.repair.draft import Draft, in_seconds, whole
+from dojo_maps.repair.draft import Draft, in_seconds
+from dojo_maps.signals.programs import GREEN, following, least, run_from, starts
+from dojo_maps.signals.timing import whole
 from dojo_maps.validation.profiles import Limits
-from dojo_maps.validation.programs import GREEN, SignalFacts, following, least, run_from, starts
+from dojo_maps.validation.programs import SignalFacts
 
 _SIMULTANEOUS = 1e-6
 

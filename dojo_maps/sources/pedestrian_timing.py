@@ -7,13 +7,12 @@ A green is cut short so that who starts last is across before the next conflicti
 turners count as conflicting traffic for every crossing that gets a green without sharing it with them.
 """
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from decimal import Decimal
 
-WALKING_SPEED = 1.2
-"""Metres per second, about the 4 ft/s that signal timing manuals use for pedestrians in general."""
+from dojo_maps.signals.timing import walking_time
+
 LEAST_GREEN = Decimal(4)
 """Seconds. Source: netconvert's own least, option `tls.crossing-min.time`; MUTCD allows it where few walk."""
 
@@ -49,7 +48,7 @@ class Walk:
     @property
     def clearance(self) -> Decimal:
         """Whole seconds to walk across."""
-        return Decimal(math.ceil(round(self.length / WALKING_SPEED, 6)))
+        return Decimal(int(walking_time(self.length)))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

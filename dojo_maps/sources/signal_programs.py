@@ -5,7 +5,7 @@ import re
 from collections.abc import Sequence
 
 from dojo_maps.description import RoadMap
-from dojo_maps.sources.pedestrian_timing import WALKING_SPEED
+from dojo_maps.signals.timing import clearing_time, walking_time, yellow_time
 from dojo_maps.sources.signal_stages import SignalLink, Stage, build_stages, letters_of, read_links
 
 _WALK = 7
@@ -16,8 +16,6 @@ _MAJOR_LANES = 4
 _LONGEST = 120
 """Seconds of a cycle that are not exceeded unless walkers need them."""
 _LEAST = 7
-_VEHICLE = 6.0
-"""Metres of a vehicle, in the time to clear a junction."""
 
 PhaseRow = tuple[int, str]
 """Seconds and the letters of a phase."""
@@ -55,25 +53,20 @@ def compute_program(links: dict[int, SignalLink]) -> list[PhaseRow]:
     return _joined(phases)
 
 
-def yellow_time(speed: float) -> int:
-    """Give whole seconds of yellow for a speed in m/s. Source: ITE, one second to react, 3.05 m/s2."""
-    return min(max(math.ceil(1.0 + speed / 6.1 - 0.5), 3), 6)
-
-
 def _change(links: dict[int, SignalLink], stage: Stage, following: Stage) -> tuple[int, int]:
     """Give the seconds of yellow and all-red between two stages."""
     ending = [links[k] for k in stage.vehicles - following.vehicles]
     if not ending:
         return 0, 0
-    yellow = max(yellow_time(link.speed) for link in ending)
-    clear = max((link.length + _VEHICLE) / max(link.speed, 8.0) for link in ending)
+    yellow = int(max(yellow_time(link.speed) for link in ending))
+    clear = max(clearing_time(link.length, max(link.speed, 8.0)) for link in ending)
     return yellow, min(max(math.ceil(clear - 1.0), 1), 5)
 
 
 def _tail(links: dict[int, SignalLink], stage: Stage, following: Stage, change: tuple[int, int]) -> int:
     """Give the seconds of green at a stage's end in which nobody starts to walk."""
     ending = stage.walks - following.walks
-    clearance = max((math.ceil(links[k].length / WALKING_SPEED) for k in ending), default=0)
+    clearance = int(max((walking_time(links[k].length) for k in ending), default=0))
     return max(0, clearance - sum(change))
 
 

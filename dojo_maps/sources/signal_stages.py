@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 
 from dojo_maps.description import Connection, Crossing, RoadMap, Signal
 from dojo_maps.geometry.polylines import along
+from dojo_maps.signals.conflicts import list_foes
 
 _OPPOSITE, _ALONGSIDE = 120.0, 45.0
 """Degrees between the headings of approaches that face each other, and of those that run side by side."""
@@ -67,14 +68,16 @@ def read_links(road_map: RoadMap, signal: Signal) -> dict[int, SignalLink]:
     for junction in road_map.junctions:
         if junction.id not in signal.junctions:
             continue
-        numbers = [index.get(way.link) for way in junction.right_of_way]
-        for number, way in zip(numbers, junction.right_of_way, strict=True):
-            if number is not None:
-                foes[number] |= {other for k in way.foes if (other := numbers[k]) is not None}
-                yields[number] |= {other for k in way.response if (other := numbers[k]) is not None}
-    for number, others in list(foes.items()):
-        for other in others:
-            foes[other].add(number)
+        for pair in list_foes(junction):
+            one, other = index.get(pair.one), index.get(pair.other)
+            if one is None or other is None:
+                continue
+            foes[one].add(other)
+            foes[other].add(one)
+            if pair.one_waits:
+                yields[one].add(other)
+            if pair.other_waits:
+                yields[other].add(one)
     lanes = {lane.id: lane for lane in road_map.lanes}
     inner = {
         road.id for road in road_map.roads if {road.from_junction, road.to_junction} <= set(signal.junctions)

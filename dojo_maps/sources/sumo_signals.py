@@ -4,10 +4,12 @@ from collections import defaultdict
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 
-from dojo_maps.description import Connection, Link, LinkKind, Phase, Program, Road, Signal
+from dojo_maps.description import Connection, Link, LinkKind, Program, Road, Signal
+from dojo_maps.errors import SourceError
 from dojo_maps.safe_xml import Attributes
+from dojo_maps.signals import programs
 from dojo_maps.sources.sumo_xml import LogicRecord
-from dojo_maps.sources.values import read_float, read_link, read_text
+from dojo_maps.sources.values import read_link, read_text
 
 
 def read_signals(
@@ -29,10 +31,10 @@ def read_signals(
     Returns:
         Signals in the order of their first program, then those that only links name.
     """
-    programs: dict[str, list[Program]] = defaultdict(list)
+    found: dict[str, list[Program]] = defaultdict(list)
     for record in logics:
         signal = read_text(record.attributes, "id", path, "tlLogic")
-        programs[signal].append(read_program(record, path))
+        found[signal].append(read_program(record, path))
     links: dict[str, list[Link]] = defaultdict(list)
     junctions: dict[str, dict[str, None]] = defaultdict(dict)
     for connection in connections:
@@ -70,9 +72,9 @@ def read_signals(
             id=signal,
             junctions=tuple(junctions[signal]),
             links=tuple(sorted(links[signal], key=lambda link: link.index)),
-            programs=tuple(programs[signal]),
+            programs=tuple(found[signal]),
         )
-        for signal in dict.fromkeys([*programs, *links])
+        for signal in dict.fromkeys([*found, *links])
     )
 
 
@@ -82,30 +84,12 @@ def _is_crossing(edge: str) -> bool:
 
 
 def read_program(record: LogicRecord, path: Path) -> Program:
-    """Describe one program of a controller."""
-    attributes = record.attributes
-    what = f"tlLogic {attributes['id']}"
+    """Describe one program of a controller.
 
-    def seconds(phase: Attributes, key: str) -> float | None:
-        return read_float(phase, key, path, what) if key in phase else None
-
-    return Program(
-        id=attributes.get("programID", "0"),
-        kind=attributes.get("type", "static"),
-        offset=read_float(attributes, "offset", path, what, default=0.0),
-        phases=tuple(
-            Phase(
-                duration=read_float(phase, "duration", path, what, least=0.0),
-                min_duration=seconds(phase, "minDur"),
-                max_duration=seconds(phase, "maxDur"),
-                state=read_text(phase, "state", path, what),
-                following=_read_following(phase, len(record.phases)),
-            )
-            for phase in record.phases
-        ),
-    )
-
-
-def _read_following(phase: Attributes, count: int) -> tuple[int, ...]:
-    places = (int(text) for text in phase.get("next", "").split() if text.isdecimal() and len(text) < 9)
-    return tuple(place for place in places if place < count)
+    Raises:
+        SourceError: a time is missing or none, or a phase has no state.
+    """
+    try:
+        return programs.read_program(record.attributes, record.phases, record.parameters)
+    except ValueError as error:
+        raise SourceError(path, str(error), element=f"tlLogic {record.attributes['id']}") from None

@@ -24,10 +24,11 @@ class EdgeRecord:
 
 @dataclass(slots=True)
 class LogicRecord:
-    """A tlLogic element with its phases."""
+    """A tlLogic element with its phases, and its parameters by key."""
 
     attributes: Attributes
     phases: list[Attributes] = field(default_factory=list)
+    parameters: Attributes = field(default_factory=dict)
 
 
 @dataclass(slots=True)
@@ -76,10 +77,17 @@ def read_records(data: bytes, path: Path | str) -> NetRecords:
         "phase": lambda a: records.logics[-1].phases.append(a),  # noqa: PLW0108
     }
 
+    owner = ""
+
     def start(name: str, attributes: Attributes) -> None:
+        nonlocal owner
         handler = handlers.get(name)
         if handler:
             handler(attributes)
+        if name != "param":
+            owner = name
+        elif owner in ("tlLogic", "phase"):
+            records.logics[-1].parameters[attributes.get("key", "")] = attributes.get("value", "")
 
     parse_xml(data, path, root="net", kind="SUMO network", start=start)
     return records

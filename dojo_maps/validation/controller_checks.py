@@ -6,10 +6,11 @@ import numpy as np
 import shapely
 
 from dojo_maps.description import Program
+from dojo_maps.signals.programs import GREEN, YELLOW, following
 from dojo_maps.validation.check import WARNING, Check, Finding, Need, check, element
 from dojo_maps.validation.facts import Facts
 from dojo_maps.validation.profiles import Limits
-from dojo_maps.validation.programs import GREEN, YELLOW, following, signals_of
+from dojo_maps.validation.programs import signals_of
 
 
 @check(
@@ -105,7 +106,7 @@ def check_rl_form(facts: Facts, _limits: Limits) -> Iterator[Finding]:
     Of several programs SUMO runs the last one.
     """
     for signal in signals_of(facts):
-        for program in signal.signal.programs[-1:]:
+        for program in signal.programs[-1:]:
             problem = _undrivable(program)
             if problem and len(signal.signal.links) > 2:
                 yield Finding(
@@ -117,7 +118,7 @@ def check_rl_form(facts: Facts, _limits: Limits) -> Iterator[Finding]:
 
 def _undrivable(program: Program) -> str:
     states = [phase.state for phase in program.phases]
-    greens = [k for k, state in enumerate(states) if set(state) & set(GREEN) and not set(state) & set(YELLOW)]
+    greens = [k for k, state in enumerate(states) if GREEN & set(state) and not YELLOW & set(state)]
     if len(greens) < 2:
         return f"has {len(greens)} green phases without yellow, a controller needs two to choose from"
     for phase in greens:

@@ -5,12 +5,12 @@ from collections import defaultdict
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
-from dojo_maps.description import Connection, Crossing, LinkKind, Phase, Points, Program, Signal
+from dojo_maps.description import Connection, Crossing, LinkKind, Points, Program, Signal
 from dojo_maps.issue import Element
+from dojo_maps.signals.conflicts import list_foes
+from dojo_maps.signals.nema import unroll
 from dojo_maps.validation.check import element
 from dojo_maps.validation.facts import Facts
-
-GREEN, YELLOW = "Gg", "yY"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -23,7 +23,7 @@ class Conflict:
 
 
 class SignalFacts:
-    """A signal with its links by letter and the conflicts among them."""
+    """A signal with its links by letter, the conflicts among them, and its programs as they are shown."""
 
     def __init__(self, facts: Facts, signal: Signal) -> None:
         """Look up what a signal controls."""
@@ -36,6 +36,7 @@ class SignalFacts:
             way = way_of(facts, f"{link.from_id}->{link.to_id}") or way_of(facts, link.to_id)
             if way is not None and way not in self.links[link.index]:
                 self.links[link.index].append(way)
+        self.programs = tuple(map(unroll, signal.programs))
         self.conflicts = tuple(_conflicts(facts, signal))
         self._columns: dict[int, tuple[Program, list[str]]] = {}
 
@@ -88,41 +89,9 @@ def signals_of(facts: Facts) -> tuple[SignalFacts, ...]:
 def programs_of(facts: Facts) -> Iterator[tuple[SignalFacts, Program]]:
     """List every signal's programs that change, those with states of unequal length left out."""
     for signal in signals_of(facts):
-        for program in signal.signal.programs:
+        for program in signal.programs:
             if len(program.phases) > 1 and len({len(phase.state) for phase in program.phases}) == 1:
                 yield signal, program
-
-
-def following(program: Program, phase: int) -> tuple[int, ...]:
-    """The places of the phases that may come after one."""
-    return program.phases[phase].following or ((phase + 1) % len(program.phases),)
-
-
-def least(phase: Phase) -> float:
-    """The seconds that a phase lasts at least."""
-    return phase.duration if phase.min_duration is None else min(phase.duration, phase.min_duration)
-
-
-def run_from(program: Program, letters: str, phase: int, wanted: str) -> float:
-    """Measure how long a letter of `wanted` is shown at least, from the start of a phase; seconds."""
-    total, seen = 0.0, set[int]()
-    while letters[phase] in wanted and phase not in seen:
-        seen.add(phase)
-        total += least(program.phases[phase])
-        phase = following(program, phase)[0]
-    return total
-
-
-def starts(program: Program, letters: str, wanted: str) -> list[int]:
-    """The phases in which a letter of `wanted` begins to be shown."""
-    begun = {
-        after
-        for phase in range(len(letters))
-        if letters[phase] not in wanted
-        for after in following(program, phase)
-        if letters[after] in wanted
-    }
-    return sorted(begun)
 
 
 def way_of(facts: Facts, name: str) -> Connection | Crossing | None:
@@ -145,17 +114,9 @@ def name_ways(ways: Iterable[Connection | Crossing]) -> tuple[Element, ...]:
 def _conflicts(facts: Facts, signal: Signal) -> Iterator[Conflict]:
     for name in signal.junctions:
         junction = facts.junctions.get(name)
-        if junction is None:
-            continue
-        ways = [way_of(facts, rule.link) for rule in junction.right_of_way]
-        pairs = {
-            (min(k, foe), max(k, foe)) for k, rule in enumerate(junction.right_of_way) for foe in rule.foes
-        }
-        for k, foe in sorted(pairs):
-            one, other = ways[k], ways[foe]
-            if one is None or other is None or k == foe:
-                continue
-            if one.signal != signal.id or other.signal != signal.id:
+        for pair in list_foes(junction) if junction else ():
+            one, other = way_of(facts, pair.one), way_of(facts, pair.other)
+            if one is None or other is None or one.signal != signal.id or other.signal != signal.id:
                 continue
             if one.link_index is not None and other.link_index is not None:
                 yield Conflict(one=one, other=other, indices=(one.link_index, other.link_index))

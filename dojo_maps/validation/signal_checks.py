@@ -3,17 +3,11 @@
 from collections import defaultdict
 from collections.abc import Iterator
 
+from dojo_maps.signals.programs import GREEN, following
 from dojo_maps.validation.check import ERROR, NOTE, WARNING, Finding, check, element
 from dojo_maps.validation.facts import Facts
 from dojo_maps.validation.profiles import Limits
-from dojo_maps.validation.programs import (
-    GREEN,
-    Conflict,
-    following,
-    name_ways,
-    programs_of,
-    signals_of,
-)  # fmt: skip
+from dojo_maps.validation.programs import Conflict, name_ways, programs_of, signals_of
 
 _GOES = "GgsoO"
 """Letters with which a vehicle may go, now or after a stop: green, stop first, signals off."""
@@ -125,7 +119,7 @@ def check_always_green(facts: Facts, _limits: Limits) -> Iterator[Finding]:
             if set(signal.letters(program, index)) != {"G"}:
                 continue
             crossed = sorted(
-                foe for foe in foes[index] if foe != index and set(signal.letters(program, foe)) & set(GREEN)
+                foe for foe in foes[index] if foe != index and set(signal.letters(program, foe)) & GREEN
             )
             if crossed:
                 yield Finding(
@@ -152,7 +146,7 @@ def check_green_conflict(facts: Facts, _limits: Limits) -> Iterator[Finding]:
         for conflict in signal.conflicts:
             one, other = sorted(conflict.indices)
             pairs[one, other].append(conflict)
-        for program in signal.signal.programs:
+        for program in signal.programs:
             for (one, other), conflicts in pairs.items():
                 shown = zip(signal.letters(program, one), signal.letters(program, other), strict=True)
                 both = [k for k, letters in enumerate(shown) if letters == ("G", "G")]

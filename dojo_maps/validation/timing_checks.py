@@ -7,24 +7,13 @@ from functools import lru_cache
 from dojo_maps.description import Connection, Crossing, Program
 from dojo_maps.geometry.polylines import along
 from dojo_maps.issue import Element
+from dojo_maps.signals.programs import GREEN, YELLOW, following, least, run_from, starts
+from dojo_maps.signals.timing import clearing_time, yellow_needed
 from dojo_maps.validation.check import ERROR, NOTE, WARNING, Finding, check
 from dojo_maps.validation.facts import Facts
 from dojo_maps.validation.profiles import Limits
-from dojo_maps.validation.programs import (
-    GREEN,
-    YELLOW,
-    Conflict,
-    SignalFacts,
-    following,
-    least,
-    programs_of,
-    run_from,
-    starts,
-)  # fmt: skip
+from dojo_maps.validation.programs import Conflict, SignalFacts, programs_of
 
-_REACTION, _DECELERATION, _LONGEST_YELLOW = 1.0, 3.05, 6.0
-"""Seconds, m/s² (10 ft/s²), seconds."""
-_CAR = 6.0
 _LONGEST_ALL_RED = 6.0
 
 
@@ -65,7 +54,7 @@ def yellow_for(signal: SignalFacts, index: int, shortest: float) -> float:
     """Compute the yellow that a link's speed needs, in seconds."""
     lanes = [way.from_lane for way in signal.links.get(index, ()) if isinstance(way, Connection)]
     speed = max((signal.facts.lanes[lane].speed for lane in lanes), default=0.0)
-    return min(max(_REACTION + speed / (2 * _DECELERATION), shortest), _LONGEST_YELLOW)
+    return yellow_needed(speed, shortest)
 
 
 @check(
@@ -110,11 +99,11 @@ def _all_red_for(facts: Facts, way: Connection | Crossing) -> float:
     if isinstance(way, Crossing):
         return 0.0
     speed = max(facts.lanes[way.from_lane].speed, 1.0)
-    return round(min((facts.way_length[way.id] + _CAR) / speed, _LONGEST_ALL_RED), 2)
+    return round(min(clearing_time(facts.way_length[way.id], speed), _LONGEST_ALL_RED), 2)
 
 
 @lru_cache(maxsize=1024)  # many links of a signal show the same letters
-def _time_between(program: Program, ending: str, starting: str, last: str) -> float | None:
+def _time_between(program: Program, ending: str, starting: str, last: frozenset[str]) -> float | None:
     """Measure the least time from the end of one link's letters to the other's protected green; seconds.
 
     Walkers who had a green beside that green all along yielded to it then, and do so still.
@@ -124,7 +113,7 @@ def _time_between(program: Program, ending: str, starting: str, last: str) -> fl
         for phase in range(len(program.phases))
         if ending[phase] in last and not (last is GREEN and starting[phase] == "G")
         for after in following(program, phase)
-        if ending[after] not in last + GREEN
+        if ending[after] not in last | GREEN
         for time in (_time_until(program, starting, after),)
         if time is not None
     ]
@@ -280,6 +269,8 @@ def check_cycle(facts: Facts, limits: Limits) -> Iterator[Finding]:
 def check_green_fraction(facts: Facts, limits: Limits) -> Iterator[Finding]:
     """Find links that get hardly any of the cycle."""
     for signal, program in programs_of(facts):
+        if program.rings:
+            continue  # How often each pair comes up is for the detectors to say.
         cycle = sum(phase.duration for phase in program.phases)
         for index in (*signal.vehicle, *signal.walking):
             letters = signal.letters(program, index)

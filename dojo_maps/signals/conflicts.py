@@ -1,4 +1,4 @@
-"""Which links of a signal must not be green together, from the network's own foes."""
+"""Who conflicts with whom at a junction and who waits, and which links of a signal must not go together."""
 
 from collections import defaultdict
 from collections.abc import Iterator
@@ -8,10 +8,33 @@ from itertools import combinations, product
 import numpy as np
 from numpy.typing import NDArray
 
-from dojo_maps.description import LinkKind, RoadMap, Signal
+from dojo_maps.description import Junction, LinkKind, RoadMap, Signal
+from dojo_maps.signals.programs import GREEN
 
 Matrix = NDArray[np.bool_]
-GREEN = frozenset("Gg")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Foes:
+    """Two ways across a junction that cross or join: a connection's id or a crossing's, and who waits."""
+
+    one: str
+    other: str
+    one_waits: bool
+    other_waits: bool
+
+
+def list_foes(junction: Junction) -> Iterator[Foes]:
+    """List each pair of ways that cross or join once, in the order of the junction's requests."""
+    ways = junction.right_of_way
+    pairs = {(min(k, foe), max(k, foe)) for k, way in enumerate(ways) for foe in way.foes if k != foe}
+    for k, foe in sorted(pairs):
+        yield Foes(
+            one=ways[k].link,
+            other=ways[foe].link,
+            one_waits=foe in ways[k].response,
+            other_waits=k in ways[foe].response,
+        )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -60,27 +83,27 @@ def list_walks(signal: Signal) -> Iterator[tuple[int, str]]:
 
 
 def read_conflicts(road_map: RoadMap, signal: Signal, count: int) -> Conflicts:
-    """Collect the conflicts of a signal's links at all of its junctions; several ways may share a link."""
+    """Collect the conflicts of a signal's links at all of its junctions; several ways may share a link.
+
+    Args:
+        road_map: the map.
+        signal: one of its signals.
+        count: n, the letters of its states; links beyond are left out.
+    """
     places: dict[str, set[int]] = defaultdict(set)
     for connection in road_map.connections:
         if connection.signal == signal.id and connection.link_index is not None:
             places[connection.id].add(connection.link_index)
     for index, crossing in list_walks(signal):
         places[crossing].add(index)
-    foes, yields = np.zeros((count, count), dtype=bool), np.zeros((count, count), dtype=bool)
-    waits: dict[tuple[int, int], bool] = {}
+    foes, yields = np.zeros((count, count), dtype=bool), np.ones((count, count), dtype=bool)
     wanted = set(signal.junctions)
     for junction in (j for j in road_map.junctions if j.id in wanted):
-        ways = junction.right_of_way
-        for own, way in enumerate(ways):
-            for other in way.foes:
-                for a, b in product(places.get(way.link, ()), places.get(ways[other].link, ())):
-                    if a == b or max(a, b) >= count:
-                        continue
+        for pair in list_foes(junction):
+            for a, b in product(places.get(pair.one, ()), places.get(pair.other, ())):
+                if a != b and max(a, b) < count:
                     foes[a, b] = foes[b, a] = True
                     # Links that control several ways yield only where all of those ways do.
-                    waits[a, b] = waits.get((a, b), True) and other in way.response
-                    waits.setdefault((b, a), own in ways[other].response)
-    for (a, b), yielding in waits.items():
-        yields[a, b] = yielding
-    return Conflicts(foes=foes, yields=yields)
+                    yields[a, b] &= pair.one_waits
+                    yields[b, a] &= pair.other_waits
+    return Conflicts(foes=foes, yields=yields & foes)
