@@ -480,7 +480,7 @@ def test_convert_follows_no_link_as_output(good: bytes, bench: Bench) -> None:
 BROKEN = {**DAMAGES, "empty": lambda _: b"", "truncated": lambda good: good[:-3000]}
 
 
-@pytest.mark.parametrize("name", ["empty", "truncated", "width_negative", "shape_missing", "missing"])
+@pytest.mark.parametrize("name", ["empty", "truncated", "shape_words", "shape_missing", "missing"])
 def test_failed_conversion_leaves_an_existing_bundle_untouched(
     name: str, good: bytes, bench: Bench, converted: Callable[..., Conversion]
 ) -> None:
