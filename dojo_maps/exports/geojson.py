@@ -1,5 +1,8 @@
 """GeoJSON (RFC 7946): everything on the map as features in WGS84 longitude and latitude.
 
+A network without a geographic projection is written in its own coordinates, metres, and says so in the
+collection's member `coordinates`.
+
 A feature's `kind` is one of map.json's list names in the singular, or `signal_head`; an element's own kind is
 called `lane_kind`, `road_kind` and so on. A third coordinate, metres, stands only where the map has heights.
 """
@@ -12,10 +15,12 @@ from typing import Any
 
 import numpy as np
 import pyproj
+import shapely
 
 from dojo_maps.description import Points, Projection, RoadMap
 from dojo_maps.errors import ExportError
 from dojo_maps.exports import file_stem
+from dojo_maps.geometry.pieces import flat_polygons
 
 Geometry = dict[str, Any]
 
@@ -30,7 +35,7 @@ def write_geojson(road_map: RoadMap, _network: Path, folder: Path) -> None:
     """Write `<name>.geojson`, one feature a line.
 
     Raises:
-        ExportError: the network has no geographic projection, or one that does not fit its coordinates.
+        ExportError: the network's projection is unknown or does not fit its coordinates.
     """
     places = _Places(road_map)
     features = [
@@ -38,12 +43,14 @@ def write_geojson(road_map: RoadMap, _network: Path, folder: Path) -> None:
         for feature in _features(road_map, places)
     ]
     name = json.dumps(road_map.name, ensure_ascii=False)
-    text = f'{{"type":"FeatureCollection","name":{name},"features":[\n' + ",\n".join(features) + "\n]}\n"
+    frame = '"coordinates":"metres, x east, y north",' if road_map.projection.proj is None else ""
+    start = f'{{"type":"FeatureCollection","name":{name},{frame}"features":[\n'
+    text = start + ",\n".join(features) + "\n]}\n"
     (folder / f"{file_stem(road_map)}.geojson").write_text(text, encoding="utf-8")
 
 
 class _Places:
-    """Turns map positions into geometries in degrees."""
+    """Turns map positions into geometries, in degrees or, without a projection, in metres."""
 
     def __init__(self, road_map: RoadMap) -> None:
         self._projection = road_map.projection
@@ -52,54 +59,70 @@ class _Places:
 
     def point(self, position: Sequence[float]) -> Geometry:
         """Make a point of (x, y, z), metres."""
-        return {"type": "Point", "coordinates": self._degrees(np.array([position]))[0]}
+        return {"type": "Point", "coordinates": self._places(np.array([position]))[0]}
 
     def line(self, shape: Points) -> Geometry:
-        """Make a line of (n, 3) metres; a single position is a point."""
-        if len(shape) < 2:
-            return self.point(shape[0])
-        return {"type": "LineString", "coordinates": self._degrees(shape)}
+        """Make a line of (n, 3) metres; one without length is a point."""
+        places = self._places(shape)
+        if not _has_length(places):
+            return {"type": "Point", "coordinates": places[0]}
+        return {"type": "LineString", "coordinates": places}
 
     def lines(self, shapes: Sequence[Points]) -> Geometry:
-        """Make one geometry of several lines."""
-        drawn = [self._degrees(shape) for shape in shapes if len(shape) > 1]
-        return {"type": "MultiLineString", "coordinates": drawn}
+        """Make one geometry of several lines; where none has length it is a point."""
+        drawn = [places for places in map(self._places, shapes) if _has_length(places)]
+        return {"type": "MultiLineString", "coordinates": drawn} if drawn else self.point(shapes[0][0])
 
     def polygon(self, ring: Points, holes: Sequence[Points] = ()) -> Geometry | None:
-        """Make a polygon: closed rings, the outer one counter-clockwise; None where there is no area."""
+        """Make a polygon: closed rings, the outer one counter-clockwise; None where there is no area.
+
+        A ring that crosses itself becomes the ground that it runs around, without heights.
+        """
         if len(ring) < 3:
             return None
         rings = [self._ring(ring, outer=True)]
         rings += [self._ring(hole, outer=False) for hole in holes if len(hole) > 2]
-        return {"type": "Polygon", "coordinates": rings}
+        drawn = shapely.Polygon(rings[0], rings[1:])
+        if drawn.is_valid:
+            return {"type": "Polygon", "coordinates": rings}
+        parts, _ = flat_polygons(np.array([shapely.make_valid(shapely.force_2d(drawn))]), larger_than=0.0)
+        if not len(parts):
+            return None
+        mended = shapely.orient_polygons(parts[0] if len(parts) == 1 else shapely.multipolygons(parts))
+        return json.loads(shapely.to_geojson(mended))  # type: ignore[no-any-return]
 
     def _ring(self, ring: Points, *, outer: bool) -> list[list[float]]:
         x, y = ring[:, 0], ring[:, 1]
         counter_clockwise = np.sum((np.roll(x, -1) - x) * (np.roll(y, -1) + y)) < 0
-        degrees = self._degrees(ring if counter_clockwise == outer else ring[::-1])
-        return [*degrees, degrees[0]]
+        places = self._places(ring if counter_clockwise == outer else ring[::-1])
+        return [*places, places[0]]
 
-    def _degrees(self, positions: Any) -> list[list[float]]:
-        offset = self._projection.net_offset
-        try:
-            degrees = self._convert(positions[:, 0] - offset[0], positions[:, 1] - offset[1], inverse=True)
-        except pyproj.exceptions.ProjError as error:
-            raise ExportError(f"{_does_not_fit(self._projection)}: {error}") from error
-        columns = [np.round(axis, _DECIMALS) for axis in degrees]
-        if not np.isfinite(columns).all():
-            raise ExportError(_does_not_fit(self._projection))
+    def _places(self, positions: Any) -> list[list[float]]:
+        columns = self._on_earth(positions) if self._convert else np.round(positions[:, :2], 3).T.tolist()
         if self._with_heights:
             columns.append(np.round(positions[:, 2], 3))
         values: list[list[float]] = np.column_stack(columns).tolist()
         return values
 
+    def _on_earth(self, positions: Any) -> list[Any]:
+        """Turn (n, 2) metres into longitudes and latitudes, degrees."""
+        offset = self._projection.net_offset
+        try:
+            degrees = self._convert(positions[:, 0] - offset[0], positions[:, 1] - offset[1], inverse=True)
+        except pyproj.exceptions.ProjError as error:
+            raise ExportError(f"{_does_not_fit(self._projection)}: {error}") from error
+        if not (np.abs(degrees[0]) <= 180.0).all() or not (np.abs(degrees[1]) <= 90.0).all():
+            raise ExportError(_does_not_fit(self._projection))
+        return [np.round(axis, _DECIMALS) for axis in degrees]
 
-def _projector(projection: Projection) -> pyproj.Proj:
+
+def _has_length(places: Sequence[Sequence[float]]) -> bool:
+    return any(place[:2] != places[0][:2] for place in places)
+
+
+def _projector(projection: Projection) -> pyproj.Proj | None:
     if projection.proj is None:
-        raise ExportError(
-            "GeoJSON needs longitudes and latitudes, and the network has no geographic projection; build it "
-            "from geographic data with netconvert --proj.utm, or choose another --export"
-        )
+        return None
     try:
         # Without a datum shift, because SUMO applies none on the way in.
         return pyproj.Proj(projection.proj)
@@ -145,7 +168,9 @@ def _geometry(element: Any, kind: str, places: _Places) -> Geometry | None:
     if kind in ("lane", "stop_line", "crossing"):
         return places.line(element.shape)
     position = getattr(element, "position", None)
-    return places.point(position) if position is not None else None
+    if position is not None:
+        return places.point(position)
+    return places.line(ring) if ring is not None and len(ring) else None
 
 
 def _properties(element: Any, kind: str) -> dict[str, Any]:
