@@ -182,7 +182,6 @@ ENDLESS: dict[str, Callable[[], bytes]] = {
     "thousands_almost_on_one_place": lambda: network_of(*[f"0,0 100,{k / 100}" for k in range(5000)]),
     "lane_of_many_positions": lambda: network_of(zigzag(100_000, 10.0)),
     "floor_of_many_positions": lambda: network_of("0,0 100,0", floor=_scribble(100_000, 500.0)),
-    "lanes_around_the_world": lambda: network_of(*[f"0,{4 * k} 900000,{4 * k}" for k in range(30)]),
 }
 
 

@@ -18,7 +18,7 @@ from pathlib import Path
 
 import pytest
 from conftest import Conversion, command_environment, dojo_maps, read_strict_json
-from damage import DAMAGES, ENDLESS, LARGE, ODDITIES, damage, network_of, swapped
+from damage import DAMAGES, ENDLESS, LARGE, ODDITIES, damage, network_of, replaced
 from scene_reader import read_gltf_json
 
 from dojo_maps.cli import main
@@ -643,15 +643,28 @@ def test_convert_refuses_shapes_that_would_take_hours(name: str, bench: Bench) -
     check_refused_input(bench, bench.write("endless.net.xml", ENDLESS[name]()))
 
 
-@pytest.mark.parametrize("width", ["1e4", "1e9", "1e12"])
-def test_convert_refuses_lanes_as_wide_as_towns(width: str, good: bytes, bench: Bench) -> None:
-    check_refused_input(
-        bench, bench.write("wide.net.xml", swapped(good, r'(<lane id="e_0")', rf'\1 width="{width}"'))
-    )
+UNDRAWABLE: dict[str, Callable[[bytes], bytes]] = {
+    **{
+        f"width_{width}": lambda good, width=width: replaced(
+            good, '<lane id="e_0"', f'<lane id="e_0" width="{width}"'
+        )
+        for width in ("1e4", "1e9", "1e12")
+    },
+    "height": lambda _: network_of("0,0,0 100,0,90000000"),
+    "around_the_world": lambda _: network_of(*[f"0,{4 * k} 900000,{4 * k}" for k in range(30)]),
+}
 
 
-def test_convert_refuses_heights_that_single_precision_cannot_hold(bench: Bench) -> None:
-    check_refused_input(bench, bench.write("high.net.xml", network_of("0,0,0 100,0,90000000")))
+@pytest.mark.parametrize("name", UNDRAWABLE)
+def test_a_value_that_nobody_can_draw_is_an_issue_and_costs_itself(
+    name: str, good: bytes, bench: Bench
+) -> None:
+    done = bench.convert(bench.write("odd.net.xml", UNDRAWABLE[name](good)), "-o", bench.output)
+    check_fair_end(bench, done)
+    assert done.returncode == 1
+    check_whole(bench.output)
+    issues = read_strict_json(bench.output / "report.json")["issues"]
+    assert any(issue["check"] == "geometry.unusable_value" for issue in issues)
 
 
 @pytest.mark.parametrize("name", LARGE)
