@@ -135,7 +135,7 @@ def test_streams_that_are_ascii_only_get_everything(
         return run_shell(f"$PYTHON -m {arguments}", tmp_path, PYTHONIOENCODING="ascii", LC_ALL="C")
 
     done = run_ascii(f"dojo_maps convert {network_path('bare')} -o Größe.dojo")
-    assert r"Gr\xf6\xdfe.dojo: " in done.stdout
+    assert r"Gr\xf6\xdfe.dojo; " in done.stdout
     check_one_line(run_ascii("dojo_maps validate Größe"), 3, r"Gr\xf6\xdfe")
     done = run_ascii("dojo_env run --scenario two-way --controller random --seconds 20")
     assert r" \xb1 " in done.stdout
