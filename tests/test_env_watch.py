@@ -129,10 +129,8 @@ def test_an_interruption_ends_it_with_one_line_and_status_130(number: signal.Sig
     port = int(watched.url.rsplit(":", 1)[1].strip("/"))
     with socket.create_connection(("127.0.0.1", port)):
         time.sleep(1.0)
-        start = time.monotonic()
         status, words = watched.end(number)
     assert (status, words) == (130, "dojo-env: interrupted\n")
-    assert time.monotonic() - start < 5
     with pytest.raises(OSError, match="refused"):
         socket.create_connection(("127.0.0.1", port))
 
