@@ -89,7 +89,8 @@ class _Places:
         if not len(parts):
             return None
         mended = shapely.orient_polygons(parts[0] if len(parts) == 1 else shapely.multipolygons(parts))
-        return json.loads(shapely.to_geojson(mended))  # type: ignore[no-any-return]
+        geometry: Geometry = json.loads(shapely.to_geojson(mended))
+        return geometry
 
     def _ring(self, ring: Points, *, outer: bool) -> list[list[float]]:
         x, y = ring[:, 0], ring[:, 1]
@@ -98,17 +99,18 @@ class _Places:
         return [*places, places[0]]
 
     def _places(self, positions: Any) -> list[list[float]]:
-        columns = self._on_earth(positions) if self._convert else np.round(positions[:, :2], 3).T.tolist()
+        convert = self._convert
+        columns = self._on_earth(positions, convert) if convert else np.round(positions[:, :2], 3).T.tolist()
         if self._with_heights:
             columns.append(np.round(positions[:, 2], 3))
         values: list[list[float]] = np.column_stack(columns).tolist()
         return values
 
-    def _on_earth(self, positions: Any) -> list[Any]:
+    def _on_earth(self, positions: Any, convert: pyproj.Proj) -> list[Any]:
         """Turn (n, 2) metres into longitudes and latitudes, degrees."""
         offset = self._projection.net_offset
         try:
-            degrees = self._convert(positions[:, 0] - offset[0], positions[:, 1] - offset[1], inverse=True)
+            degrees = convert(positions[:, 0] - offset[0], positions[:, 1] - offset[1], inverse=True)
         except pyproj.exceptions.ProjError as error:
             raise ExportError(f"{_does_not_fit(self._projection)}: {error}") from error
         if not (np.abs(degrees[0]) <= 180.0).all() or not (np.abs(degrees[1]) <= 90.0).all():
