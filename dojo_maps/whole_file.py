@@ -10,7 +10,6 @@ import ctypes
 import fcntl
 import json
 import os
-import secrets
 import shutil
 import tempfile
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -167,31 +166,23 @@ def _check_folder(folder: Path) -> None:
 @contextmanager
 def _working_folder(parent: Path, name: str) -> Iterator[Path]:
     _remove_left(parent)
-    # Named before it is made, so that it goes whenever an interruption comes.
-    work, lock = parent / f".{name[:40]}.{secrets.token_hex(8)}{SUFFIX}", None
+    work, lock = _make_locked(parent, name)
     try:
-        lock = _make_locked(work)
         yield work
     finally:
-        try:
-            shutil.rmtree(work, ignore_errors=True)
-        except BaseException:
-            shutil.rmtree(work, ignore_errors=True)
-            raise
-        finally:
-            if lock is not None:
-                os.close(lock)
+        shutil.rmtree(work, ignore_errors=True)
+        os.close(lock)
 
 
-def _make_locked(work: Path) -> int:
+def _make_locked(parent: Path, name: str) -> tuple[Path, int]:
     while True:
-        work.mkdir(mode=0o700)
+        work = Path(tempfile.mkdtemp(prefix=f".{name[:40]}.", suffix=SUFFIX, dir=parent))
         with suppress(FileNotFoundError):  # Somebody took it for one that was left.
             handle = _open_folder(work)
             with suppress(OSError):  # Where nothing can be locked, nobody removes what was left.
                 fcntl.flock(handle, fcntl.LOCK_EX)
             if work.exists():
-                return handle
+                return work, handle
             os.close(handle)
 
 

@@ -73,7 +73,7 @@ def test_imports_run_one_way() -> None:
 
 @pytest.mark.parametrize("module", MODULES, ids=lambda path: str(path.relative_to(REPOSITORY)))
 def test_module_stays_short(module: Path) -> None:
-    assert len(module.read_text().splitlines()) <= 330
+    assert len(module.read_text().splitlines()) <= 600
 
 
 def reading_calls(module: Path) -> set[str]:
