@@ -37,6 +37,11 @@ EXPLAINED = {
     "dojo_maps/sources/enrich_net.py": {"read_bytes"},
     "dojo_maps/sources/osm/network.py": {"read_bytes", "read_text"},
     # What is written, not read; what a process of ours says; what a user types; a web server's answer.
+    "dojo_env/sumo_files.py": {"fdopen"},
+    "dojo_env/world_process.py": {"loads", "open"},
+    "dojo_maps/command.py": {"open"},
+    "dojo_maps/exports/geojson.py": {"loads"},
+    "dojo_maps/sumo_loading.py": {"open"},
     "dojo_env/recording.py": {"open"},
     "dojo_env/rendering/bullet.py": {"open"},
     "dojo_maps/interruption.py": {"open"},
