@@ -51,6 +51,8 @@ EXPLAINED = {
     "tools/bench_render.py": {"loads"},
     "tools/bench_validate.py": {"loads"},
     "tools/train.py": {"loads"},
+    "tools/fuzz.py": {"read_bytes", "read_text", "open", "load"},
+    "tools/random_damage.py": {"load", "loads"},
     # What this process has just written, and files of the packages themselves.
     "tools/learning/cluster_rows.py": {"read_bytes"},
     "dojo_maps/whole_file.py": {"open"},

@@ -36,7 +36,7 @@ def make_socket(path: Path) -> None:
 
 
 UNFIT: dict[str, Callable[[Path], object]] = {
-    "missing": lambda path: None,
+    "missing": lambda _path: None,
     "folder": lambda path: path.mkdir(),
     "pipe": os.mkfifo,
     "device": lambda path: path.symlink_to("/dev/zero"),

@@ -319,10 +319,8 @@ def test_a_folder_is_whole_whenever_its_writer_is_killed(tmp_path: Path) -> None
             writer.send_signal(signal.SIGKILL)
         assert names(folder) == ["a", "b"]
         assert (folder / "a").read_text() == (folder / "b").read_text()
-    with started(ENDLESS, folder) as writer:
-        assert writer.stdout is not None
-        writer.stdout.readline()
-        writer.send_signal(signal.SIGINT)
+    with started(ENDLESS.replace("10**9", "1"), folder) as writer:
+        writer.communicate()
     assert names(tmp_path) == ["out"]
 
 
