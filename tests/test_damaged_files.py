@@ -198,8 +198,16 @@ def at(*keys: Any, value: Any) -> Callable[[Any], None]:
     return change
 
 
-WRONG_NUMBERS = {"negative": -1, "huge": 2**62, "beyond": HUGE, "a part": 1.5, "text": "1", "none": None, "list": [1],
-                 "true": True}  # fmt: skip
+WRONG_NUMBERS = {
+    "negative": -1,
+    "huge": 2**62,
+    "beyond": HUGE,
+    "a part": 1.5,
+    "text": "1",
+    "none": None,
+    "list": [1],
+    "true": True,
+}
 PLACES: dict[str, tuple[Any, ...]] = {
     "count": ("accessors", 0, "count"),
     "offset of a view": ("bufferViews", 1, "byteOffset"),
@@ -275,7 +283,7 @@ def test_a_description_holds_finite_numbers_only(value: str, bundle: Path, tmp_p
 GOOD_CAMERA: dict[str, Any] = {"name": "a", "position": [0.0, 1.0, 9.0]}
 WRONG: dict[str, list[Any]] = {
     "name": [None, 1, [1], {}],
-    "position": [None, 1, "abc", [], [1, 2], [1, 2, None], [1, 2, "3"], [1, 2, HUGE], [1, 2, 1e300], [1, 2, True]],
+    "position": [None, 1, "abc", [], [1, 2], *([1, 2, value] for value in (None, "3", HUGE, 1e300, True))],
     "width": [0, -1, 3.5, "356", None, LARGEST_SIDE + 1, HUGE, True, [356]],
     "height": [0, 0.5, 1e9],
     "heading_deg": [None, "north", HUGE, [0], True],

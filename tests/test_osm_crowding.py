@@ -50,8 +50,8 @@ def folded(count: int, size: float) -> Drawing:
 def lattice(count: int, gap: float) -> Drawing:
     """Roads that cross each other without a common node."""
     size = count * gap
-    return draw(*[line for k in range(count)
-                  for line in ([(k * gap, -1.0), (k * gap, size)], [(-1.0, k * gap), (size, k * gap)])])  # fmt: skip
+    north = [[(k * gap, -1.0), (k * gap, size)] for k in range(count)]
+    return draw(*north, *[[(y, x) for x, y in line] for line in north])
 
 
 def grid(count: int, gap: float) -> Drawing:
@@ -67,7 +67,7 @@ CROWDED: dict[str, tuple[Callable[[], Drawing], str]] = {
     "fan": (lambda: fan(300), "node 1: 300 pieces of road meet here"),
     "narrow fan": (lambda: fan(60, 0.1), "node 1: 60 pieces of road meet here"),
     "one node in thousands of ways": (lambda: fan(10_000), "node 1: 10000 pieces of road meet here"),
-    "the same way thousands of times": (lambda: draw(*[[(0, 0), (99, 0)]] * 5000), "5000 pieces of road meet"),
+    "the same way thousands of times": (lambda: draw(*[[(0, 0), (99, 0)]] * 5000), "5000 pieces"),
     "thousands side by side": (lambda: parallel(2000, 3.0), "its roads lie on each other"),
     "folded": (lambda: folded(2000, 1.0), "pieces of road lie within 8 m"),
     "folded on a centimetre": (lambda: folded(2000, 0.01), "pieces of road lie within 8 m"),
