@@ -98,7 +98,9 @@ WRITERS: dict[str, Callable[[Path], None]] = {
 
 
 @pytest.mark.parametrize("name", WRITERS)
-def test_a_full_disk_is_one_error_and_the_old_file_stays(name: str, tmp_path: Path) -> None:
+def test_a_full_disk_is_one_error_and_the_old_file_stays(
+    name: str, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
     path, old = tmp_path / name, not name.startswith("run_")
     if old:  # An episode takes no name that is there.
         path.write_text("old")
