@@ -43,7 +43,6 @@ EXPLAINED = {
     "dojo_maps/exports/geojson.py": {"loads"},
     "dojo_maps/sumo_loading.py": {"open"},
     "dojo_env/recording.py": {"open"},
-    "dojo_env/rendering/bullet.py": {"open"},
     "dojo_maps/interruption.py": {"open"},
     "dojo_maps/sources/download.py": {"open"},
     "tools/bench_convert.py": {"loads"},
@@ -64,7 +63,8 @@ EXPLAINED = {
     "dojo_env/encoders/onnx_file.py": {"load"},
     "dojo_env/rendering/compiling.py": {"read_bytes"},
     "dojo_env/watching/server.py": {"read_text", "loads"},
-    "dojo_env/watching/video.py": {"VideoCapture", "open"},
+    "dojo_env/watching/video.py": {"VideoCapture"},
+    "dojo_maps/progress.py": {"open"},
     "tools/picture_findings.py": {"imread"},
 }
 """Who else may, and what."""

@@ -111,6 +111,7 @@ def test_a_full_disk_is_one_error_and_the_old_file_stays(
     WRITERS[name](path)
     assert path.stat().st_size > ROOM
     assert {part.split(".")[0] for part in names(tmp_path)} == {name.split(".", maxsplit=1)[0]}
+    assert capfd.readouterr() == ("", "")
 
 
 @pytest.mark.parametrize("name", WRITERS)

@@ -11,6 +11,7 @@ import cv2
 from dojo_env.errors import ConfigError
 from dojo_env.watching.views import Image
 from dojo_maps.errors import ToolMissingError, WriteError
+from dojo_maps.progress import quiet_output
 from dojo_maps.whole_file import replaced
 
 # What could not be written is told once, by us.
@@ -70,7 +71,7 @@ class Video:
             height, width = picture.shape[:2]
             codec = _CODECS[self._path.suffix.lower()]
             code = cv2.VideoWriter.fourcc(*codec)
-            with _unheard():
+            with quiet_output():
                 self._writer = cv2.VideoWriter(str(self._path), code, FRAME_RATE, (width, height))
             if not self._writer.isOpened():
                 raise ToolMissingError(
@@ -84,19 +85,6 @@ class Video:
         """Write what is left."""
         if self._writer is not None:
             self._writer.release()
-
-
-@contextmanager
-def _unheard() -> Iterator[None]:
-    """Let nothing out on standard error, where OpenCV says what it tries before it succeeds."""
-    kept, silent = os.dup(2), os.open(os.devnull, os.O_WRONLY)
-    os.dup2(silent, 2)
-    try:
-        yield
-    finally:
-        os.dup2(kept, 2)
-        os.close(kept)
-        os.close(silent)
 
 
 def _count_frames(path: Path) -> int:
