@@ -139,8 +139,11 @@ def sha256_of(path: Path, *, most: int = MAX_BYTES, error: ErrorClass = SourceEr
     Raises:
         SourceError: as `opened`.
     """
+    digest = hashlib.sha256()  # hashlib's own loop never ends where a file has nothing to give for now.
     with opened(path, most=most, error=error) as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()
+        for piece in _plain(file):
+            digest.update(piece)
+    return digest.hexdigest()
 
 
 def _open_at_once(path: str, flags: int) -> int:

@@ -98,6 +98,7 @@ ODDITIES: dict[str, Callable[[bytes], bytes]] = {
     "lane_of_no_length": lambda good: swapped(good, LANE + 'shape="[^"]*"', r'\1 shape="1,2 1,2"'),
     "lane_id_twice": lambda good: replaced(good, '<lane id="e_0"', '<lane id="e_1"'),
     "edge_id_twice": lambda good: replaced(good, '<edge id="e" ', '<edge id="n" '),
+    "edge_called_like_a_crossing": lambda good: replaced(good, '<edge id="e" ', '<edge id=":c_c9" '),
     "edge_to_nowhere": lambda good: replaced(good, '<edge id="e" from="e"', '<edge id="e" from="gone"'),
     "connection_to_nowhere": lambda good: replaced(
         good, '<connection from="e" to="-n"', '<connection from="e" to="gone"'

@@ -1,8 +1,10 @@
 """Generated traffic, judged by SUMO: an hour without a jam, every movement used, people on the crossings."""
 
+import re
 import subprocess
 import xml.etree.ElementTree as ET
 from collections import Counter
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -171,6 +173,20 @@ def test_bundle_with_demand_is_a_scenario(tmp_path: Path) -> None:
     assert metrics["throughput"] > 300
     assert metrics["pedestrians"] > 0
     env.close()
+
+
+def test_a_crossing_that_nothing_is_connected_with_has_no_walkers(
+    network_path: Callable[[str], Path], tmp_path: Path
+) -> None:
+    good = network_path("walkers_signal").read_text()
+    names = re.findall(r'<edge id="(:\w+_c\d)" function="crossing"', good)
+    path = tmp_path / "a.net.xml"
+    path.write_text(good.replace(f'<edge id="{names[0]}"', '<edge id=":nowhere_c0"', 1))
+    whole, less = (
+        convert(str(each), tmp_path / f"{k}.dojo", WITH_DEMAND)[1]["demand"]["walkers"]
+        for k, each in enumerate((network_path("walkers_signal"), path))
+    )
+    assert less < whole or len(names) == 1
 
 
 def test_bundle_without_demand_is_none(tmp_path: Path) -> None:

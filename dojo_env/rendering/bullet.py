@@ -1,9 +1,6 @@
 """The same world in pybullet: a second pair of eyes, rays to compare lidar with, and who touches whom."""
 
-import contextlib
-import ctypes
-import os
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from types import ModuleType, TracebackType
 from typing import Any, NamedTuple
 
@@ -19,6 +16,7 @@ from dojo_env.rendering.traffic import Users, library, place_users
 from dojo_env.sensors.camera import Camera
 from dojo_env.snapshot import Snapshot
 from dojo_maps.errors import ToolMissingError
+from dojo_maps.progress import quiet_output
 
 Floats = NDArray[np.float64]
 
@@ -302,7 +300,7 @@ def _quaternion(frame: Floats) -> list[float]:
 
 def _import_pybullet() -> ModuleType:
     try:
-        with _quiet_output():
+        with quiet_output():
             import pybullet  # noqa: PLC0415 - only who asks for it needs it
     except ImportError as error:
         raise ToolMissingError(
@@ -310,18 +308,3 @@ def _import_pybullet() -> ModuleType:
             "has no wheel, as after Python 3.11)"
         ) from error
     return pybullet
-
-
-@contextlib.contextmanager
-def _quiet_output() -> Iterator[None]:
-    """Keep what C code says off standard error: pybullet greets whoever imports it."""
-    kept = os.dup(2)
-    silent = os.open(os.devnull, os.O_WRONLY)
-    try:
-        os.dup2(silent, 2)
-        yield
-    finally:
-        ctypes.CDLL(None).fflush(None)
-        os.dup2(kept, 2)
-        os.close(kept)
-        os.close(silent)

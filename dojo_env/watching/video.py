@@ -11,9 +11,12 @@ import cv2
 from dojo_env.errors import ConfigError
 from dojo_env.watching.views import Image
 from dojo_maps.errors import ToolMissingError, WriteError
+from dojo_maps.progress import quiet_output
 from dojo_maps.whole_file import replaced
 
-os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")  # Else it says on standard error what we say.
+# What could not be written is told once, by us.
+os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")
+cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
 FRAME_RATE = 10.0
 """Frames per second, each of them a simulated second."""
 _CODECS = {".mp4": "mp4v", ".webm": "VP80"}
@@ -68,7 +71,8 @@ class Video:
             height, width = picture.shape[:2]
             codec = _CODECS[self._path.suffix.lower()]
             code = cv2.VideoWriter.fourcc(*codec)
-            self._writer = cv2.VideoWriter(str(self._path), code, FRAME_RATE, (width, height))
+            with quiet_output():
+                self._writer = cv2.VideoWriter(str(self._path), code, FRAME_RATE, (width, height))
             if not self._writer.isOpened():
                 raise ToolMissingError(
                     f"the installed OpenCV cannot write {self._path.suffix} videos ({codec}); "

@@ -47,7 +47,10 @@ def _retarget(site: Site, record: Attributes) -> tuple[Change, str]:
     """Let a connection lead where its way does; without such a way there is nothing to keep."""
     key = key_of("connection", record)
     target = _lane_after(site, record.get("via", ""), _onward(site))
-    if target is None or f"{record.get('from')}_{record.get('fromLane')}" not in site.facts.lanes:
+    if (
+        target not in site.facts.lanes
+        or f"{record.get('from')}_{record.get('fromLane')}" not in site.facts.lanes
+    ):
         return Remove(key=key), "removed"
     lane = site.facts.lanes[target]
     values = (("to", lane.road), ("toLane", str(lane.index)))
@@ -81,7 +84,9 @@ def _begins_at(site: Site, internal: str, lane: str) -> bool:
 
 def _junctions_of(site: Site, road: str) -> Iterator[tuple[str, str]]:
     """Find the junctions at the ends of a road whose names are wrong, by what lists its lanes."""
-    found = site.facts.roads[road]
+    found = site.facts.roads.get(road)
+    if found is None:  # It could not be read.
+        return
     if found.to_junction not in site.facts.junctions:
         listing = [j.get("id", "") for j in site.text.records.junctions if found.lanes[0] in _incoming(j)]
         if len(listing) == 1:

@@ -234,10 +234,9 @@ def _read_pbf(path: Path, records: _Records) -> None:
         import osmium  # noqa: PLC0415 - needed for this format only
     except ImportError:
         raise ToolMissingError(f"{path}: reading PBF needs the package osmium: pip install osmium") from None
-    if not path.is_file():
-        raise SourceError(path, "not a file" if path.exists() else "no such file")
+    data = read_bytes(path)
     try:
-        elements: Iterable[Any] = osmium.FileProcessor(osmium.io.File(str(path), "pbf"))
+        elements: Iterable[Any] = osmium.FileProcessor(osmium.io.FileBuffer(data, "pbf"))
         for thing in elements:
             if thing.deleted:
                 continue

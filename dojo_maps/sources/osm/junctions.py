@@ -226,9 +226,8 @@ def _downstream(
         here, at, walked, seen = section, index, 0.0, {section.id}
         forward = way > 0
         while walked <= _APPROACH:
-            line = graph.line(here)[at:] if forward else graph.line(here)[: at + 1]
-            for a, b in itertools.pairwise(line):
-                walked += math.dist(a, b)
+            for one, other in itertools.pairwise(here.nodes[at:] if forward else here.nodes[at::-1]):
+                walked += math.dist(graph.places[one], graph.places[other])
                 if walked > _APPROACH:
                     break
             vertex = here.end if forward else here.start
