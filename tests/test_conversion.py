@@ -142,3 +142,11 @@ def test_junction_without_a_shape_is_kept_without_one(tmp_path: Path) -> None:
     shapeless = [j for j in dojo_maps.read_bundle(bundle.folder).road_map.junctions if not len(j.polygon)]
     assert len(shapeless) == count
     assert report["counts"]["error"] == 0
+
+
+def test_the_scene_s_buffer_views_say_what_they_hold(tmp_path: Path) -> None:
+    bundle, _ = dojo_maps.convert("cologne1", tmp_path / "x.dojo")
+    data = bundle.scene.read_bytes()
+    tree = json.loads(data[20 : 20 + int.from_bytes(data[12:16], "little")])
+    held = [view["target"] for view in tree["bufferViews"]]
+    assert set(held) == {34962, 34963}

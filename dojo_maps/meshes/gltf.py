@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import trimesh
@@ -34,6 +35,9 @@ COLOURS = {
 }
 """Colours by node name, sRGB."""
 
+_VERTICES, _INDICES = 34962, 34963
+"""glTF's numbers for what a buffer view holds."""
+
 
 def write_scene(meshes: Sequence[Mesh], path: Path) -> None:
     """Write scene.glb.
@@ -59,7 +63,20 @@ def write_scene(meshes: Sequence[Mesh], path: Path) -> None:
             metadata={"sources": source_runs(mesh)},
         )
         scene.add_geometry(shape, node_name=mesh.name, geom_name=mesh.name)
-    path.write_bytes(trimesh.exchange.gltf.export_glb(scene, include_normals=False))
+    path.write_bytes(
+        trimesh.exchange.gltf.export_glb(scene, include_normals=False, tree_postprocessor=_name_targets)
+    )
+
+
+def _name_targets(tree: dict[str, Any]) -> None:
+    """Say of each buffer view whether it holds vertices or indices, as viewers on graphics cards ask for."""
+    for mesh in tree["meshes"]:
+        for primitive in mesh["primitives"]:
+            uses = [(primitive["indices"], _INDICES)]
+            uses += [(accessor, _VERTICES) for accessor in primitive["attributes"].values()]
+            for accessor, target in uses:
+                view = tree["accessors"][accessor]["bufferView"]
+                tree["bufferViews"][view]["target"] = target
 
 
 def _linear(colour: tuple[int, int, int]) -> list[float]:
