@@ -100,7 +100,6 @@ def wait_for_checkpoint(folder: Path, running: subprocess.Popen[str], after: int
     return path.stat().st_mtime_ns
 
 
-@pytest.mark.skip(reason="fails, and it is not known why: to be mended")
 def test_training_goes_on_when_it_is_interrupted_and_when_a_node_is_lost(
     cluster: Any, tmp_path: Path
 ) -> None:

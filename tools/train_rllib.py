@@ -9,7 +9,7 @@ import argparse
 from dojo_env.errors import ConfigError
 from dojo_maps.command import Parser, run_command
 from dojo_maps.interruption import begin
-from learning.cluster import LOCAL, open_cluster
+from learning.cluster import LOCAL, open_cluster, set_environment
 from learning.scenarios import check_scenario
 from learning.settings import Training
 from train import add_arguments, choose_folder, read_arguments
@@ -56,6 +56,7 @@ def run(options: argparse.Namespace) -> int:
     from learning.learner import check_folder  # Bad settings are told before torch is loaded.
 
     check_folder(training, folder, resume=options.resume)
+    set_environment(options.address)
     from learning.rllib_learner import train  # It takes long, and no cluster should wait for it.
 
     with open_cluster(options.address, training.processes):

@@ -25,6 +25,18 @@ _SETTINGS = {
 """Ray reads them when it is imported."""
 
 
+def set_environment(address: str) -> None:
+    """Set what Ray reads when it is imported: to be called before that.
+
+    Args:
+        address: as for `open_cluster`.
+    """
+    os.environ |= _SETTINGS
+    if address.startswith(("127.", "localhost")):
+        # Else Ray looks at this machine's other address, where nobody answers.
+        os.environ["RAY_ENABLE_WINDOWS_OR_OSX_CLUSTER"] = "0"
+
+
 @contextmanager
 def open_cluster(address: str, slots: int) -> Iterator[None]:
     """Connect to a cluster for as long as the context lasts.
@@ -37,11 +49,7 @@ def open_cluster(address: str, slots: int) -> Iterator[None]:
     Raises:
         ConfigError: Ray is not installed, or no cluster answers.
     """
-    os.environ |= _SETTINGS
-    if address.startswith(("127.", "localhost")):
-        os.environ["RAY_ENABLE_WINDOWS_OR_OSX_CLUSTER"] = (
-            "0"  # Else Ray looks at this machine's other address.
-        )
+    set_environment(address)
     try:
         import ray
     except ImportError as error:
