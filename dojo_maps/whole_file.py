@@ -5,6 +5,7 @@ step. The folder's name ends in `.dojo-tmp`, and a lock tells that its process l
 is removed by the next that writes there.
 """
 
+import atexit
 import csv
 import ctypes
 import fcntl
@@ -23,6 +24,9 @@ from dojo_maps.interruption import held
 
 SUFFIX = ".dojo-tmp"
 """Ends the names of working folders."""
+_locks: dict[Path, int] = {}
+"""The working folders of this process, and the descriptors that lock them."""
+os.register_at_fork(after_in_child=_locks.clear)
 _AT_FDCWD, _EXCHANGE = -100, 2
 """Of Linux's renameat2: paths as they are, and both names change places."""
 
@@ -167,28 +171,40 @@ def _check_folder(folder: Path) -> None:
 @contextmanager
 def _working_folder(parent: Path, name: str) -> Iterator[Path]:
     _remove_left(parent)
-    made: list[tuple[Path, int]] = []
+    with held():  # An interruption in the middle of it would leave the folder there.
+        work = _make_locked(parent, name)
     try:
-        with held():  # An interruption in the middle of it would leave the folder there.
-            made.append(_make_locked(parent, name))
-        yield made[0][0]
+        yield work
     finally:
-        with held():
-            for work, lock in made:
-                shutil.rmtree(work, ignore_errors=True)
-                os.close(lock)
+        _remove(work)
 
 
-def _make_locked(parent: Path, name: str) -> tuple[Path, int]:
+def _make_locked(parent: Path, name: str) -> Path:
     while True:
         work = Path(tempfile.mkdtemp(prefix=f".{name[:40]}.", suffix=SUFFIX, dir=parent))
         with suppress(FileNotFoundError):  # Somebody took it for one that was left.
-            handle = _open_folder(work)
+            lock = _open_folder(work)
             with suppress(OSError):  # Where nothing can be locked, nobody removes what was left.
-                fcntl.flock(handle, fcntl.LOCK_EX)
+                fcntl.flock(lock, fcntl.LOCK_EX)
             if work.exists():
-                return work, handle
-            os.close(handle)
+                _locks[work] = lock
+                return work
+            os.close(lock)
+
+
+def _remove(work: Path) -> None:
+    with held():
+        lock = _locks.pop(work, None)
+        if lock is not None:
+            shutil.rmtree(work, ignore_errors=True)
+            os.close(lock)
+
+
+@atexit.register
+def _remove_all() -> None:
+    """Remove what an interruption left that came on the way into `_remove`, or on the way to it."""
+    for work in list(_locks):
+        _remove(work)
 
 
 @cache  # A process looks into a folder once: it may write thousands of files there.

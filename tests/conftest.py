@@ -4,6 +4,7 @@ import contextlib
 import fcntl
 import json
 import os
+import random
 import signal
 import subprocess
 import sys
@@ -28,17 +29,20 @@ _LONG = ("test_train", "test_learned_rows", "test_benchmark", "test_robustness",
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
-    parser.addoption(
-        "--all-networks", action="store_true", help="convert every installed network, the slow ones too"
+    parser.addoption("--whole", action="store_true", help="every case of the long suites, on every network")
+    parser.addoption("--fuzz", type=int, default=12, help="how many damaged copies of a network to convert")
+    parser.addoption("--interruptions", type=int, default=6, help="how many commands to interrupt at random")
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    config.addinivalue_line(
+        "markers", "sampled(count): without --whole, only so many of a test's cases run, chosen by a seed"
     )
-    parser.addoption("--all-mutants", action="store_true", help="plant every defect in every network")
-    parser.addoption("--fuzz", type=int, default=30, help="how many damaged copies of a network to convert")
-    parser.addoption("--interruptions", type=int, default=12, help="how many commands to interrupt at random")
 
 
 def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
     if "network" in metafunc.fixturenames:
-        everything = metafunc.config.getoption("--all-networks")
+        everything = metafunc.config.getoption("--whole")
         installed = list(networks.installed_networks()) if everything else networks.default_sample()
         # The scope puts all tests of a network in a row, so that what is read for one serves the next.
         names = [*networks.BUILDERS, *installed]
@@ -50,9 +54,32 @@ def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
 
 
 @pytest.hookimpl(trylast=True)
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Begin with what takes longest, so that no worker is left alone with it in the end."""
-    items.sort(key=lambda item: not item.path.stem.startswith(_LONG))
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Leave out what is sampled away, and begin with what takes longest.
+
+    So no worker is left alone with it in the end.
+    """
+    left_out = set() if config.getoption("--whole") else _choose_left_out(items)
+    if left_out:
+        config.hook.pytest_deselected(items=[item for item in items if item in left_out])
+    items[:] = sorted(
+        (item for item in items if item not in left_out),
+        key=lambda item: not item.path.stem.startswith(_LONG),
+    )
+
+
+def _choose_left_out(items: list[pytest.Item]) -> set[pytest.Item]:
+    """Choose by place among a test's cases: tests with the same cases, as networks, keep the same ones."""
+    families: dict[str, list[pytest.Item]] = {}
+    for item in items:
+        families.setdefault(item.nodeid.partition("[")[0], []).append(item)
+    left_out: set[pytest.Item] = set()
+    for cases in families.values():
+        mark = cases[0].get_closest_marker("sampled")
+        if mark is not None:
+            chance = random.Random(networks.SAMPLE_SEED)  # noqa: S311 - the same on every run
+            left_out.update(chance.sample(cases, max(0, len(cases) - mark.args[0])))
+    return left_out
 
 
 @lru_cache(maxsize=4)
@@ -135,9 +162,10 @@ def shared_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="session", autouse=True)
 def environment_cache(shared_folder: Path) -> Iterator[Path]:
-    """Keep the environment's cache of converted maps among the tests' own files."""
+    """Keep converted maps among the tests' own files, and compiled kernels for the next run."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("DOJO_CACHE", str(shared_folder / "cache"))
+        patch.setenv("NUMBA_CACHE_DIR", str(REPOSITORY / ".pytest_cache" / "kernels"))
         yield shared_folder / "cache"
 
 

@@ -18,7 +18,7 @@ SLOW = ("DRT-osm", "A10KW-osm", "bs3d-bs", "ingolstadt21", "OW")
 ALWAYS = ("cologne1", "ingolstadt1", "fkk_in-ingolstadt", "RiLSA1-rilsa1", "rail-net")
 SAMPLE_SIZE = 3
 SAMPLE_SEED = 20260
-GENERATED_SAMPLE = 6
+GENERATED_SAMPLE = 2
 
 
 def _package_folder(name: str) -> Path:
@@ -45,7 +45,7 @@ def installed_networks() -> dict[str, Path]:
 
 
 def default_sample() -> list[str]:
-    """Choose the installed networks that are tested without --all-networks: a few fixed, a few by seed."""
+    """Choose the installed networks that are tested without --whole: a few fixed, a few by seed."""
     rest = sorted(set(installed_networks()) - set(SLOW) - set(ALWAYS))
     return [*ALWAYS, *random.Random(SAMPLE_SEED).sample(rest, SAMPLE_SIZE)]  # noqa: S311 - no secret
 

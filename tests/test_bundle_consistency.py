@@ -19,6 +19,8 @@ from dojo_maps.errors import DescriptionError, SourceError
 from dojo_maps.serialization import to_json
 from dojo_maps.sources.sumo_net import read_network
 
+pytestmark = pytest.mark.sampled(6)
+
 Value = dict[str, Any]
 OF_THE_NETWORK = {
     *("projection", "origin", "bounds", "left_hand", "roads", "lanes", "connections", "junctions"),

@@ -23,6 +23,8 @@ from scene_reader import read_gltf_json
 
 from dojo_maps.cli import main
 
+pytestmark = pytest.mark.sampled(3)
+
 BUNDLE = {"map.json", "scene.glb", "network.net.xml", "report.json", "report.html", "overview.png"}
 TIME_LIMIT = 60.0
 MEMORY_LIMIT = 2 << 30

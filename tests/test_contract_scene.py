@@ -25,6 +25,8 @@ from scene_reader import (
 )
 from shapely import LineString
 
+pytestmark = pytest.mark.sampled(9)
+
 KERB_LIMIT = 0.25
 LIFT_LEAST, LIFT_MOST = 0.005, 0.05
 ROUNDING = 0.001

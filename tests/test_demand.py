@@ -116,6 +116,7 @@ def test_cologne1_is_neither_empty_nor_jammed(tmp_path: Path) -> None:
     assert 1500 < hour.loaded < 3500, "its recorded hour has 2,015"
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("shape", ["cross", "dual_carriageways", "dog_leg", "slip_lane", "left_hand"])
 def test_drawn_junction_flows(shape: str, tmp_path: Path) -> None:
     path = getattr(osm_drawings, shape)().write(tmp_path / f"{shape}.osm")
@@ -125,6 +126,7 @@ def test_drawn_junction_flows(shape: str, tmp_path: Path) -> None:
     assert hour.walkers > 0
 
 
+@pytest.mark.sampled(0)
 def test_city_flows(tmp_path: Path) -> None:
     bundle, report = convert(str(helsinki()), tmp_path / "city.dojo", WITH_DEMAND)
     hour = simulate(bundle, tmp_path)

@@ -17,6 +17,7 @@ from dojo_env.controllers import CONTROLLERS
 from dojo_env.scenario import packaged_scenario
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("controller", CONTROLLERS)
 def test_run_works_with_every_controller(
     controller: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]

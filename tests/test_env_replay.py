@@ -70,6 +70,7 @@ def record(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Path]:
     return make
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("scenario", ["two-way", "cologne1"])
 @pytest.mark.parametrize("conditions", [{}, _SPOILT], ids=["clear", "spoilt"])
 def test_replayed_pictures_have_the_bytes_of_the_episode_s(
@@ -134,6 +135,7 @@ def test_a_recording_is_only_replayed_on_its_own_map(
         next(replay(recording, colour="red"))
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize("suffix", [".mp4", ".webm"])
 def test_run_films_every_second(suffix: str, tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     target = tmp_path / f"out{suffix}"

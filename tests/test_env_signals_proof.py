@@ -49,6 +49,7 @@ def test_packaged_scenarios_are_proved(name: str, phases: str) -> None:
     assert prove_all(plans(name, SignalConfig(phases=phases)), phases=phases) > 100
 
 
+@pytest.mark.sampled(8)
 @pytest.mark.parametrize("name", WITH_CROSSINGS)
 @pytest.mark.parametrize("settings", SETTINGS)
 def test_maps_with_crossings_are_proved(name: str, settings: dict[str, object]) -> None:

@@ -59,6 +59,7 @@ def watching(*arguments: str) -> closing:
     return closing(watched)  # type: ignore[type-var]
 
 
+@pytest.mark.sampled(1)
 @needs_browser
 @pytest.mark.parametrize("scenario", ["two-way", "cologne1"])
 def test_the_page_shows_pauses_steps_and_goes_on(scenario: str, tmp_path: Path) -> None:

@@ -13,6 +13,8 @@ from dojo_maps.errors import SourceError
 from dojo_maps.sources.osm import read_osm
 from dojo_maps.sources.osm.graph import build_graph
 
+pytestmark = pytest.mark.sampled(5)
+
 STREET = {"highway": "primary"}
 Place = tuple[float, float]
 

@@ -21,6 +21,8 @@ from dojo_maps.repair.rounds import Fixed, fix_network
 from dojo_maps.sources.files import find_network
 from dojo_maps.sources.sumo_xml import LogicRecord, read_records
 
+pytestmark = pytest.mark.sampled(3)
+
 # What must fall to zero, by network.
 CURED = {
     "arterial4x4": {"signals.yellow_short"},

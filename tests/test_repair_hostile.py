@@ -11,6 +11,8 @@ from dojo_maps.errors import DojoError
 from dojo_maps.repair.fixing import describe, patch_of
 from dojo_maps.repair.rounds import fix_network
 
+pytestmark = pytest.mark.sampled(10)
+
 
 def check_ends_fairly(data: bytes) -> None:
     try:

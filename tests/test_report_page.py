@@ -81,6 +81,7 @@ def _ask(page: Path, question: str, address: str = "") -> dict[str, Any]:
     return result
 
 
+@pytest.mark.sampled(1)
 @needs_browser
 @pytest.mark.parametrize("name", ["cologne1", "ingolstadt7", "arterial4x4"])
 def test_page_shows_every_issue_with_its_picture(name: str, tmp_path: Path) -> None:

@@ -78,6 +78,7 @@ def test_cameras_are_saved_and_read_back(tmp_path):
         read_cameras(path)
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize(
     "name",
     [

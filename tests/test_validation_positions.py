@@ -24,8 +24,8 @@ def inspected(name: str) -> tuple[RoadMap, dict[str, Any]]:
 
 @pytest.mark.parametrize("name", networks.installed_networks())
 def test_issues_lie_at_the_element_at_fault(name: str, request: pytest.FixtureRequest) -> None:
-    if name in networks.SLOW and not request.config.getoption("--all-networks"):
-        pytest.skip("large: needs --all-networks")
+    if name in networks.SLOW and not request.config.getoption("--whole"):
+        pytest.skip("large: needs --whole")
     road_map, report = inspected(name)
     places = Places(road_map)
     for issue in report["issues"]:

@@ -1,6 +1,6 @@
 """Precision: every error in the installed networks is a known, real defect, shown in the validation's README.
 
-`--all-networks` looks at the large ones, too.
+`--whole` looks at the large ones, too.
 """
 
 import json
@@ -32,8 +32,8 @@ def report_of(name: str) -> dict[str, Any]:
 
 @pytest.mark.parametrize("name", networks.installed_networks())
 def test_errors_are_the_known_defects(name: str, request: pytest.FixtureRequest) -> None:
-    if name in networks.SLOW and not request.config.getoption("--all-networks"):
-        pytest.skip("large: needs --all-networks")
+    if name in networks.SLOW and not request.config.getoption("--whole"):
+        pytest.skip("large: needs --whole")
     found: dict[str, list[str]] = {}
     for issue in report_of(name)["issues"]:
         if issue["severity"] == "error":
