@@ -17,6 +17,7 @@ from dojo_maps.enrichment import furnish
 from dojo_maps.errors import GeometryError
 from dojo_maps.geometry.arrangement import Parts, paved_ground
 from dojo_maps.geometry.pieces import add_pieces, build_pieces
+from dojo_maps.index import MapIndex
 from dojo_maps.issue import Element, Issue, Severity
 from dojo_maps.meshes.mesh import Mesh, concatenate
 from dojo_maps.meshes.scene import build_scene
@@ -97,7 +98,7 @@ def _draw_whole(described: RoadMap, generated: bool, jobs: int, on_stage: Callab
 
 
 def _things(road_map: RoadMap) -> list[_Thing]:
-    lane_of = {lane.id: lane for lane in road_map.lanes}
+    lane_of = MapIndex(road_map).lanes
     found = [("road", road.id, lane_of[road.lanes[0]].shape) for road in road_map.roads]
     found += [("junction", j.id, points([j.position])) for j in road_map.junctions]
     found += [("walking_area", area.id, area.polygon) for area in road_map.walking_areas]

@@ -26,6 +26,7 @@ from dojo_env.local_world import LocalWorld
 from dojo_env.watching.board import Board, Lamp, Scoreboard, read_board
 from dojo_env.watching.pace import Pace
 from dojo_env.watching.page import PageState
+from dojo_env.watching.poster import draw_poster
 from dojo_env.watching.server import LiveServer
 from dojo_env.watching.views import Frame
 
@@ -378,3 +379,14 @@ def test_a_port_that_is_taken_gets_one_clear_error(served: Any) -> None:
     port = int(served[1].url.rsplit(":", 1)[1].strip("/"))
     with pytest.raises(ConfigError, match=f"port {port} cannot be used"):
         LiveServer(served[0], port=port)
+
+
+@pytest.mark.parametrize(
+    "sizes", [[(256, 1356), (256, 364)], [(300, 40)], [(256, 100), (64, 900), (70, 100)], [(512, 512)] * 3]
+)
+def test_a_picture_holds_every_view_whatever_its_size(sizes: list[tuple[int, int]]) -> None:
+    views = {str(k): np.full((*size, 3), 200 + k, dtype=np.uint8) for k, size in enumerate(sizes)}
+    drawn = draw_poster(Frame(board=board(0.0), views=views), title="")
+    for name, view in views.items():
+        seen = np.count_nonzero((drawn == int(name) + 200).all(axis=2))
+        assert 0.8 * view[..., 0].size <= seen  # The title covers a corner.

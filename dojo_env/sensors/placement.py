@@ -13,6 +13,7 @@ from dojo_env.rendering.scene import Scene
 from dojo_env.rendering.view import view_of
 from dojo_env.sensors.camera import BEV, Camera
 from dojo_maps.description import Lane, LinkKind, RoadMap, Signal
+from dojo_maps.index import MapIndex
 
 Floats = NDArray[np.float64]
 
@@ -61,7 +62,7 @@ def find_approaches(road_map: RoadMap, signal: Signal) -> tuple[Approach, ...]:
 
     A short road between two of its own junctions is part of the middle, unless all its roads are such.
     """
-    lanes = {lane.id: lane for lane in road_map.lanes}
+    lanes = MapIndex(road_map).lanes
     starts = {road.id: road.from_junction for road in road_map.roads}
     stops: dict[str, dict[str, Lane]] = {}
     for link in signal.links:

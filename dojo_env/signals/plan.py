@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from dojo_env.config import SignalConfig
 from dojo_env.errors import ConfigError
 from dojo_maps.description import LinkKind, Program, RoadMap, Signal
+from dojo_maps.index import MapIndex
 from dojo_maps.signals.conflicts import Conflicts, list_walks, read_conflicts
 from dojo_maps.signals.nema import list_cycle, list_pairs, show
 from dojo_maps.signals.programs import GREEN, YELLOW, is_green
@@ -77,7 +78,7 @@ def build_plan(road_map: RoadMap, signal: Signal, config: SignalConfig) -> Signa
     safe = [conflicts.make_safe(state) for state in wanted]
     # A program may show the same letters twice; for who chooses phases, that is one.
     phases = tuple(dict.fromkeys(safe))
-    lane_of = {lane.id: lane for lane in road_map.lanes}
+    lane_of = MapIndex(road_map).lanes
     lanes = tuple(dict.fromkeys(source for _, source, _ in links))
     speeds = np.zeros(count)
     for index, source, _ in links:

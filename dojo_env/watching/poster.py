@@ -28,7 +28,7 @@ def draw_poster(frame: Frame, *, title: str, history: Sequence[Board] = ()) -> I
     """Lay out the views under a headline and above the figures.
 
     Args:
-        frame: views of one size, except that the first of several may have twice that.
+        frame: views of any sizes; a first one that is taller than the others stands beside them.
         title: of the headline.
         history: earlier boards of the episode, for charts.
 
@@ -57,9 +57,9 @@ def _place(frame: Frame) -> tuple[dict[str, tuple[int, int]], tuple[int, int]]:
         (row, column) by name, and the height and width of all together, pixels.
     """
     (main, first), *rest = frame.views.items()
-    small = rest[0][1].shape[:2] if rest else first.shape[:2]
-    is_large = first.shape[0] > small[0]
+    is_large = bool(rest) and first.shape[0] > max(view.shape[0] for _, view in rest)
     names = [name for name, _ in rest] if is_large else list(frame.views)
+    small = np.max([frame.views[name].shape[:2] for name in names], axis=0).tolist()
     start = first.shape[1] + 2 * _GAP if is_large else _GAP
     rows = 2 if is_large else max(1, math.isqrt(len(names)))
     columns = math.ceil(len(names) / rows)

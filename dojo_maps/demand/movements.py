@@ -5,6 +5,7 @@ from collections import defaultdict
 from dataclasses import dataclass
 
 from dojo_maps.description import Connection, RoadMap
+from dojo_maps.index import MapIndex
 
 CLASSES = ("passenger", "bus")
 """Who drives a movement: cars, or buses where cars may not."""
@@ -78,7 +79,7 @@ class _Net:
         for start, end in sorted(self.arcs):
             self._after[start].append(end)
             self._before[end].append(start)
-        lanes = {lane.id: lane for lane in road_map.lanes}
+        lanes = MapIndex(road_map).lanes
         self._length = {road.id: lanes[road.lanes[0]].length for road in road_map.roads if road.lanes}
         self._ends = {road.id: (road.from_junction, road.to_junction) for road in road_map.roads}
         self._to_entry = self._distances(self._before, self._after)

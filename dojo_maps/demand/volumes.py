@@ -15,6 +15,7 @@ import numpy as np
 from dojo_maps.demand.movements import CLASSES, Arc, Route
 from dojo_maps.description import Connection, Program, RoadMap
 from dojo_maps.geometry.polylines import Flags, Floats
+from dojo_maps.index import MapIndex
 
 SATURATION = 0.6
 """Share of its capacity that the scarcest lane of a route is used to. Above 0.85 to 0.9 queues grow without
@@ -114,7 +115,7 @@ class _Usage:
 
 def _road_flows(road_map: RoadMap, entries: set[str]) -> dict[str, float]:
     """Tell how many vehicles per hour each road can carry."""
-    lanes = {lane.id: lane for lane in road_map.lanes}
+    lanes = MapIndex(road_map).lanes
     signalled = {junction for signal in road_map.signals for junction in signal.junctions}
     flows = {}
     for road in road_map.roads:
@@ -129,7 +130,7 @@ def _road_flows(road_map: RoadMap, entries: set[str]) -> dict[str, float]:
 
 def _links_by_arc(road_map: RoadMap, routes: Sequence[Route]) -> dict[Arc, list[Connection]]:
     """List the connections that vehicles of a route may take from each road to the next, one per lane."""
-    lanes = {lane.id: lane for lane in road_map.lanes}
+    lanes = MapIndex(road_map).lanes
     found: dict[Arc, dict[str, Connection]] = defaultdict(dict)
     for name in sorted({route.vehicle_class for route in routes}, reverse=True):
         for link in road_map.connections:

@@ -11,6 +11,7 @@ import shapely
 from dojo_maps.description import Crossing, Junction, Lane, LaneKind, Origin, Road, RoadMap, points
 from dojo_maps.enrichment.sidewalks import has_sidewalk
 from dojo_maps.geometry.polylines import Floats, drop_repeats, place_on, strip_outline
+from dojo_maps.index import MapIndex
 
 _WIDTH = 3.0
 _PAST_LANE_END = 0.6
@@ -39,13 +40,12 @@ def generate_crossings(road_map: RoadMap) -> tuple[Crossing, ...]:
     Where there is room they lie on the junction's floor, just past the ends of the lanes; at a tight junction
     all of them lie on the arms, just before the ends of the lanes.
     """
-    lane_of = {lane.id: lane for lane in road_map.lanes}
-    road_of = {road.id: road for road in road_map.roads}
+    index = MapIndex(road_map)
     found: list[Crossing] = []
     for junction in road_map.junctions:
         if not junction.kind.startswith("traffic_light") or len(junction.polygon) < 3:
             continue
-        arms = _arms(junction, road_of, lane_of)
+        arms = _arms(junction, index.roads, index.lanes)
         if len(arms) > 2:
             found += _cross(junction, arms)
     return tuple(found)

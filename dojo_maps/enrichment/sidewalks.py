@@ -7,6 +7,7 @@ import shapely
 
 from dojo_maps.description import Lane, LaneKind, Origin, Road, RoadMap, Sidewalk, points
 from dojo_maps.geometry.polylines import drop_repeats, lift, offset_lines
+from dojo_maps.index import MapIndex
 
 _WIDTH = 2.0
 _UNDERLAP = 0.1
@@ -34,7 +35,7 @@ def generate_sidewalks(road_map: RoadMap) -> tuple[Sidewalk, ...]:
 
 
 def _beside_roads(road_map: RoadMap) -> tuple[Sidewalk, ...]:
-    lane_of = {lane.id: lane for lane in road_map.lanes}
+    lane_of = MapIndex(road_map).lanes
     roads = [road for road in road_map.roads if has_sidewalk(road, lane_of)]
     outer = 1.0 if road_map.left_hand else -1.0
     free = _inner_side_is_free(road_map, roads, lane_of, -outer)

@@ -23,6 +23,7 @@ from dojo_maps.description import (
 )  # fmt: skip
 from dojo_maps.enrichment.pole_sites import PoleSites
 from dojo_maps.geometry.polylines import Floats, drop_repeats, place_on
+from dojo_maps.index import MapIndex
 
 _STOPPING_STATES = "sw"
 """Connections of these states belong to a stop sign or an all-way stop."""
@@ -87,7 +88,7 @@ def place_signal_heads(road_map: RoadMap) -> RoadMap:
     both ends of a signalised crossing, each facing the other end. No pole stands where vehicles drive: where
     nothing else is in reach there is none, and the heads hang over the traffic as if from a wire.
     """
-    lane_of = {lane.id: lane for lane in road_map.lanes}
+    lane_of = MapIndex(road_map).lanes
     crossing_of = {crossing.id: crossing for crossing in road_map.crossings}
     sites = PoleSites(road_map)
     signals, poles = [], list[Prop]()

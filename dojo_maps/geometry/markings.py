@@ -11,6 +11,7 @@ import shapely
 from dojo_maps.description import Lane, LaneKind, Road, RoadMap
 from dojo_maps.geometry.paint import KERB_GAP, Canvas, Paint, PaintLayer
 from dojo_maps.geometry.polylines import Flags, Ints, Shapes, drop_repeats, offset_lines
+from dojo_maps.index import MapIndex
 
 _WIDTH = 0.12
 _EDGE_INSET = 0.15
@@ -48,7 +49,7 @@ class _Line:
 
 def line_markings(road_map: RoadMap, canvas: Canvas) -> Paint:
     """Paint the lines of every road, up to the crossings."""
-    lane_of = {lane.id: lane for lane in road_map.lanes}
+    lane_of = MapIndex(road_map).lanes
     inward = -1.0 if road_map.left_hand else 1.0
     lines = [line for road in road_map.roads for line in _dividers(road, lane_of, inward)]
     lines += _borders(road_map, lane_of, inward)

@@ -10,6 +10,7 @@ from shapely import affinity
 from dojo_maps.description import Crossing, Lane, LaneKind, Points, RoadMap
 from dojo_maps.geometry.paint import Canvas, Paint, PaintLayer
 from dojo_maps.geometry.polylines import Floats, Shapes, along, drop_repeats, place_on, places_on
+from dojo_maps.index import MapIndex
 
 _STOP_LINE_WIDTH = 0.5
 _STRIPE = 0.5
@@ -105,7 +106,7 @@ def _arrow_lanes(road_map: RoadMap) -> list[tuple[Lane, str]]:
     turns: dict[str, set[str]] = defaultdict(set)
     targets: dict[str, set[str]] = defaultdict(set)
     signalled: set[str] = set()
-    lane_of = {lane.id: lane for lane in road_map.lanes}
+    lane_of = MapIndex(road_map).lanes
     for connection in road_map.connections:
         start = lane_of[connection.from_lane].road
         if connection.direction in _TURNS:

@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 
 from dojo_maps.description import Connection, Crossing, RoadMap, Signal
 from dojo_maps.geometry.polylines import along
+from dojo_maps.index import MapIndex
 from dojo_maps.signals.conflicts import list_foes
 
 _OPPOSITE, _ALONGSIDE = 120.0, 45.0
@@ -78,7 +79,7 @@ def read_links(road_map: RoadMap, signal: Signal) -> dict[int, SignalLink]:
                 yields[one].add(other)
             if pair.other_waits:
                 yields[other].add(one)
-    lanes = {lane.id: lane for lane in road_map.lanes}
+    lanes = MapIndex(road_map).lanes
     inner = {
         road.id for road in road_map.roads if {road.from_junction, road.to_junction} <= set(signal.junctions)
     }

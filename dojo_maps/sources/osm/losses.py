@@ -7,6 +7,7 @@ import numpy as np
 import shapely
 
 from dojo_maps.description import Connection
+from dojo_maps.index import MapIndex
 from dojo_maps.issue import Element, Issue, Severity
 from dojo_maps.sources.osm.arms import incoming_name
 from dojo_maps.sources.osm.data import link_to
@@ -100,7 +101,7 @@ def check_signals(network: OsmNetwork) -> tuple[Share, list[Issue]]:
 
 def check_turn_lanes(network: OsmNetwork) -> tuple[Share, list[Issue]]:
     """Compare the arrows painted on approaches with where their lanes lead, for turns that exist."""
-    roads = {road.id: road for road in network.road_map.roads}
+    roads = MapIndex(network.road_map).roads
     leaving = _by_lane(network.road_map.connections)
     angles: dict[str, list[float]] = defaultdict(list)
     for movement in network.plain.movements:

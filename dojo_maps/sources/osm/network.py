@@ -10,6 +10,7 @@ from pathlib import Path
 
 from dojo_maps.description import RoadMap
 from dojo_maps.errors import SourceError
+from dojo_maps.index import MapIndex
 from dojo_maps.issue import Element, Issue, Severity
 from dojo_maps.sources.netconvert import NetconvertError, run_netconvert
 from dojo_maps.sources.osm.absorbing import lying_on_neighbours
@@ -190,7 +191,7 @@ def _moves(layout: Layout, short: dict[tuple[int, int], float]) -> dict[int, tup
 
 def _too_short(road_map: RoadMap, plain: Plain) -> dict[tuple[int, int], float]:
     """Find the vertices of sections that came out shorter than a car, and how short."""
-    lanes = {lane.id: lane for lane in road_map.lanes}
+    lanes = MapIndex(road_map).lanes
     found: dict[tuple[int, int], float] = {}
     for road in road_map.roads:
         length = min(lanes[lane].length for lane in road.lanes)
@@ -208,9 +209,8 @@ def _unpaved(warnings: tuple[str, ...]) -> set[str]:
 
 
 def _warning_issue(warning: str, road_map: RoadMap) -> Issue:
-    roads = {road.id: road for road in road_map.roads}
-    junctions = {junction.id: junction for junction in road_map.junctions}
-    lanes = {lane.id: lane for lane in road_map.lanes}
+    index = MapIndex(road_map)
+    roads, lanes, junctions = index.roads, index.lanes, index.junctions
     elements: list[Element] = []
     x, y = road_map.origin
     for name, suffix in _QUOTED.findall(warning):

@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 import shapely
 
+from dojo_maps.index import MapIndex
 from dojo_maps.issue import Element, Issue, Severity
 from dojo_maps.sources.osm.data import OsmData
 from dojo_maps.sources.osm.losses import (
@@ -126,7 +127,7 @@ def _overlap(network: OsmNetwork) -> float:
 
 
 def _check_short(network: OsmNetwork) -> list[Issue]:
-    lanes = {lane.id: lane for lane in network.road_map.lanes}
+    lanes = MapIndex(network.road_map).lanes
     issues = []
     for road in network.road_map.roads:
         length = min(lanes[lane].length for lane in road.lanes)
