@@ -23,10 +23,14 @@ from dojo_maps.interruption import held, silence
 CAN_FORK = sys.platform == "linux"
 """Elsewhere libraries may not survive it, and calls happen here."""
 _HEARTBEAT = 1.0
-"""Seconds after which a wait looks up, whether its caller is still there."""
+"""Seconds after which a wait for a message looks up, so that an interruption can end it."""
+_DIE_WITH_PARENT = 1
+"""Of Linux's prctl: the signal that a process gets when its parent is gone."""
 _INTERRUPTS = {signal.SIGINT, signal.SIGTERM}
 _first = threading.Lock()
 """Taken by the first interrupt; later ones change nothing."""
+_is_fork = False
+"""Whether this process is a fork of `call_in_fork`."""
 
 
 @contextlib.contextmanager
@@ -67,11 +71,21 @@ def _interrupt_once(*_: object) -> None:
         raise KeyboardInterrupt
 
 
+def must_return_within(seconds: float) -> None:
+    """End a fork that is not back in time from a call into C, which holds Python's lock: nobody else could.
+
+    Args:
+        seconds: from now on, within which it must be called again; 0 sets no bound any more.
+    """
+    if _is_fork:
+        signal.setitimer(signal.ITIMER_REAL, seconds)
+
+
 def call_in_fork(function: Callable[..., Any], *arguments: Any) -> Any:
     """Call a function in a fork; returns what it returns, which must be something to pickle.
 
     Raises:
-        SimulationDiedError: the fork has died.
+        SimulationDiedError: the fork has died, or was not back in time from a call.
         Exception: what the function raised.
     """
     if not CAN_FORK:
@@ -81,18 +95,26 @@ def call_in_fork(function: Callable[..., Any], *arguments: Any) -> Any:
     caller, process = os.getpid(), os.fork()
     if process == 0:
         _answer_and_end(caller, theirs, function, arguments)
+    answer = None
     try:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
         theirs.close()
-        error, value = mine.recv()
-    except EOFError as problem:
-        raise SimulationDiedError("the simulation's process has died") from problem
+        with contextlib.suppress(EOFError):
+            answer = mine.recv()
     except KeyboardInterrupt:
         os.kill(process, signal.SIGINT)  # It writes what there is of its episode.
         raise
     finally:
         mine.close()
-        os.waitpid(process, 0)
+        _, status = os.waitpid(process, 0)
+    if answer is None:
+        late = os.WIFSIGNALED(status) and os.WTERMSIG(status) == signal.SIGALRM
+        raise SimulationDiedError(
+            "SUMO came to no end of a simulated second; look for impossible values, as a vehicle's length"
+            if late
+            else "the simulation's process has died"
+        )
+    error, value = answer
     if error is not None:
         raise error
     return value
@@ -102,6 +124,12 @@ def _answer_and_end(
     caller: int, pipe: Connection, function: Callable[..., Any], arguments: tuple[Any, ...]
 ) -> NoReturn:
     """Send what a call returns or raises, and end without a word: all else here is the caller's."""
+    global _is_fork  # noqa: PLW0603 - it is the whole process's
+    _is_fork = True
+    signal.signal(signal.SIGALRM, signal.SIG_DFL)
+    ctypes.CDLL(None).prctl(_DIE_WITH_PARENT, signal.SIGKILL)
+    if os.getppid() != caller:
+        os._exit(0)
     is_done = threading.Event()
 
     def answer() -> None:
@@ -119,19 +147,13 @@ def _answer_and_end(
         thread.start()  # It leaves interrupts to this one.
         try:
             signal.pthread_sigmask(signal.SIG_UNBLOCK, _INTERRUPTS)
-            _wait(is_done, caller)
+            is_done.wait()
         except KeyboardInterrupt:
             interrupt = ctypes.py_object(KeyboardInterrupt)
             ctypes.pythonapi.PyThreadState_SetAsyncExc(ctypes.c_ulong(thread.ident or 0), interrupt)
-            _wait(is_done, caller)
+            is_done.wait()  # A join that was interrupted could not be repeated.
     finally:
         os._exit(0)
-
-
-def _wait(is_done: threading.Event, caller: int) -> None:
-    """Wait until it is done, or nobody asks for it. A join that was interrupted cannot be repeated."""
-    while not is_done.wait(_HEARTBEAT) and os.getppid() == caller:
-        pass
 
 
 def receive(pipe: Connection, gone: Any) -> Any:

@@ -21,6 +21,7 @@ from dojo_maps.exports import file_stem
 from dojo_maps.exports.metadrive import assemble_scenario, write_data_set
 from dojo_maps.exports.metadrive_features import Feature, build_features
 from dojo_maps.exports.metadrive_motion import LIGHTS, STEP, build_signal_states
+from dojo_maps.input_files import is_there
 from dojo_maps.whole_file import replaced_folder
 
 Floats = NDArray[np.float64]
@@ -44,7 +45,7 @@ def export_recording(recording: Recording, bundle: Bundle, folder: Path) -> int:
         ExportError: no vehicle was recorded.
         WriteError: the folder cannot be written.
     """
-    if folder.exists():
+    if is_there(folder):
         raise ConfigError(f"{folder}: is there already; remove it, or choose another with -o")
     with replaced_folder(folder, parents=True) as fresh:
         count = write_data_set(fresh, _build_scenarios(recording, bundle.road_map))

@@ -20,7 +20,7 @@ from dojo_env.elements import read_elements
 from dojo_env.errors import ConfigError, ScenarioError
 from dojo_env.sumo_options import ROOTS, Configuration, read_configuration
 from dojo_maps.bundle import DEMAND, Bundle, open_bundle
-from dojo_maps.input_files import sha256_of
+from dojo_maps.input_files import is_there, sha256_of
 
 Files = str | Path | Sequence[str | Path]
 LETS_THROUGH = "sumo_outputs, or --sumo-outputs FOLDER, lets outputs through"
@@ -66,7 +66,7 @@ class Scenario:
             object.__setattr__(self, "config", Path(self.config))
             self._take(read_configuration(self.config))
         for path in (self.map, *self.routes, *self.additional):
-            if not path.exists():
+            if not is_there(path):
                 raise ScenarioError(path, f"scenario {self.name}: does not exist; correct the path")
         if self.end is not None and self.end <= self.begin:
             raise ConfigError(
@@ -151,9 +151,9 @@ def find_scenario(value: str | Path | Scenario) -> Scenario:
     path = Path(value)
     if _is_configuration(path):
         return _read_sumocfg(path)
-    if (path / DEMAND).is_file():
+    if is_there(path / DEMAND):
         return Scenario(map=path, routes=(path / DEMAND,), end=float(_DURATION))
-    if path.exists():
+    if is_there(path):
         raise ConfigError(
             f"{path}: a map alone has no demand; give scenario=Scenario(map={str(path)!r}, routes=...)"
         )
@@ -168,7 +168,7 @@ def find_map(value: str | Path) -> Scenario:
         ConfigError: there is none.
     """
     path = Path(value)
-    if str(value) in PACKAGED or _is_configuration(path) or not path.exists():
+    if str(value) in PACKAGED or _is_configuration(path) or not is_there(path):
         return find_scenario(value)
     return Scenario(map=path)
 

@@ -19,6 +19,7 @@ import numpy as np
 
 from dojo_env.config import TrafficConfig
 from dojo_env.errors import SimulationBusyError, SimulationError
+from dojo_env.forks import must_return_within
 from dojo_env.reading import HALTING, Figures, TrafficReading, Trip
 from dojo_env.road_users import RoadUsers
 from dojo_env.scenario import Scenario
@@ -34,6 +35,8 @@ _LOGICS = {"actuated": 3, "delay_based": 5}
 _LARGEST_SEED = 2**31 - 1
 _LOADING_LIMIT = 300.0
 """Seconds that SUMO may take to load a scenario; the largest cities in public use take a third of it."""
+_LONGEST_SECOND = 60.0
+"""Seconds that SUMO may take for a simulated one; with impossible values it never comes to an end."""
 _owner: "weakref.ref[Simulation] | None" = None
 _labels = iter(range(1 << 62))
 _loadable: list[dict[str, str]] = []
@@ -148,7 +151,11 @@ class Simulation:
         """
         self._running()
         get = self._get
-        get.simulation_step()
+        must_return_within(_LONGEST_SECOND)
+        try:
+            get.simulation_step()
+        finally:
+            must_return_within(0.0)
         self.time += 1.0
         self.moment += 1
         self._moving = None

@@ -20,7 +20,7 @@ from dojo_env.elements import MAX_BYTES, read_elements
 from dojo_env.errors import ConfigError, ScenarioError
 from dojo_env.scenario import LETS_THROUGH, Scenario
 from dojo_env.sumo_options import OUTPUT_FILES
-from dojo_maps.input_files import read_pieces
+from dojo_maps.input_files import is_there, read_pieces
 
 NOWHERE = "NUL"
 """SUMO's name of a file that keeps nothing."""
@@ -195,7 +195,7 @@ def _scan(path: Path) -> tuple[dict[str, None], list[Path]]:
             lists.append(path.parent / attributes["edgesFile"])
 
     read_elements(path, visit)
-    for special in (other for other in lists if other.exists() and not other.is_file()):
+    for special in (other for other in lists if is_there(other) and not other.is_file()):
         raise ScenarioError(path, f"edgesFile={special.name[:80]!r} is no regular file; correct the path")
     return writers, read
 
@@ -214,7 +214,7 @@ def _find_read(name: str, attributes: Mapping[str, str], folder: Path) -> list[P
     """List the file that an element reads, if it is there: SUMO has words for one that is not."""
     named = attributes.get(_READ.get(name, ""), "")
     other = _full(folder / named)
-    return [other] if named and other.exists() else []
+    return [other] if named and is_there(other) else []
 
 
 def _open_private(name: str) -> tuple[IO[bytes], Path]:

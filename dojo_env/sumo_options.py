@@ -12,6 +12,7 @@ from urllib.parse import unquote
 
 from dojo_env.elements import read_elements
 from dojo_env.errors import ScenarioError
+from dojo_maps.input_files import is_there
 
 ROOTS = ("configuration", "sumoConfiguration")
 """What a configuration's root element is called. SUMO does not look at it."""
@@ -279,7 +280,7 @@ def read_configuration(path: Path) -> Configuration:
             raise ScenarioError(path, f"{value[:80]!r} asks for the environment; write it out", element=name)
     for name in READ & set(taken):
         paths = _paths(path, taken[name])
-        for special in (p for p in paths if p.exists() and not (p.is_file() or p.is_dir())):
+        for special in (p for p in paths if is_there(p) and not (p.is_file() or p.is_dir())):
             raise ScenarioError(special, f"{name} of {path.name} is neither a file nor a folder")
         taken[name] = ",".join(map(str, paths))
     others = [name[:_LONGEST_NAME] for name in found if name not in taken]

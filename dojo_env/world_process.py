@@ -48,6 +48,7 @@ _BEGINNINGS = ("reset", "restore", "run")
 """What begins an episode."""
 _SEEN = "seen"
 _UNPICKLABLE = (pickle.PicklingError, AttributeError, TypeError)
+_GO_ON = "call reset to begin another episode"
 _GUARD = (
     "the simulation's process has died at its start; a script whose functions an environment in a process of "
     'its own needs opens it under `if __name__ == "__main__":`'
@@ -210,7 +211,7 @@ class WorldProcess(World):
         if self._process is None:
             raise SimulationError("the environment is closed; make a new one")
         self._number += 1
-        died = SimulationDiedError("the simulation's process has died; call reset to begin another episode")
+        died = SimulationDiedError(f"the simulation's process has died; {_GO_ON}")
         try:
             self._pipe.send(_Call(self._number, name, arguments))
         except OSError as error:
@@ -229,7 +230,7 @@ class WorldProcess(World):
                     self._on_second(value)
                     self._pipe.send(_SEEN)
                 elif kind == "death" and number == self._beginning:
-                    raise died
+                    raise SimulationDiedError(f"{value}; {_GO_ON}")
                 elif number == self._number and kind == "error":
                     raise value
                 elif number == self._number and kind == "answer":
@@ -323,9 +324,9 @@ def _run_in_fork(world: LocalWorld, pipe: Connection, call: _Call) -> _Call:
     episode, label = world.lasting
     try:
         following, world.lasting, failure = call_in_fork(_run_episode, world, pipe, call)
-    except SimulationDiedError:
+    except SimulationDiedError as died:
         world.lasting = (episode + 1, label)
-        pipe.send((call.number, "death", None))
+        pipe.send((call.number, "death", str(died)))
         return _receive_call(pipe)
     if failure is None:
         return following

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 from dojo_maps.consistency import check_description
 from dojo_maps.description import RoadMap
 from dojo_maps.errors import DescriptionError, UsageError
-from dojo_maps.input_files import read_bytes
+from dojo_maps.input_files import is_there, read_bytes
 from dojo_maps.safe_json import read_json
 from dojo_maps.serialization import check_format, from_json
 from dojo_maps.whole_file import replaced_folder
@@ -109,7 +109,7 @@ def open_bundle(folder: Path | str) -> Bundle:
 def _read_description(folder: Path) -> tuple[Path, Any]:
     """Read map.json as JSON values; returns also its path."""
     path = folder / DESCRIPTION
-    if not path.is_file():
+    if not is_there(path):
         raise DescriptionError(
             folder, f"not a bundle: it has no {DESCRIPTION}; make one with dojo-maps convert"
         )
@@ -144,9 +144,9 @@ def check_replaceable(folder: Path) -> None:
     Raises:
         UsageError: the target is a file, or a folder with other things in it, or its parent is missing.
     """
-    if not folder.parent.is_dir():
+    if not (is_there(folder.parent) and folder.parent.is_dir()):
         raise UsageError(f"{folder.parent}: no such folder; make it first or choose another with -o")
-    if folder.is_symlink() or (folder.exists() and not folder.is_dir()):
+    if is_there(folder) and (folder.is_symlink() or not folder.is_dir()):
         raise UsageError(f"{folder}: exists and is not a folder; choose another with -o")
-    if folder.is_dir() and any(folder.iterdir()) and not (folder / DESCRIPTION).is_file():
+    if is_there(folder) and any(folder.iterdir()) and not (folder / DESCRIPTION).is_file():
         raise UsageError(f"{folder}: exists and is not a bundle; it stays as it is, choose another with -o")

@@ -1,5 +1,8 @@
 """The errors users meet. A message says what is wrong, where, and what to do about it."""
 
+_LONGEST_NAME = 200
+"""Characters of an element's name in a message; input may hold any."""
+
 
 class DojoError(Exception):
     """Root of every error raised on purpose; `exit_status` is what a command returns for it."""
@@ -27,6 +30,8 @@ class SourceError(DojoError):
     def __str__(self) -> str:
         """Say where, then what."""
         _, problem, element = self.args
+        if element and len(element) > _LONGEST_NAME:
+            element = f"{element[:_LONGEST_NAME]}..."
         return ": ".join(part for part in (self.path, element, problem) if part)
 
 

@@ -3,14 +3,17 @@
 Each test's process is a new one, for tests have threads.
 """
 
+import re
 import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 IMPORTS = """
-import os, signal, threading, time
+import ctypes, os, signal, threading, time
 from dojo_env.errors import ConfigError
-from dojo_env.forks import call_in_fork
+from dojo_env.forks import call_in_fork, must_return_within
 
 def tell(function):
     try:
@@ -78,11 +81,28 @@ except ChildProcessError:
     assert run_script(script) == "SimulationDiedError: the simulation's process has died\nnone is left"
 
 
-def test_a_fork_ends_with_its_caller() -> None:
+def test_a_call_that_does_not_come_back_ends_its_fork() -> None:
     script = """
+def hang():
+    must_return_within(0.3)
+    ctypes.PyDLL(None).sleep(600)
+def return_in_time():
+    must_return_within(0.3)
+    must_return_within(0)
+    time.sleep(0.6)
+    return "back"
+tell(hang)
+print(call_in_fork(return_in_time))
+"""
+    assert re.fullmatch("SimulationDiedError: SUMO came to no end of .*\nback", run_script(script))
+
+
+@pytest.mark.parametrize("work", ["time.sleep(600)", "ctypes.PyDLL(None).sleep(600)"])
+def test_a_fork_ends_with_its_caller_even_in_a_call_that_holds_the_lock(work: str) -> None:
+    script = f"""
 def wait():
     print(os.getpid(), flush=True)
-    time.sleep(600)
+    {work}
 call_in_fork(wait)
 """
     command = [sys.executable, "-c", IMPORTS + script]

@@ -31,3 +31,7 @@ def test_an_error_says_the_same_on_the_other_side_of_a_pipe(kind: type[DojoError
     error = kind("a.xml", "is cut short", "line 3") if issubclass(kind, SourceError) else kind("it broke")
     arrived = pickle.loads(pickle.dumps(error))  # noqa: S301 - our own
     assert (type(arrived), str(arrived), vars(arrived)) == (kind, str(error), vars(error))
+
+
+def test_a_name_out_of_a_file_makes_no_endless_line() -> None:
+    assert len(str(SourceError("a.net.xml", "has no lanes", element="x" * 100_000))) < 300

@@ -11,6 +11,7 @@ import cv2
 from dojo_env.errors import ConfigError
 from dojo_env.watching.views import Image
 from dojo_maps.errors import ToolMissingError, WriteError
+from dojo_maps.input_files import is_there
 from dojo_maps.progress import quiet_output
 from dojo_maps.whole_file import replaced
 
@@ -39,7 +40,7 @@ def open_video(path: Path | str) -> Iterator["Video"]:
     path = Path(path)
     if path.suffix.lower() not in _CODECS:
         raise ConfigError(f"{path}: a video's name ends in {' or '.join(_CODECS)}")
-    if path.exists() and not path.is_file():
+    if is_there(path) and not path.is_file():
         raise ConfigError(f"{path}: is a folder or a device; give the video another name")
     with replaced(path) as fresh:
         video = Video(fresh)
