@@ -1,7 +1,7 @@
 """The errors users meet. A message says what is wrong, where, and what to do about it."""
 
-_LONGEST_NAME = 200
-"""Characters of an element's name in a message; input may hold any."""
+_LONGEST = 400
+"""Characters of each part of a message: where, of what, and what is wrong."""
 
 
 class DojoError(Exception):
@@ -30,9 +30,12 @@ class SourceError(DojoError):
     def __str__(self) -> str:
         """Say where, then what."""
         _, problem, element = self.args
-        if element and len(element) > _LONGEST_NAME:
-            element = f"{element[:_LONGEST_NAME]}..."
-        return ": ".join(part for part in (self.path, element, problem) if part)
+        return ": ".join(_shortened(part) for part in (self.path, element, problem) if part)
+
+
+def _shortened(text: str) -> str:
+    """Leave out the middle of what is very long: names and values out of a file may have any length."""
+    return text if len(text) <= _LONGEST else f"{text[: _LONGEST // 2]}...{text[-_LONGEST // 2 :]}"
 
 
 class DescriptionError(SourceError):

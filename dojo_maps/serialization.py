@@ -102,7 +102,7 @@ def _decode_plain(kind: Any, value: Any, where: str) -> Any:
         try:
             return kind(value)
         except ValueError:
-            raise _FieldError(f"{where} is {value!r}, expected one of {', '.join(kind)}") from None
+            raise _FieldError(f"{where} is {str(value)[:60]!r}, expected one of {', '.join(kind)}") from None
     if kind is float and type(value) is int:
         value = float(value) if abs(value) < 1e300 else math.inf
     if type(value) is not kind:
@@ -119,7 +119,7 @@ def _decode_object(kind: Any, value: Any, where: str) -> Any:
     missing = [key for f, key, _ in _fields(kind) if key not in value and f.default is MISSING]
     if missing:
         raise _FieldError(f"{where} has no {missing[0]}")
-    name = f"{where} {value['id']}" if "id" in value else where
+    name = f"{where} {str(value['id'])[:60]}" if "id" in value else where
     found = ((f.name, key, hint) for f, key, hint in _fields(kind) if key in value)
     return kind(**{name_: _decode(hint, value[key], f"{name}: {key}") for name_, key, hint in found})
 
