@@ -5,8 +5,8 @@
 
 A trial damages one small good input, gives it to the program in a forked process within bounds of time and
 memory, and looks at the end: a traceback, a defect that the program admits, a crash, a hang, more than one
-line of error, or something left half written is a finding. Where SUMO itself crashes or hangs, and with it the
-process that it runs in, the trial is done once more through the command that must survive it.
+line of error, or something left half written is a finding. Where SUMO itself crashes or hangs, and with it
+the process that it runs in, the trial is done once more through the command that must survive it.
 """
 
 import argparse
