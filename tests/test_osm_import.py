@@ -2,6 +2,7 @@
 
 import itertools
 import json
+import re
 import subprocess
 import sys
 import time
@@ -463,3 +464,13 @@ def check_states(states: list[str], vehicles: set[int], conflicts: list[tuple[in
     for state, following in itertools.pairwise([*states, states[0]]):
         assert not any(state[one] == state[other] == "G" for one, other in conflicts)
         assert not any(state[number] in "Gg" and following[number] == "r" for number in vehicles)
+
+
+def test_ways_that_an_editor_has_just_drawn_are_roads_like_others(tmp_path: Path) -> None:
+    path = cross().write(tmp_path / "drawn.osm")
+    numbered, _ = convert(str(path), tmp_path / "numbered.dojo")
+    path.write_text(re.sub(r'<way id="(\d+)"', r'<way id="-\1"', path.read_text()))
+    drawn, report = convert(str(path), tmp_path / "drawn.dojo")
+    names = {road.id.replace("new", "") for road in drawn.road_map.roads}
+    assert names == {road.id for road in numbered.road_map.roads}
+    assert report["counts"]["error"] == 0

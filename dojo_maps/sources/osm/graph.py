@@ -204,7 +204,10 @@ def _cut_sections(
             if uses[run[index]] > 1:
                 nodes = run[first : index + 1]
                 section = Section(
-                    id=f"{way}#{count[way]}", nodes=nodes, ways=(way,) * (len(nodes) - 1), road=roads[way]
+                    id=f"{_way_name(way)}#{count[way]}",
+                    nodes=nodes,
+                    ways=(way,) * (len(nodes) - 1),
+                    road=roads[way],
                 )
                 count[way] += 1
                 graph.sections[section.id] = section if section.road.forward else section.flipped()
@@ -297,3 +300,8 @@ def _common_road(graph: RoadGraph, before: Section, after: Section) -> RoadTags 
 
 def _essence(road: RoadTags) -> RoadTags:
     return replace(road, name="", width=0.0, kind="", speed=round(road.speed))
+
+
+def _way_name(way: int) -> str:
+    """Name a way; editors number new ones below 0, and a minus stands for the way back."""
+    return str(way) if way >= 0 else f"new{-way}"
