@@ -23,7 +23,7 @@ from dojo_maps.interruption import held, silence
 CAN_FORK = sys.platform == "linux"
 """Elsewhere libraries may not survive it, and calls happen here."""
 _HEARTBEAT = 1.0
-"""Seconds after which a wait for a message looks up, so that an interruption can end it."""
+"""Seconds after which a wait looks up, so that an interruption can end it."""
 _DIE_WITH_PARENT = 1
 """Of Linux's prctl: the signal that a process gets when its parent is gone."""
 _INTERRUPTS = {signal.SIGINT, signal.SIGTERM}
@@ -147,13 +147,19 @@ def _answer_and_end(
         thread.start()  # It leaves interrupts to this one.
         try:
             signal.pthread_sigmask(signal.SIG_UNBLOCK, _INTERRUPTS)
-            is_done.wait()
+            _wait(is_done)
         except KeyboardInterrupt:
             interrupt = ctypes.py_object(KeyboardInterrupt)
             ctypes.pythonapi.PyThreadState_SetAsyncExc(ctypes.c_ulong(thread.ident or 0), interrupt)
-            is_done.wait()  # A join that was interrupted could not be repeated.
+            _wait(is_done)
     finally:
         os._exit(0)
+
+
+def _wait(is_done: threading.Event) -> None:
+    """Wait until it is done. A join that was interrupted could not be repeated."""
+    while not is_done.wait(_HEARTBEAT):
+        pass  # An interruption that comes just before a wait is answered after it.
 
 
 def receive(pipe: Connection, gone: Any) -> Any:
