@@ -42,12 +42,13 @@ def apply_changes(text: NetText, changes: Iterable[Change], path: Path) -> bytes
     return rebuild(data, rebuilds, path) if rebuilds else data
 
 
-def plain_files(after: NetText, edits: Iterable[tuple[str, Edit]]) -> dict[str, str]:
+def plain_files(after: NetText, edits: Iterable[tuple[str, Edit]], note: str = "") -> dict[str, str]:
     """Write edits as plain XML.
 
     Args:
         after: the network with all of them.
         edits: each with its check.
+        note: a line that each file begins with.
 
     Returns:
         The text of each file by its name; no file where there is nothing to say.
@@ -64,7 +65,7 @@ def plain_files(after: NetText, edits: Iterable[tuple[str, Edit]]) -> dict[str, 
                     said.add(kind)
                 lines[kind][element] = None
     return {
-        f"repair.{kind}.xml": _document(root, list(lines[kind]))
+        f"repair.{kind}.xml": _document(root, [*([_comment(note)] if note else ()), *lines[kind]])
         for kind, root in _ROOTS.items()
         if kind in lines
     }

@@ -35,9 +35,9 @@ class SignalFacts:
         for link in signal.links:
             # A crossing's link leads onto it, or, for those who come the other way, off it.
             names = (f"{link.from_id}->{link.to_id}", link.to_id, link.from_id)
-            way = next(filter(None, (way_of(facts, name) for name in names)), None)
-            if way is not None and way not in self.links[link.index]:
-                self.links[link.index].append(way)
+            ways = [way for name in names if (way := way_of(facts, name)) is not None]
+            if ways and ways[0] not in self.links[link.index]:
+                self.links[link.index].append(ways[0])
         self.programs = tuple(map(unroll, signal.programs))
         self.conflicts = tuple(self._list_conflicts())
         self._columns: dict[int, tuple[Program, list[str]]] = {}
