@@ -2,6 +2,7 @@
 
 from dojo_maps.repair.crossing_repairs import add_crossings
 from dojo_maps.repair.edits import Repair
+from dojo_maps.repair.green_repairs import give_green
 from dojo_maps.repair.joining import join_signals
 from dojo_maps.repair.reference_repairs import (
     drop_unused_letters,
@@ -29,6 +30,7 @@ REPAIRS: dict[str, Repair] = {
     "signals.state_length": repair_programs(complete_states, uncovers=True),
     "signals.unused_index": drop_unused_letters,
     "signals.split_signals": join_signals,
+    "signals.never_green": repair_programs(give_green),
     "signals.green_conflict": repair_programs(let_yield),
     "signals.missing_yellow": repair_programs(add_yellow),
     "signals.yellow_short": repair_programs(lengthen_yellow),
