@@ -9,9 +9,20 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from xml.sax.saxutils import quoteattr
 
-from dojo_maps.repair.edits import Change, Edit, Key, Rebuild, Remove, SetAttributes, SetPhases, SetRequests
+from dojo_maps.repair.edits import (
+    Change,
+    Connect,
+    Edit,
+    Key,
+    Rebuild,
+    Remove,
+    SetAttributes,
+    SetPhases,
+    SetRequests,
+)
 from dojo_maps.repair.net_text import NetText, Span
 from dojo_maps.repair.rebuilding import rebuild
+from dojo_maps.repair.splicing import connect, plain_connection
 
 Values = dict[str, str | None]
 _ROOTS = {"edg": "edges", "con": "connections", "tll": "tlLogics"}
@@ -26,6 +37,7 @@ def apply_changes(text: NetText, changes: Iterable[Change], path: Path) -> bytes
     values: dict[Key, dict[str, str | None]] = {}
     pieces: list[tuple[Span, bytes]] = []
     rebuilds: list[Rebuild] = []
+    connects: list[Connect] = []
     for change in changes:
         if isinstance(change, SetAttributes):
             values.setdefault(change.key, {}).update(change.values)
@@ -35,10 +47,14 @@ def apply_changes(text: NetText, changes: Iterable[Change], path: Path) -> bytes
             pieces.append(text.set_rows(change.key, change.phases))
         elif isinstance(change, SetRequests):
             pieces.append(text.set_rows(change.key, change.requests))
+        elif isinstance(change, Connect):
+            connects.append(change)
         else:
             rebuilds.append(change)
     pieces += [text.set_attributes(key, wanted) for key, wanted in values.items()]
     data = text.replaced(pieces) if pieces else text.data
+    if connects:
+        data = connect(data, connects, path)
     return rebuild(data, rebuilds, path) if rebuilds else data
 
 
@@ -81,11 +97,17 @@ def _plain(after: NetText, change: Change) -> list[tuple[str, str]]:
     if isinstance(change, Rebuild):
         built = _comment("netconvert builds all ways across junctions anew")
         return [("con", element) for element in change.connections or (built,)]
-    tag = change.key[0]
+    if isinstance(change, Connect):
+        return [("con", plain_connection(change))]
     if isinstance(change, SetPhases):
         return [("tll", element) for element in after.copies(change.key)[:1]]
     if isinstance(change, SetRequests):
         return [("con", _comment(f"junction {change.key[1]}: netconvert computes its rules anew"))]
+    return _plain_attributes(after, change)
+
+
+def _plain_attributes(after: NetText, change: SetAttributes | Remove) -> list[tuple[str, str]]:
+    tag = change.key[0]
     if tag == "connection":
         return _plain_connection(after, change)
     if tag == "lane":

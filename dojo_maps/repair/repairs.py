@@ -4,6 +4,7 @@ from dojo_maps.repair.crossing_repairs import add_crossings
 from dojo_maps.repair.edits import Repair
 from dojo_maps.repair.green_repairs import give_green
 from dojo_maps.repair.joining import join_signals
+from dojo_maps.repair.lane_repairs import lead_on
 from dojo_maps.repair.reference_repairs import (
     drop_unused_letters,
     mend_references,
@@ -24,6 +25,7 @@ REPAIRS: dict[str, Repair] = {
     "topology.duplicate_id": remove_copies,
     "topology.dangling_reference": mend_references,
     "topology.request_mismatch": complete_rules,
+    "topology.lane_dead_end": lead_on,
     "geometry.lane_invalid": drop_repeated_points,
     "geometry.gap": close_gaps,
     "geometry.sidewalk_on_road": trim_pavement,
