@@ -206,7 +206,7 @@ def test_netconvert_takes_the_patch_and_reaches_the_same(tmp_path: Path) -> None
 def test_patch_is_well_formed_and_in_the_formats_of_netconvert(name: str, tmp_path: Path) -> None:
     files = patch_of(_fixed(name))
     assert files
-    options = {"repair.edg.xml": "-e", "repair.con.xml": "-x", "repair.tll.xml": "-i"}
+    options = {"repair.nod.xml": "-n", "repair.edg.xml": "-e", "repair.con.xml": "-x", "repair.tll.xml": "-i"}
     (tmp_path / "in.net.xml").write_bytes(_fixed(name).before.data)
     arguments: list[str | Path] = ["-s", tmp_path / "in.net.xml"]
     for file, text in files.items():

@@ -23,7 +23,7 @@ NETWORKS = (
 )  # fmt: skip
 LEAST_REPAIRED = 0.9
 # Curls and swapped lanes can be found, but what was meant cannot be told.
-NOT_REPAIRED = ("swap_lanes", "loop_lane", "misname_crossed_road", "move_signal", "twist_junction")
+NOT_REPAIRED = ("swap_lanes", "loop_lane", "misname_crossed_road", "move_signal")
 
 
 def _plant(name: str, kind: mutations.Kind) -> tuple[mutations.Planted, bytes] | None:

@@ -1,7 +1,7 @@
 """Edits as text: made in a network, and as files of SUMO's plain XML, for a look or for netconvert.
 
-The files say what the network holds in the end: `netconvert -s NET -e repair.edg.xml -x repair.con.xml
--i repair.tll.xml` makes the same repairs, though it builds everything else anew as well.
+The files say what the network holds in the end: `netconvert -s NET -n repair.nod.xml -e repair.edg.xml
+-x repair.con.xml -i repair.tll.xml` makes the same repairs, though it builds everything else anew as well.
 """
 
 from collections import defaultdict
@@ -25,7 +25,7 @@ from dojo_maps.repair.rebuilding import rebuild
 from dojo_maps.repair.splicing import connect, plain_connection
 
 Values = dict[str, str | None]
-_ROOTS = {"edg": "edges", "con": "connections", "tll": "tlLogics"}
+_ROOTS = {"nod": "nodes", "edg": "edges", "con": "connections", "tll": "tlLogics"}
 
 
 def apply_changes(text: NetText, changes: Iterable[Change], path: Path) -> bytes:
@@ -116,9 +116,10 @@ def _plain_attributes(after: NetText, change: SetAttributes | Remove) -> list[tu
 
 
 def _plain_other(tag: str, change: SetAttributes | Remove) -> tuple[str, str]:
-    kind = "edg" if tag == "edge" else "con"
-    if isinstance(change, SetAttributes) and tag == "edge":
-        return kind, f"<edge{_attributes({'id': change.key[1], **dict(change.values)})}/>"
+    kind = {"edge": "edg", "junction": "nod"}.get(tag, "con")
+    if isinstance(change, SetAttributes) and kind != "con":
+        plain = "edge" if tag == "edge" else "node"
+        return kind, f"<{plain}{_attributes({'id': change.key[1], **dict(change.values)})}/>"
     return kind, _comment(f"{tag} {change.key[1]}: one of its copies removed")
 
 

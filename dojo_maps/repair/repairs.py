@@ -11,7 +11,7 @@ from dojo_maps.repair.reference_repairs import (
     remove_copies,
 )  # fmt: skip
 from dojo_maps.repair.rule_repairs import complete_rules
-from dojo_maps.repair.shape_repairs import close_gaps, drop_repeated_points, trim_pavement
+from dojo_maps.repair.shape_repairs import close_gaps, drop_repeated_points, trim_pavement, untwist_outlines
 from dojo_maps.repair.signal_repairs import (
     add_yellow,
     complete_states,
@@ -27,6 +27,7 @@ REPAIRS: dict[str, Repair] = {
     "topology.request_mismatch": complete_rules,
     "topology.lane_dead_end": lead_on,
     "geometry.lane_invalid": drop_repeated_points,
+    "geometry.junction_invalid": untwist_outlines,
     "geometry.gap": close_gaps,
     "geometry.sidewalk_on_road": trim_pavement,
     "signals.state_length": repair_programs(complete_states, uncovers=True),
