@@ -8,7 +8,7 @@ from dojo_maps.demand import write_demand
 from dojo_maps.errors import DojoError
 from dojo_maps.input_files import read_bytes
 from dojo_maps.repair.edits import Rebuild, SetPhases, SetRequests
-from dojo_maps.repair.rounds import Fixed
+from dojo_maps.repair.rounds import Fixed, State
 from dojo_maps.safe_xml import Attributes, parse_xml
 from dojo_maps.sumo_loading import Loading, start_sumo
 from dojo_maps.validation.sumo_checks import check_refused
@@ -18,7 +18,7 @@ SECONDS = 900
 """Simulated: some ten cycles of every signal."""
 _DEMAND, _STATISTICS = "demand.rou.xml", "statistics.xml"
 _OPTIONS = (
-    *("--route-files", f"../{_DEMAND}", "--end", str(SECONDS), "--ignore-route-errors", "--no-warnings"),
+    *("--route-files", _DEMAND, "--end", str(SECONDS), "--ignore-route-errors", "--no-warnings"),
     *("--statistic-output", _STATISTICS, "--duration-log.statistics", "--tripinfo-output.write-unfinished"),
 )
 
@@ -64,7 +64,8 @@ class Cost:
 def measure_cost(fixed: Fixed) -> Cost | None:
     """Simulate generated demand on the network before and after its repair, for a bounded time.
 
-    The demand is that of the network before, or, where SUMO refuses to load that, of the mended one.
+    The demand is that of the network before, or, where SUMO refuses to load that, of the mended one; where
+    roads were joined, each network has its own.
 
     Returns:
         The waiting; None where neither signals nor right of way were changed.
@@ -72,18 +73,15 @@ def measure_cost(fixed: Fixed) -> Cost | None:
     if not _changes_who_goes(fixed):
         return None
     states = (fixed.before, fixed.after)
+    joined = set(fixed.before.site.facts.roads) != set(fixed.after.site.facts.roads)
     source = states[check_refused.id in fixed.before.counts]
     try:
         with ExitStack() as stack:
             folder = stack.enter_context(scratch_folder())
-            network = folder / "network.net.xml"
-            network.write_bytes(source.data)
-            if write_demand(source.site.facts.map, network, folder / _DEMAND) is None:
-                return Cost(before=None, after=None, reason="no vehicle crosses a junction")
-            runs = []
-            for name, state in zip(("before", "after"), states, strict=True):
-                (folder / name).mkdir()
-                runs.append((start_sumo(state.data, folder / name, _OPTIONS, stack), folder / name))
+            runs = [
+                _start(state, state if joined else source, folder / name, stack)
+                for name, state in zip(("before", "after"), states, strict=True)
+            ]
             found = [_waiting(*run) for run in runs]
     except (DojoError, OSError) as error:
         return Cost(before=None, after=None, reason=str(error))
@@ -98,6 +96,16 @@ def _changes_who_goes(fixed: Fixed) -> bool:
         isinstance(change, SetPhases | SetRequests | Rebuild) or change.key[0] == "connection"
         for change in changes
     )
+
+
+def _start(state: State, source: State, folder: Path, stack: ExitStack) -> tuple[Loading | None, Path]:
+    """Let SUMO simulate the demand of one network on another; None where that cannot be."""
+    folder.mkdir()
+    network = folder / "source.net.xml"
+    network.write_bytes(source.data)
+    if write_demand(source.site.facts.map, network, folder / _DEMAND) is None:
+        raise DojoError("no vehicle crosses a junction")
+    return start_sumo(state.data, folder, _OPTIONS, stack), folder
 
 
 def _waiting(run: Loading | None, folder: Path) -> Waiting | str:

@@ -40,9 +40,10 @@ class SetPhases:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Rebuild:
-    """Let netconvert build the network anew, with elements of its plain connection file."""
+    """Let netconvert build the network anew, with elements of its plain files of connections or nodes."""
 
     connections: tuple[str, ...] = ()
+    nodes: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

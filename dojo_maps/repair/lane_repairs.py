@@ -1,5 +1,6 @@
 """Repair of lanes that lead nowhere: a connection beside those of the lanes next to them."""
 
+import re
 from collections.abc import Iterator, Sequence
 
 from dojo_maps.description import Connection, Lane
@@ -12,24 +13,31 @@ from dojo_maps.validation.facts import Facts
 _OUTWARDS = {"l": 0, "L": 1, "s": 2, "R": 3, "r": 4}
 """Turns from one side to the other; those that lead back are none of them."""
 
+_VERSION = re.compile(r"(\d{1,4})\.(\d{1,4})")
+_MERGES = (0, 25)
+"""The first version of networks in which lanes of one road may merge. Source: sumo's loader warns before."""
+
 
 def lead_on(site: Site, issues: Sequence[Issue]) -> Iterator[Edit]:
     """Let a lane lead where one beside it does: into a lane that nobody enters, or to merge with it."""
     facts, told = site.facts, set[str]()
+    version = _VERSION.match(facts.map.source.sumo_version)
+    can_merge = version is not None and tuple(map(int, version.groups())) >= _MERGES
     for id_ in named(issues, "lane"):
         lane = facts.lanes[id_]
         found = [
             (_rank(facts, lane, way, target), way, target)
             for way in _ways_beside(facts, lane)
             for target in facts.lanes_of(facts.lanes[way.to_lane].road)
-            if set(target.allow) & set(lane.allow) and _keeps_order(facts, lane, target)
+            if way.via and set(target.allow) & set(lane.allow) and _keeps_order(facts, lane, target)
+            if can_merge or not _merges(facts, lane, target)
         ]
         if not found or facts.roads[lane.road].to_junction not in facts.junctions:
             continue
         _, way, target = min(found, key=lambda row: row[0])
         if way.signal is not None and way.signal in told:
             continue  # Letters are added one at a time; the next round goes on.
-        merges = any(facts.lanes[e.from_lane].road == lane.road for e in facts.entering.get(target.id, ()))
+        merges = _merges(facts, lane, target)
         drafts = [] if way.signal is None else _add_letter(site, way, merges=merges)
         told.add(way.signal or "")
         change = Connect(
@@ -77,15 +85,20 @@ def _ways_beside(facts: Facts, lane: Lane) -> Iterator[Connection]:
 def _rank(facts: Facts, lane: Lane, way: Connection, target: Lane) -> tuple[int, ...]:
     """Sort what is best first: lanes that the road, or any other, does not enter yet, straight on, near."""
     beside, its_target = facts.lanes[way.from_lane], facts.lanes[way.to_lane]
-    entering = facts.entering.get(target.id, ())
     return (
-        any(facts.lanes[each.from_lane].road == lane.road for each in entering),
-        bool(entering),
+        _merges(facts, lane, target),
+        bool(facts.entering.get(target.id)),
         way.direction != "s",
         abs(beside.index - lane.index),
         abs(target.index - its_target.index),
         target.index,
     )
+
+
+def _merges(facts: Facts, lane: Lane, target: Lane) -> bool:
+    """Tell whether another lane of a road leads into a lane already."""
+    entering = facts.entering.get(target.id, ())
+    return any(facts.lanes[each.from_lane].road == lane.road for each in entering)
 
 
 def _keeps_order(facts: Facts, lane: Lane, target: Lane) -> bool:

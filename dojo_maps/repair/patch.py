@@ -96,7 +96,8 @@ def _plain(after: NetText, change: Change) -> list[tuple[str, str]]:
     """Write a change as elements, each with the file that it belongs in."""
     if isinstance(change, Rebuild):
         built = _comment("netconvert builds all ways across junctions anew")
-        return [("con", element) for element in change.connections or (built,)]
+        added = [("con", element) for element in change.connections]
+        return [*added, *(("nod", element) for element in change.nodes)] or [("con", built)]
     if isinstance(change, Connect):
         return [("con", plain_connection(change))]
     if isinstance(change, SetPhases):
