@@ -38,7 +38,9 @@ def lead_on(site: Site, issues: Sequence[Issue]) -> Iterator[Edit]:
         if way.signal is not None and way.signal in told:
             continue  # Letters are added one at a time; the next round goes on.
         merges = _merges(facts, lane, target)
-        drafts = [] if way.signal is None else _add_letter(site, way, merges=merges)
+        drafts = (
+            [] if way.signal is None else _add_letter(site, way, yields=bool(facts.entering.get(target.id)))
+        )
         told.add(way.signal or "")
         change = Connect(
             key=_key(lane, target),
@@ -52,8 +54,8 @@ def lead_on(site: Site, issues: Sequence[Issue]) -> Iterator[Edit]:
             yield Edit(element=Element(kind="lane", id=id_), what=what, changes=(*changes, change))
 
 
-def _add_letter(site: Site, way: Connection, *, merges: bool) -> list[Draft]:
-    """Show a new link what the one beside it is shown, g where it merges; none where that cannot be."""
+def _add_letter(site: Site, way: Connection, *, yields: bool) -> list[Draft]:
+    """Show a new link what the one beside it is shown, g where it yields; none where that cannot be."""
     drafts = [Draft(record, site.path) for record in site.text.logics(way.signal or "")]
     sizes = {len(phase.get("state", "")) for draft in drafts for phase in draft.phases}
     if len(sizes) != 1 or any(draft.record.attributes.get("type") == NEMA for draft in drafts):
@@ -63,7 +65,7 @@ def _add_letter(site: Site, way: Connection, *, merges: bool) -> list[Draft]:
     for draft in drafts:
         for phase in draft.phases:
             letter = phase["state"][way.link_index]
-            phase["state"] += letter.replace("G", "g") if merges else letter
+            phase["state"] += letter.replace("G", "g") if yields else letter
     return drafts
 
 

@@ -158,7 +158,8 @@ def _write_rules(old: Junction, new: Junction, like: Mapping[Key, Connect]) -> l
     """Write who yields to whom: as before, and new ways as the one beside them, to which they yield."""
     beside = {_link(key): _link(wanted.like) for key, wanted in like.items()}
     links = [way.link for way in new.right_of_way]
-    if not all(links) or {way.link for way in old.right_of_way} | beside.keys() != set(links):
+    kept = {way.link for way in old.right_of_way if way.link}  # Rules without a way are left over.
+    if not all(links) or kept | beside.keys() != set(links):
         raise NetconvertError(f"the junction {old.id} has no rules for all of its ways")
     known, built = _waits(old), _waits(new)
     inside = {way.link: way.cont for way in old.right_of_way}
