@@ -74,4 +74,16 @@ def test_network_that_makes_sumo_write_files_is_not_simulated(hasty: Path) -> No
     cost = measure_cost(fix_network(text.encode(), hasty))
     assert cost is not None
     assert (cost.before, cost.after) == (None, None)
-    assert cost.reason
+    assert str(cost) == "mean waiting: not measured (the network holds more than a network)"
+
+
+@pytest.mark.parametrize("name", ["ingolstadt7", "fkk_in-ingolstadt"])
+def test_what_fix_claims_is_what_validate_finds(name: str, tmp_path: Path) -> None:
+    network, record, report = tmp_path / "mended.net.xml", tmp_path / "fix.json", tmp_path / "report.json"
+    source = str(networks.installed_networks()[name])
+    main(["fix", source, "-o", str(network), "--json", str(record)])
+    main(["validate", str(network), "--json", str(report)])
+    claimed, found = json.loads(record.read_text()), json.loads(report.read_text())
+    assert claimed["counts"]["after"] == found["counts"]
+    counts = {check["id"]: check["count"] for check in found["checks"] if check["count"]}
+    assert {check["id"]: check["after"] for check in claimed["checks"] if check["after"]} == counts

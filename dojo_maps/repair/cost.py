@@ -52,11 +52,12 @@ class Cost:
 
     def __str__(self) -> str:
         """Say it in a line."""
-        times = [f"{w.seconds:.1f} s" if w else "not measured" for w in (self.before, self.after)]
-        counts = " and ".join(
-            str(n) for n in dict.fromkeys(w.vehicles for w in (self.before, self.after) if w)
-        )
-        what = f"{counts} vehicles in {SECONDS // 60} minutes of generated demand" if counts else ""
+        measured = [each for each in (self.before, self.after) if each]
+        if not measured:
+            return f"mean waiting: not measured ({self.reason})"
+        times = [f"{each.seconds:.1f} s" if each else "not measured" for each in (self.before, self.after)]
+        counts = " and ".join(str(count) for count in dict.fromkeys(each.vehicles for each in measured))
+        what = f"{counts} vehicles in {SECONDS // 60} minutes of generated demand"
         details = "; ".join(filter(None, (what, self.reason)))
         return f"mean waiting: {times[0]} before, {times[1]} after ({details})"
 
