@@ -37,7 +37,7 @@ CURED = {
     "DRT-osm": {"pedestrians.crossing_clearance", "pedestrians.walk_min"},
 }
 FALLS = {"DRT-osm": {"geometry.sidewalk_on_road"}}
-UNTOUCHED = ("cologne1", "cologne3", "cologne8", "grid4x4", "RiLSA_example1-rilsa1")
+UNTOUCHED = ("cologne1", "cologne3", "grid4x4", "RiLSA_example1-rilsa1")
 
 
 @lru_cache(maxsize=3)
