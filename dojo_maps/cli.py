@@ -81,6 +81,7 @@ def _parser() -> argparse.ArgumentParser:
     )
     fix.add_argument("--dry-run", action="store_true", help="show the patch and the counts, write no network")
     fix.add_argument("--patch", metavar="FOLDER", type=Path, help="write the patch here, as plain XML files")
+    fix.add_argument("--json", metavar="FILE", type=Path, help="write what was done, and what it cost, here")
 
     add_command(commands, "checks", _list_checks, "list the checks")
     return parser
@@ -162,17 +163,18 @@ def _validate(options: argparse.Namespace) -> int:
 
 def _fix(options: argparse.Namespace) -> int:
     from dojo_maps.errors import UsageError
+    from dojo_maps.repair.cost import measure_cost
     from dojo_maps.repair.fixing import describe, fix, patch_of, write_fixed
 
     if options.output is None and not options.dry_run:
         raise UsageError("name the network to write with -o, or look at what would be done with --dry-run")
     fixed = fix(options.source, options.only)
+    cost = measure_cost(fixed)
     if options.dry_run:
-        for name, text in patch_of(fixed).items():
+        for name, text in patch_of(fixed, cost).items():
             print(f"--- {name}\n{text}", end="")
-    else:
-        write_fixed(fixed, options.output, options.patch)
-    for line in describe(fixed):
+    write_fixed(fixed, None if options.dry_run else options.output, options.patch, options.json, cost)
+    for line in describe(fixed, cost):
         print(line)
     return int(any(issue.severity == "error" for issue in fixed.after.issues))
 

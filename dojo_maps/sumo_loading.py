@@ -7,7 +7,7 @@ that holds more than a network, such as detectors that write files, is not given
 import re
 import sys
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 from functools import cached_property
@@ -24,7 +24,7 @@ _MOST_WORDS = 1 << 22
 _MOST_WRITTEN = 1 << 26
 """Bytes of SUMO's words that are read, and that it may write."""
 _NETWORK, _WORDS = "x.net.xml", "words"
-_OPTIONS = ("--net-file", _NETWORK, "--end", "1", "--no-step-log", "--aggregate-warnings", "1000")
+_OPTIONS = ("--end", "1", "--aggregate-warnings", "1000")
 _LEVELS = ("Error: ", "Warning: ")
 _ELEMENTS = frozenset(
     b"net location type restriction edge lane neigh stopOffset param junction request connection tlLogic"
@@ -53,7 +53,7 @@ class Verdict:
 
 
 class Loading:
-    """A network on its way into SUMO."""
+    """A network on its way into SUMO, and through what SUMO is to simulate on it."""
 
     def __init__(self, child: "Popen[bytes]", words: Path) -> None:
         """Take SUMO's process, and the file that it speaks into."""
@@ -90,17 +90,36 @@ def loading(data: bytes) -> Iterator[Loading | None]:
         written, or the network holds what makes SUMO write or read other files.
     """
     with ExitStack() as stack:
-        yield _start(data, stack) if _is_only_a_network(data) else None
+        try:
+            folder = stack.enter_context(scratch_folder())
+            found = start_sumo(data, folder, _OPTIONS, stack)
+        except (DojoError, OSError):
+            found = None
+        yield found
 
 
-def _start(data: bytes, stack: ExitStack) -> Loading | None:
-    try:
-        folder = stack.enter_context(scratch_folder())
-        (folder / _NETWORK).write_bytes(data)
-        words = stack.enter_context((folder / _WORDS).open("wb"))
-        child = stack.enter_context(running_program(find_program("sumo"), _OPTIONS, folder, words))
-    except (DojoError, OSError):
+def start_sumo(data: bytes, folder: Path, options: Sequence[str], stack: ExitStack) -> Loading | None:
+    """Let SUMO load a network in a folder and simulate; it ends with the stack at the latest.
+
+    Args:
+        data: the network's bytes, unpacked.
+        folder: where SUMO runs, with nothing of another network in it.
+        options: of SUMO, beside the network.
+        stack: where what ends it is kept.
+
+    Returns:
+        The network on its way, or None where it holds what makes SUMO write or read other files.
+
+    Raises:
+        ToolMissingError: SUMO is not installed.
+        OSError: the folder cannot be written.
+    """
+    if not _is_only_a_network(data):
         return None
+    (folder / _NETWORK).write_bytes(data)
+    words = stack.enter_context((folder / _WORDS).open("wb"))
+    arguments = ("--net-file", _NETWORK, "--no-step-log", *options)
+    child = stack.enter_context(running_program(find_program("sumo"), arguments, folder, words))
     if sys.platform == "linux":
         import resource  # noqa: PLC0415 - not everywhere
 

@@ -135,4 +135,4 @@ def test_repair_that_sumo_would_refuse_is_given_up(monkeypatch: pytest.MonkeyPat
     fixed = fix_network(data, path, [check])
     assert (fixed.after.data, fixed.made) == (data, [])
     assert fixed.refused
-    assert all("SUMO would refuse" in made.reason and "nextPhase 99" in made.reason for made in fixed.refused)
+    assert all("sumo.refused" in made.reason and "nextPhase 99" in made.reason for made in fixed.refused)

@@ -40,9 +40,10 @@ class SetPhases:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Rebuild:
-    """Let netconvert build the network anew, with elements of its plain connection file."""
+    """Let netconvert build the network anew, with elements of its plain files of connections or nodes."""
 
     connections: tuple[str, ...] = ()
+    nodes: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -53,7 +54,24 @@ class SetRequests:
     requests: tuple[tuple[tuple[str, str], ...], ...]
 
 
-Change = SetAttributes | Remove | SetPhases | SetRequests | Rebuild
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Connect:
+    """Add a connection at a junction, with the right of way of another.
+
+    Attributes:
+        key: of the new connection.
+        junction: where it is.
+        like: of the other.
+        letter: the place of its letter in the state of the other's signal, if that has one.
+    """
+
+    key: Key
+    junction: str
+    like: Key
+    letter: int | None = None
+
+
+Change = SetAttributes | Remove | SetPhases | SetRequests | Rebuild | Connect
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

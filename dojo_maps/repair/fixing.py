@@ -3,14 +3,18 @@
 import gzip
 from collections import Counter
 from collections.abc import Collection, Iterator
+from dataclasses import asdict
 from pathlib import Path
+from typing import Any
 
+from dojo_maps.bundle import write_json
 from dojo_maps.errors import UsageError
 from dojo_maps.inspection import read_source
 from dojo_maps.issue import Severity
+from dojo_maps.repair.cost import Cost
 from dojo_maps.repair.patch import plain_files
 from dojo_maps.repair.repairs import ON_REQUEST, REPAIRS
-from dojo_maps.repair.rounds import Fixed, fix_network
+from dojo_maps.repair.rounds import Fixed, Made, State, fix_network
 from dojo_maps.report.formats import printable
 from dojo_maps.whole_file import added_files, replaced
 
@@ -31,14 +35,43 @@ def fix(source: str, only: Collection[str] = ()) -> Fixed:
     return fix_network(read.data, read.path, only)
 
 
-def patch_of(fixed: Fixed) -> dict[str, str]:
-    """Write what was done as plain XML files, by name."""
+def patch_of(fixed: Fixed, cost: Cost | None = None) -> dict[str, str]:
+    """Write what was done, and what it cost, as plain XML files, by name."""
     edits = [(made.check, made.edit) for made in fixed.made]
-    return plain_files(fixed.after.site.text, edits)
+    return plain_files(fixed.after.site.text, edits, str(cost) if cost else "")
 
 
-def describe(fixed: Fixed) -> Iterator[str]:
-    """Say what was done, what was left alone and why, and every check's count before and after."""
+def as_record(fixed: Fixed, cost: Cost | None = None) -> dict[str, Any]:
+    """Write what was done, what was left alone, every check's count and what it cost, as JSON values."""
+    states = {"before": fixed.before, "after": fixed.after}
+    return {
+        "format": "dojo-repair",
+        "version": 1,
+        "repairs": [_record(made) for made in fixed.made],
+        "left": [{**_record(made), "reason": made.reason} for made in fixed.refused],
+        "checks": [
+            {"id": check, **{when: state.counts.get(check, (0, 0))[0] for when, state in states.items()}}
+            for check in {**fixed.before.counts, **fixed.after.counts}
+        ],
+        "counts": {
+            when: {severity.value: count for severity, count in _by_severity(state).items()}
+            for when, state in states.items()
+        },
+        "waiting": None if cost is None else asdict(cost),
+    }
+
+
+def _record(made: Made) -> dict[str, Any]:
+    return {"check": made.check, "element": asdict(made.edit.element), "what": made.edit.what}
+
+
+def _by_severity(state: State) -> dict[Severity, int]:
+    found = Counter(issue.severity for issue in state.issues)
+    return {severity: found[severity] for severity in Severity}
+
+
+def describe(fixed: Fixed, cost: Cost | None = None) -> Iterator[str]:
+    """Say what was done, what was left alone and why, every check's count before and after, and the cost."""
     for made in fixed.made:
         yield printable(f"{made.check}: {made.edit.element.kind} {made.edit.element.id}: {made.edit.what}")
     for made in fixed.refused:
@@ -46,11 +79,12 @@ def describe(fixed: Fixed) -> Iterator[str]:
         yield printable(f"{made.check}: {element.kind} {element.id}: left as it is, {made.reason}")
     before, after = fixed.before.counts, fixed.after.counts
     yield f"{'check':36}{'before':>7}{'after':>7}"
-    for check in before:
+    for check in {**before, **after}:
         asked = "  repaired on request: --only" if check in ON_REQUEST and check in after else ""
-        yield f"{check:36}{before[check][0]:7}{after.get(check, (0, 0))[0]:7}{asked}"
-    severities = Counter(issue.severity for issue in fixed.after.issues)
-    counts = ", ".join(f"{severities[severity]} {severity}s" for severity in Severity)
+        yield f"{check:36}{before.get(check, (0, 0))[0]:7}{after.get(check, (0, 0))[0]:7}{asked}"
+    if cost is not None:
+        yield printable(str(cost))
+    counts = ", ".join(f"{count} {severity}s" for severity, count in _by_severity(fixed.after).items())
     repairs, rounds = _several(len(fixed.made), "repair"), _several(fixed.rounds, "round")
     yield f"{repairs} in {rounds}; {counts} are left"
 
@@ -59,8 +93,10 @@ def _several(count: int, name: str) -> str:
     return f"{count} {name}" if count == 1 else f"{count} {name}s"
 
 
-def write_fixed(fixed: Fixed, output: Path | None, patch: Path | None) -> None:
-    """Write the network, packed if its name says so, and the patch's files; each whole or not at all.
+def write_fixed(
+    fixed: Fixed, output: Path | None, patch: Path | None, record: Path | None, cost: Cost | None
+) -> None:
+    """Write the network, packed if its name says so, the patch's files and the record; each whole or not.
 
     Raises:
         UsageError: a path is a folder, or lies in none.
@@ -68,9 +104,12 @@ def write_fixed(fixed: Fixed, output: Path | None, patch: Path | None) -> None:
     """
     if patch is not None:
         with added_files(patch) as fresh:
-            for name, text in patch_of(fixed).items():
+            for name, text in patch_of(fixed, cost).items():
                 (fresh / name).write_text(text, encoding="utf-8")
     if output is not None:
         data = fixed.after.data
         with replaced(output) as fresh:
             fresh.write_bytes(gzip.compress(data, mtime=0) if output.name.endswith(".gz") else data)
+    if record is not None:
+        with replaced(record) as fresh:
+            write_json(fresh, as_record(fixed, cost))

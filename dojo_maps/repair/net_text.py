@@ -62,6 +62,10 @@ class NetText:
         encoding = declared.group(1).decode() if declared else "utf-8"
         return [self.data[start:end].decode(encoding, "replace") for start, end in self._spans.get(key, ())]
 
+    def spans(self, key: tuple[str, ...]) -> list[Span]:
+        """Give the places of every element with one identity."""
+        return self._spans.get(key, [])
+
     def set_attributes(self, key: tuple[str, ...], values: Mapping[str, str | None]) -> tuple[Span, bytes]:
         """Write an element's start tag with other values."""
         start, _ = self._spans[key][0]

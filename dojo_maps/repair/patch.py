@@ -1,7 +1,7 @@
 """Edits as text: made in a network, and as files of SUMO's plain XML, for a look or for netconvert.
 
-The files say what the network holds in the end: `netconvert -s NET -e repair.edg.xml -x repair.con.xml
--i repair.tll.xml` makes the same repairs, though it builds everything else anew as well.
+The files say what the network holds in the end: `netconvert -s NET -n repair.nod.xml -e repair.edg.xml
+-x repair.con.xml -i repair.tll.xml` makes the same repairs, though it builds everything else anew as well.
 """
 
 from collections import defaultdict
@@ -9,12 +9,23 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from xml.sax.saxutils import quoteattr
 
-from dojo_maps.repair.edits import Change, Edit, Key, Rebuild, Remove, SetAttributes, SetPhases, SetRequests
+from dojo_maps.repair.edits import (
+    Change,
+    Connect,
+    Edit,
+    Key,
+    Rebuild,
+    Remove,
+    SetAttributes,
+    SetPhases,
+    SetRequests,
+)
 from dojo_maps.repair.net_text import NetText, Span
 from dojo_maps.repair.rebuilding import rebuild
+from dojo_maps.repair.splicing import connect, plain_connection
 
 Values = dict[str, str | None]
-_ROOTS = {"edg": "edges", "con": "connections", "tll": "tlLogics"}
+_ROOTS = {"nod": "nodes", "edg": "edges", "con": "connections", "tll": "tlLogics"}
 
 
 def apply_changes(text: NetText, changes: Iterable[Change], path: Path) -> bytes:
@@ -26,6 +37,7 @@ def apply_changes(text: NetText, changes: Iterable[Change], path: Path) -> bytes
     values: dict[Key, dict[str, str | None]] = {}
     pieces: list[tuple[Span, bytes]] = []
     rebuilds: list[Rebuild] = []
+    connects: list[Connect] = []
     for change in changes:
         if isinstance(change, SetAttributes):
             values.setdefault(change.key, {}).update(change.values)
@@ -35,19 +47,24 @@ def apply_changes(text: NetText, changes: Iterable[Change], path: Path) -> bytes
             pieces.append(text.set_rows(change.key, change.phases))
         elif isinstance(change, SetRequests):
             pieces.append(text.set_rows(change.key, change.requests))
+        elif isinstance(change, Connect):
+            connects.append(change)
         else:
             rebuilds.append(change)
     pieces += [text.set_attributes(key, wanted) for key, wanted in values.items()]
     data = text.replaced(pieces) if pieces else text.data
+    if connects:
+        data = connect(data, connects, path)
     return rebuild(data, rebuilds, path) if rebuilds else data
 
 
-def plain_files(after: NetText, edits: Iterable[tuple[str, Edit]]) -> dict[str, str]:
+def plain_files(after: NetText, edits: Iterable[tuple[str, Edit]], note: str = "") -> dict[str, str]:
     """Write edits as plain XML.
 
     Args:
         after: the network with all of them.
         edits: each with its check.
+        note: a line that each file begins with.
 
     Returns:
         The text of each file by its name; no file where there is nothing to say.
@@ -64,7 +81,7 @@ def plain_files(after: NetText, edits: Iterable[tuple[str, Edit]]) -> dict[str, 
                     said.add(kind)
                 lines[kind][element] = None
     return {
-        f"repair.{kind}.xml": _document(root, list(lines[kind]))
+        f"repair.{kind}.xml": _document(root, [*([_comment(note)] if note else ()), *lines[kind]])
         for kind, root in _ROOTS.items()
         if kind in lines
     }
@@ -79,12 +96,19 @@ def _plain(after: NetText, change: Change) -> list[tuple[str, str]]:
     """Write a change as elements, each with the file that it belongs in."""
     if isinstance(change, Rebuild):
         built = _comment("netconvert builds all ways across junctions anew")
-        return [("con", element) for element in change.connections or (built,)]
-    tag = change.key[0]
+        added = [("con", element) for element in change.connections]
+        return [*added, *(("nod", element) for element in change.nodes)] or [("con", built)]
+    if isinstance(change, Connect):
+        return [("con", plain_connection(change))]
     if isinstance(change, SetPhases):
         return [("tll", element) for element in after.copies(change.key)[:1]]
     if isinstance(change, SetRequests):
         return [("con", _comment(f"junction {change.key[1]}: netconvert computes its rules anew"))]
+    return _plain_attributes(after, change)
+
+
+def _plain_attributes(after: NetText, change: SetAttributes | Remove) -> list[tuple[str, str]]:
+    tag = change.key[0]
     if tag == "connection":
         return _plain_connection(after, change)
     if tag == "lane":
@@ -93,9 +117,10 @@ def _plain(after: NetText, change: Change) -> list[tuple[str, str]]:
 
 
 def _plain_other(tag: str, change: SetAttributes | Remove) -> tuple[str, str]:
-    kind = "edg" if tag == "edge" else "con"
-    if isinstance(change, SetAttributes) and tag == "edge":
-        return kind, f"<edge{_attributes({'id': change.key[1], **dict(change.values)})}/>"
+    kind = {"edge": "edg", "junction": "nod"}.get(tag, "con")
+    if isinstance(change, SetAttributes) and kind != "con":
+        plain = "edge" if tag == "edge" else "node"
+        return kind, f"<{plain}{_attributes({'id': change.key[1], **dict(change.values)})}/>"
     return kind, _comment(f"{tag} {change.key[1]}: one of its copies removed")
 
 

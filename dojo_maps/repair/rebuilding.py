@@ -10,7 +10,7 @@ from dojo_maps.sources.netconvert import NetconvertError, run_netconvert
 from dojo_maps.sources.sumo_xml import LogicRecord, read_records
 from dojo_maps.whole_file import scratch_folder
 
-_INPUT, _OUTPUT = "input.net.xml", "output.net.xml"
+_INPUT, _OUTPUT, _NODES = "input.net.xml", "output.net.xml", "changed.nod.xml"
 
 
 def rebuild(data: bytes, rebuilds: Sequence[Rebuild], path: Path) -> bytes:
@@ -24,9 +24,11 @@ def rebuild(data: bytes, rebuilds: Sequence[Rebuild], path: Path) -> bytes:
     if added:
         connections = f"<connections>\n{added}</connections>\n"
         return enrich_network(data, path=path, options=("--walkingareas",), connections=connections)[0]
+    nodes = "".join(f"    {element}\n" for each in rebuilds for element in each.nodes)
     with scratch_folder() as folder:
         (folder / _INPUT).write_bytes(data)
-        run_netconvert(["-s", _INPUT, "-o", _OUTPUT, *KEEP], folder=folder)
+        (folder / _NODES).write_text(f"<nodes>\n{nodes}</nodes>\n", encoding="utf-8")
+        run_netconvert(["-s", _INPUT, "-n", _NODES, "-o", _OUTPUT, *KEEP], folder=folder)
         built = (folder / _OUTPUT).read_bytes()
     before, after = (_programs(read_records(each, path).logics) for each in (data, built))
     if before != after:

@@ -1,16 +1,16 @@
-"""Repair in rounds: propose, try, keep what mends its check and makes no other worse."""
+"""Repair in rounds: propose, try, keep what mends its check and brings nothing as severe."""
 
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
-from collections.abc import Set as AbstractSet
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from dojo_maps.errors import DojoError
-from dojo_maps.issue import Element, Issue, Severity
+from dojo_maps.issue import Issue, Severity
 from dojo_maps.repair.edits import Change, Edit, Site
 from dojo_maps.repair.net_text import NetText
 from dojo_maps.repair.patch import apply_changes
 from dojo_maps.repair.repairs import ON_REQUEST, REPAIRS
+from dojo_maps.repair.weighing import find_objection, list_new
 from dojo_maps.sources.sumo_net import read_network
 from dojo_maps.sumo_loading import loading
 from dojo_maps.validation.facts import Facts
@@ -21,6 +21,7 @@ from dojo_maps.validation.sumo_checks import check_refused, check_warned
 MOST_ROUNDS = 5
 _MOST_TRIALS = 60
 """Per check and round; each is one validation of the whole network."""
+_SUMO = frozenset({check_refused.id, check_warned.id})
 
 Counts = Mapping[str, tuple[int, int]]
 """By check: its issues, and those of them that are errors."""
@@ -56,6 +57,9 @@ class Fixed:
     rounds: int = 0
 
 
+Look = Callable[[bytes], State]
+
+
 def fix_network(data: bytes, path: Path, only: Collection[str] = (), profile: Profile = DEFAULT) -> Fixed:
     """Repair a network in memory.
 
@@ -72,33 +76,32 @@ def fix_network(data: bytes, path: Path, only: Collection[str] = (), profile: Pr
     def look(changed: bytes) -> State:
         return _inspect(changed, path, profile)
 
-    first = _ask_sumo(look(data), profile)
+    def ask(changed: bytes) -> State:
+        return _ask_sumo(look(changed), profile)
+
+    first = ask(data)
     fixed = Fixed(before=first, after=first)
     wanted = [check for check in REPAIRS if check in only or not (only or check in ON_REQUEST)]
     for number in range(1, MOST_ROUNDS + 1):
-        kept = sum([_repair_loadable(check, fixed, look, profile) for check in wanted])
+        kept = sum([_repair_loadable(check, fixed, look, ask) for check in wanted])
         if not kept:
             break
         fixed.rounds = number
     return fixed
 
 
-def _repair_loadable(check: str, fixed: Fixed, look: Callable[[bytes], State], profile: Profile) -> int:
-    """Repair one check, then let SUMO load the network; where it no longer does, nothing was repaired."""
-    before, known = fixed.after, len(fixed.made)
+def _repair_loadable(check: str, fixed: Fixed, look: Look, ask: Look) -> int:
+    """Repair one check, then let SUMO load the network; where it objects, it is asked of each trial."""
+    before, made, refused = fixed.after, len(fixed.made), len(fixed.refused)
     kept = _repair(check, fixed, look)
     if not kept:
         return 0
-    fixed.after = _ask_sumo(fixed.after, profile)
-    if check_refused.id not in fixed.after.counts or check_refused.id in before.counts:
+    fixed.after = ask(fixed.after.data)
+    if not any(issue.check in _SUMO for issue in list_new(before.issues, fixed.after.issues)):
         return kept
-    words = next(issue.message for issue in fixed.after.issues if issue.check == check_refused.id)
-    fixed.refused += [
-        replace(made, reason=f"SUMO would refuse the network ({words})") for made in fixed.made[known:]
-    ]
-    del fixed.made[known:]
     fixed.after = before
-    return 0
+    del fixed.made[made:], fixed.refused[refused:]
+    return _repair(check, fixed, ask)
 
 
 def _ask_sumo(state: State, profile: Profile) -> State:
@@ -110,8 +113,8 @@ def _ask_sumo(state: State, profile: Profile) -> State:
     return replace(state, issues=issues, counts=_count(issues))
 
 
-def _repair(check: str, fixed: Fixed, look: Callable[[bytes], State]) -> int:
-    """Repair one check as far as that makes nothing worse; how many edits were kept."""
+def _repair(check: str, fixed: Fixed, look: Look) -> int:
+    """Repair one check as far as that is worth it; how many edits were kept."""
     issues = [issue for issue in fixed.after.issues if issue.check == check]
     known = {(made.check, made.edit.element) for made in fixed.refused}
     edits = REPAIRS[check](fixed.after.site, issues) if issues else ()
@@ -137,9 +140,7 @@ def _repair(check: str, fixed: Fixed, look: Callable[[bytes], State]) -> int:
     return kept
 
 
-def _try(
-    check: str, state: State, batch: Sequence[Edit], look: Callable[[bytes], State]
-) -> tuple[State | None, str]:
+def _try(check: str, state: State, batch: Sequence[Edit], look: Look) -> tuple[State | None, str]:
     """Make edits and look again; the network after, or why it stays as it was."""
     changes: list[Change] = [change for edit in batch for change in edit.changes]
     try:
@@ -149,31 +150,15 @@ def _try(
     except DojoError as error:
         return None, str(error)
     uncovered = {element for edit in batch for element in edit.uncovers}
-    for other in _worse(state, after, uncovered):
-        old, new = (s.counts.get(other, (0, 0))[0] for s in (state, after))
-        return None, f"it would make {other} worse ({old} -> {new})"
-    if after.counts.get(check, (0, 0)) == state.counts.get(check, (0, 0)):
-        return None, "it would not help"
+    objection, costs = find_objection(check, state.issues, after.issues, uncovered)
+    if objection or (costs and len(batch) > 1):  # What an edit costs is weighed with what it mends itself.
+        return None, objection
     return after, ""
 
 
-def _worse(before: State, after: State, uncovered: AbstractSet[Element] = frozenset()) -> list[str]:
-    """List the checks that find more issues, or more errors; what was only hidden before does not count."""
-    counts = after.counts
-    if uncovered:
-        known = {(issue.check, issue.message) for issue in before.issues}
-        counts = _count(
-            issue
-            for issue in after.issues
-            if (issue.check, issue.message) in known or not uncovered & set(issue.elements)
-        )
-    pairs = {check: (before.counts.get(check, (0, 0)), count) for check, count in counts.items()}
-    return sorted(check for check, (old, new) in pairs.items() if new[0] > old[0] or new[1] > old[1])
-
-
-def _follow_up(before: State, after: State, look: Callable[[bytes], State]) -> State:
+def _follow_up(before: State, after: State, look: Look) -> State:
     """Mend at once what an addition brings with it, such as programs that leave too little time to walk."""
-    for check in _worse(before, after):
+    for check in sorted({issue.check for issue in list_new(before.issues, after.issues)}):
         if check in REPAIRS and check not in ON_REQUEST:
             issues = [issue for issue in after.issues if issue.check == check]
             changes = [change for edit in REPAIRS[check](after.site, issues) for change in edit.changes]

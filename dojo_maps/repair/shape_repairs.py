@@ -10,6 +10,7 @@ from dojo_maps.description import Connection, Lane
 from dojo_maps.geometry.polylines import Floats
 from dojo_maps.issue import Element, Issue
 from dojo_maps.repair.edits import Edit, SetAttributes, Site, named
+from dojo_maps.sources.osm.outlines import untwist
 from dojo_maps.validation.facts import Facts
 
 _TINY = 2.0
@@ -80,6 +81,22 @@ def drop_repeated_points(site: Site, issues: Sequence[Issue]) -> Iterator[Edit]:
         kept.append(shape[-1])
         if len(kept) < len(shape):
             yield _reshape("lane", lane, lane, kept, f"{len(shape) - len(kept)} repeated points left out")
+
+
+def untwist_outlines(site: Site, issues: Sequence[Issue]) -> Iterator[Edit]:
+    """Outline all ground that a junction's crossed outline runs around."""
+    for id_ in named(issues, "junction"):
+        key = ("junction", id_)
+        tokens = site.text.elements.get(key, {}).get("shape", "").split()
+        widths = {token.count(",") for token in tokens}
+        if len(widths) != 1:
+            continue
+        outline = untwist(np.array([[float(value) for value in token.split(",")] for token in tokens]))
+        if outline is not None:
+            shape = " ".join(",".join(f"{value:.2f}" for value in corner) for corner in outline)
+            change = SetAttributes(key=key, values=(("shape", shape),))
+            element = Element(kind="junction", id=id_)
+            yield Edit(element=element, what=f"outline of {len(outline)} corners", changes=(change,))
 
 
 def trim_pavement(site: Site, issues: Sequence[Issue]) -> Iterator[Edit]:

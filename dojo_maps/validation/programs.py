@@ -15,7 +15,7 @@ from dojo_maps.validation.facts import Facts
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Conflict:
-    """Two ways across a junction that cross or join, and their letters in the signal's state."""
+    """Two ways across a junction that cross or join, and a letter of each in the signal's state."""
 
     one: Connection | Crossing
     other: Connection | Crossing
@@ -33,12 +33,28 @@ class SignalFacts:
         self.vehicle = sorted({link.index for link in signal.links if link.kind is LinkKind.VEHICLE})
         self.walking = sorted({link.index for link in signal.links if link.kind is LinkKind.PEDESTRIAN})
         for link in signal.links:
-            way = way_of(facts, f"{link.from_id}->{link.to_id}") or way_of(facts, link.to_id)
-            if way is not None and way not in self.links[link.index]:
-                self.links[link.index].append(way)
+            # A crossing's link leads onto it, or, for those who come the other way, off it.
+            names = (f"{link.from_id}->{link.to_id}", link.to_id, link.from_id)
+            ways = [way for name in names if (way := way_of(facts, name)) is not None]
+            if ways and ways[0] not in self.links[link.index]:
+                self.links[link.index].append(ways[0])
         self.programs = tuple(map(unroll, signal.programs))
-        self.conflicts = tuple(_conflicts(facts, signal))
+        self.conflicts = tuple(self._list_conflicts())
         self._columns: dict[int, tuple[Program, list[str]]] = {}
+
+    def _list_conflicts(self) -> Iterator[Conflict]:
+        """List conflicting ways with each pair of their letters: a crossing may have two."""
+        letters: dict[str, list[int]] = defaultdict(list)
+        for index, ways in sorted(self.links.items()):
+            for way in ways:
+                letters[way.id].append(index)
+        for name in self.signal.junctions:
+            junction = self.facts.junctions.get(name)
+            for pair in list_foes(junction) if junction else ():
+                one, other = way_of(self.facts, pair.one), way_of(self.facts, pair.other)
+                if one is not None and other is not None:
+                    for indices in itertools.product(letters.get(one.id, ()), letters.get(other.id, ())):
+                        yield Conflict(one=one, other=other, indices=indices)
 
     def letters(self, program: Program, index: int) -> str:
         """What one letter of the state shows from phase to phase; where a state is too short, `?`."""
@@ -109,14 +125,3 @@ def name_ways(ways: Iterable[Connection | Crossing]) -> tuple[Element, ...]:
         for item in element("crossing" if isinstance(way, Crossing) else "connection", way.id)
     ]
     return (*named, *element("lane", *dict.fromkeys(lanes)))
-
-
-def _conflicts(facts: Facts, signal: Signal) -> Iterator[Conflict]:
-    for name in signal.junctions:
-        junction = facts.junctions.get(name)
-        for pair in list_foes(junction) if junction else ():
-            one, other = way_of(facts, pair.one), way_of(facts, pair.other)
-            if one is None or other is None or one.signal != signal.id or other.signal != signal.id:
-                continue
-            if one.link_index is not None and other.link_index is not None:
-                yield Conflict(one=one, other=other, indices=(one.link_index, other.link_index))

@@ -9,7 +9,7 @@ from dojo_maps.validation.facts import Facts
 from dojo_maps.validation.profiles import Limits
 from dojo_maps.validation.programs import Conflict, name_ways, programs_of, signals_of
 
-_GOES = "GgsoO"
+GOES = "GgsoO"
 """Letters with which a vehicle may go, now or after a stop: green, stop first, signals off."""
 
 
@@ -82,7 +82,7 @@ def check_never_green(facts: Facts, _limits: Limits) -> Iterator[Finding]:
                 program.id
                 for program in signal.signal.programs
                 for letters in (signal.letters(program, index),)
-                if letters and "?" not in letters and not set(letters) & set(_GOES)
+                if letters and "?" not in letters and not set(letters) & set(GOES)
             ]
             if dark:
                 yield Finding(

@@ -164,7 +164,8 @@ def check_crossing_clearance(facts: Facts, limits: Limits) -> Iterator[Finding]:
                         elements=(*_crossing_first(signal, index, crossing.id), *signal.elements(foe)[1:]),
                         at=crossing.shape[0],
                         message=f"in {signal.named(program)} the crossing {crossing.id} has {time:g} s "
-                        f"from red to the green of link {foe}, walking across takes {needed:.1f} s",
+                        f"from the red of link {index} to the green of link {foe}, walking across takes "
+                        f"{needed:.1f} s",
                         measured=time,
                         limit=needed,
                     )

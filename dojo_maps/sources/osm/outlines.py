@@ -24,22 +24,29 @@ def mend_outlines(data: bytes) -> bytes:
 
 def _mended(found: re.Match[str]) -> str:
     corners = np.array([[float(value) for value in corner.split(",")] for corner in found[2].split()])
-    if len(corners) < 4 or shapely.Polygon(corners[:, :2]).is_valid:
-        return found[0]
-    outline = _untwisted(corners[:, :2])
+    outline = untwist(corners)
     if outline is None:
         return found[0]
-    heights = [corners[np.argmin(np.hypot(*(corners[:, :2] - place).T)), 2:] for place in outline]
-    rows = [[*place, *height] for place, height in zip(outline, heights, strict=True)]
-    return found[1] + " ".join(",".join(f"{value:.2f}" for value in row) for row in rows) + found[3]
+    return found[1] + " ".join(",".join(f"{value:.2f}" for value in row) for row in outline) + found[3]
 
 
-def _untwisted(corners: Floats) -> Floats | None:
-    """Outline all ground that a twisted line encloses; None where it encloses next to none."""
-    parts = shapely.make_valid(shapely.Polygon(corners))
+def untwist(corners: Floats) -> Floats | None:
+    """Outline all ground that a twisted outline encloses.
+
+    Args:
+        corners: (n, 2), or (n, 3) with heights; metres.
+
+    Returns:
+        As many columns; None where the outline does not cross itself, or encloses next to no ground.
+    """
+    if len(corners) < 4 or shapely.Polygon(corners[:, :2]).is_valid:
+        return None
+    parts = shapely.make_valid(shapely.Polygon(corners[:, :2]))
     joined = parts.buffer(_GAP, join_style="mitre").buffer(-_GAP, join_style="mitre")
     for whole in (joined, shapely.convex_hull(parts)):
         rounded = shapely.set_precision(whole, _GRID)
         if rounded.geom_type == "Polygon" and rounded.area:
-            return shapely.get_coordinates(rounded.exterior)[:-1]
+            places = shapely.get_coordinates(rounded.exterior)[:-1]
+            nearest = [np.argmin(np.hypot(*(corners[:, :2] - place).T)) for place in places]
+            return np.column_stack([places, corners[nearest, 2:]])
     return None
