@@ -9,7 +9,7 @@ from dojo_maps.cli_area import add_area_options, find_source, join_signed
 from dojo_maps.command import Parser, add_command, run_command
 from dojo_maps.progress import Progress
 
-EXPORT_NAMES = ("metadrive", "opendrive", "geojson")
+EXPORT_NAMES = ("metadrive", "opendrive", "geojson", "lanelet2")
 _PROFILES = ("default", "rl", "strict")
 _REPORTS = {"json": "the report", "html": "a page", "sarif": "SARIF", "geojson": "the issues as GeoJSON"}
 
