@@ -16,7 +16,7 @@ from conftest import command_environment
 from dojo_maps.description import Origin, RoadMap
 from dojo_maps.drawing import draw
 from dojo_maps.exports import EXPORTERS, file_stem
-from dojo_maps.exports.opendrive_geometry import ReferenceLine, curve, unit
+from dojo_maps.exports.reference_lines import ReferenceLine, curve, unit
 from dojo_maps.input_files import read_bytes
 from dojo_maps.sources.files import find_network
 from dojo_maps.sources.netconvert import run_netconvert
@@ -231,7 +231,7 @@ def test_exporters_load_only_when_they_are_called():
     done = subprocess.run(
         [sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=True
     )
-    assert done.stdout.splitlines() == ["['geojson', 'metadrive', 'opendrive']", "[]"]
+    assert done.stdout.splitlines() == ["['geojson', 'lanelet2', 'metadrive', 'opendrive']", "[]"]
 
 
 @pytest.mark.parametrize(

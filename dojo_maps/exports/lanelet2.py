@@ -30,6 +30,7 @@ from dojo_maps.description import (
 )  # fmt: skip
 from dojo_maps.exports import file_stem
 from dojo_maps.exports.earth import Earth
+from dojo_maps.exports.reference_lines import curve, sample
 from dojo_maps.geometry.polylines import Floats, drop_repeats, lift, place_on
 from dojo_maps.index import MapIndex
 
@@ -60,8 +61,11 @@ _NARROWEST = 0.1
 _HEAD_WIDTH = 0.3
 _LONGEST_MITRE = 2.0
 """How much farther than its distance a corner may lie from the one that it runs beside."""
-_TURNING_ROOM = 0.5
-"""Where a way turns around on the spot, its inner bound goes around a small loop, metres."""
+_MOST_HALVINGS = 5
+_CLOSE = 0.1
+"""Metres; a bound that ends where it began, or behind, goes around a loop, so that it has two sides."""
+_SAMPLING = 2.0
+"""Metres between positions of a bound across a junction."""
 
 _Tags = dict[str, str]
 _Members = list[tuple[str, str, str]]
@@ -138,7 +142,7 @@ class _Document:
             self._add_signal(signal)
         self._add_right_of_way()
         root = ET.Element("osm", version="0.6", generator="TrafficDojo")
-        root.extend(self._node_elements())
+        root.extend(list(self._node_elements()))
         root.extend(self._ways)
         root.extend(self._relations)
         return root
@@ -213,27 +217,54 @@ class _Document:
     def _add_connection(self, connection: Connection) -> None:
         before, after = self._lanelets[connection.from_lane], self._lanelets[connection.to_lane]
         lane, next_lane = self._index.lanes[connection.from_lane], self._index.lanes[connection.to_lane]
+        start = place_on(_with_length(lane.shape), np.inf)
+        end = place_on(_with_length(next_lane.shape), 0.0)
+        pieces = curve((start[0][:2], start[1]), (end[0][:2], end[1]), connection.shape[1:-1, :2])
+        places = sample(pieces, apart=_SAMPLING)
+        middle = points(np.column_stack([places, np.linspace(start[0][2], end[0][2], len(places))]))
         width = (_width(lane) + _width(next_lane)) / 2
-        left = self._add_bound(connection.shape, before.left, after.left, width / 2)
-        right = self._add_bound(connection.shape, before.right, after.right, -width / 2)
+        ends = [(before.left, after.left, width / 2), (before.right, after.right, -width / 2)]
+        left, right = (self._bound(*pair, beside=middle) for pair in ends)
+        if not (_lies_beside(left, right, -1.0) and _lies_beside(right, left, 1.0)):
+            left, right = (self._bound(*pair, headings=(start[1], end[1])) for pair in ends)
+        lines = [
+            self._add_line(bound, {"type": "virtual"}, first=first.last, last=last.first)
+            for bound, (first, last, _) in zip((left, right), ends, strict=True)
+        ]
         tags = _lane_tags(lane if lane.kind is not LaneKind.DRIVING else next_lane)
         if connection.direction in _TURNS:
             tags["turn_direction"] = _TURNS[connection.direction]
-        self._add_lanelet(connection.id, left, right, tags)
+        self._add_lanelet(connection.id, lines[0], lines[1], tags)
 
-    def _add_bound(self, shape: Points, before: _Line, after: _Line, distance: float) -> _Line:
-        """Add a bound from a line's end to another one's start, metres to the left of a shape."""
+    def _bound(
+        self,
+        before: _Line,
+        after: _Line,
+        distance: float,
+        *,
+        beside: Points | None = None,
+        headings: tuple[float, float] = (0.0, 0.0),
+    ) -> Floats:
+        """Draw a bound from a line's end to another one's start: (n, 3).
+
+        Args:
+            before: the line.
+            after: the other one.
+            distance: metres to the left of the way's middle.
+            beside: (n, 3), the way's middle; None for a curve with the headings at its ends.
+            headings: radians.
+        """
         start, end = self._nodes[before.last], self._nodes[after.first]
-        between = _beside(shape, distance)[1:-1]
-        line = _with_length(shape)
-        heading, end_heading = place_on(line, 0.0)[1], place_on(line, np.inf)[1]
-        if np.hypot(*(end - start)[:2]) < _TURNING_ROOM and np.cos(end_heading - heading) < 0:
-            ahead = np.array([np.cos(heading), np.sin(heading), 0.0]) * _TURNING_ROOM
-            inward = np.array([-ahead[1], ahead[0], 0.0]) * np.sign(distance) / 2
-            middle = (start + end) / 2
-            between = np.array([middle + ahead - inward, middle + ahead + inward])
-        bound = np.vstack([start, between, end])
-        return self._add_line(bound, {"type": "virtual"}, first=before.last, last=after.first)
+        if beside is not None:
+            return np.vstack([start, _beside(beside, distance)[1:-1], end])
+        ahead = np.array([np.cos(headings[0]), np.sin(headings[0]), 0.0])
+        if (end - start) @ ahead < _CLOSE:
+            loop = ahead * max(float(np.hypot(*(end - start)[:2])), _CLOSE)
+            inward = np.array([-ahead[1], ahead[0], 0.0]) * np.sign(distance) * _CLOSE / 2
+            return np.vstack([start, start + loop - inward, end + loop + inward, end])
+        pieces = curve((start[:2], headings[0]), (end[:2], headings[1]), np.empty((0, 2)))
+        places = sample(pieces, apart=_SAMPLING)
+        return np.column_stack([places, np.linspace(start[2], end[2], len(places))])
 
     def _add_crossing(self, crossing: Crossing) -> None:
         left, right = (
@@ -345,17 +376,37 @@ def _with_length(shape: Points) -> Points:
     return line if len(line) > 1 else points(np.vstack([line, line + np.array([_NARROWEST, 0.0, 0.0])]))
 
 
+def _lies_beside(line: Floats, other: Floats, side: float) -> bool:
+    """Tell whether the middle of another line lies on a line's left (1.0) or right (-1.0).
+
+    Readers turn lines around by that.
+    """
+    middle = other[len(other) // 2, :2] if len(other) > 2 else other[:, :2].mean(axis=0)
+    starts, steps = line[:-1, :2], np.diff(line[:, :2], axis=0)
+    away = middle - starts
+    share = (away * steps).sum(axis=1) / np.maximum((steps**2).sum(axis=1), 1e-12)
+    distance = np.hypot(*(away - np.clip(share, 0.0, 1.0)[:, None] * steps).T)
+    near = np.flatnonzero(distance < distance.min() + 1e-6)
+    return bool((side * (steps[near, 0] * away[near, 1] - steps[near, 1] * away[near, 0]) > 1e-6).all())
+
+
 def _beside(shape: Points, distance: float) -> Floats:
     """Draw the line beside another one, metres to its left, its ends across those of the other: (n, 3).
 
-    Corners are mitred; where the line turns too tightly, what would run backwards is left out.
+    Corners are mitred. Where the line turns so tightly that one beside it would run backwards, that one
+    comes nearer; what still runs backwards is left out.
     """
     line = _with_length(shape)
     steps = np.diff(line[:, :2], axis=0)
     normals = np.column_stack([-steps[:, 1], steps[:, 0]]) / np.hypot(*steps.T)[:, None]
     sums = np.vstack([2 * normals[:1], normals[:-1] + normals[1:], 2 * normals[-1:]])
     mitres = sums * np.minimum(2 / np.maximum((sums**2).sum(axis=1), 1e-9), _LONGEST_MITRE)[:, None]
-    moved = line + np.column_stack([distance * mitres, np.zeros(len(line))])
-    forward = (np.diff(moved[:, :2], axis=0) * steps).sum(axis=1) > 0
-    kept = np.concatenate([[True], forward[:-1] & forward[1:], [True]])
-    return moved[kept]
+    distances = np.full(len(line), distance)
+    for _ in range(_MOST_HALVINGS):
+        moved = line + np.column_stack([distances[:, None] * mitres, np.zeros(len(line))])
+        backward = (np.diff(moved[:, :2], axis=0) * steps).sum(axis=1) < 1e-6
+        turning = np.concatenate([[False], backward[:-1] | backward[1:], [False]])
+        if not turning.any():
+            break
+        distances[turning] /= 2
+    return moved[~turning]

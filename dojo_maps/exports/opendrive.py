@@ -28,7 +28,7 @@ from dojo_maps.description import (
     points,
 )  # fmt: skip
 from dojo_maps.exports import file_stem
-from dojo_maps.exports.opendrive_geometry import (
+from dojo_maps.exports.reference_lines import (
     Piece,
     Place,
     ReferenceLine,

@@ -134,6 +134,17 @@ def curve(start: Place, end: Place, between: Floats) -> list[Piece]:
     return pieces
 
 
+def sample(pieces: Sequence[Piece], *, apart: float) -> Floats:
+    """Take positions along the curves that `curve` draws, about so many metres apart: (n, 2), n >= 2."""
+    places = [pieces[0].start[None]]
+    for piece in pieces:
+        p = np.linspace(0.0, 1.0, max(int(np.ceil(piece.length / apart)), 1) + 1)[1:]
+        ahead, aside = piece.cubic @ np.array([np.ones_like(p), p, p**2, p**3])
+        turn = np.array([unit(piece.heading), unit(piece.heading + np.pi / 2)])
+        places.append(piece.start + np.column_stack([ahead, aside]) @ turn)
+    return np.vstack(places)
+
+
 def _cubic(s: float, start: Floats, step: Floats, heading: float, end_heading: float) -> Piece:
     """Make the Hermite curve with both headings; its tangents are as long as the step."""
     turn = np.array([unit(heading), unit(heading + np.pi / 2)])
