@@ -47,6 +47,7 @@ def find_issues(
         Need.MESHES: meshes is not None,
         Need.SUMO: sumo is not None,
         Need.IMPORT: road_map.source.kind == "osm",
+        Need.OPENDRIVE: road_map.source.kind == "opendrive",
     }
     issues, states = list(known), {}
     for check in checks:
