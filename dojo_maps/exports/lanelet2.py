@@ -63,7 +63,10 @@ _LONGEST_MITRE = 2.0
 """How much farther than its distance a corner may lie from the one that it runs beside."""
 _MOST_HALVINGS = 5
 _CLOSE = 0.1
-"""Metres; a bound that ends where it began, or behind, goes around a loop, so that it has two sides."""
+"""Metres; a bound that gets no farther ahead goes around a loop, so that it has two sides."""
+_LOOPS = ((0.0, 0.05), (0.5, 0.05), (0.5, 0.5), (0.5, 1.0))
+"""Ways to draw a bound, the next where the one before does not do: the share of its reach that it must
+get ahead to go without a loop, and how far the loop goes aside as a share of how far it goes ahead."""
 _SAMPLING = 2.0
 """Metres between positions of a bound across a junction."""
 
@@ -225,8 +228,10 @@ class _Document:
         width = (_width(lane) + _width(next_lane)) / 2
         ends = [(before.left, after.left, width / 2), (before.right, after.right, -width / 2)]
         left, right = (self._bound(*pair, beside=middle) for pair in ends)
-        if not (_lies_beside(left, right, -1.0) and _lies_beside(right, left, 1.0)):
-            left, right = (self._bound(*pair, headings=(start[1], end[1])) for pair in ends)
+        for loop in _LOOPS:
+            if _lies_beside(left, right, -1.0) and _lies_beside(right, left, 1.0):
+                break
+            left, right = (self._bound(*pair, headings=(start[1], end[1]), loop=loop) for pair in ends)
         lines = [
             self._add_line(bound, {"type": "virtual"}, first=first.last, last=last.first)
             for bound, (first, last, _) in zip((left, right), ends, strict=True)
@@ -244,6 +249,7 @@ class _Document:
         *,
         beside: Points | None = None,
         headings: tuple[float, float] = (0.0, 0.0),
+        loop: tuple[float, float] = (0.0, 0.0),
     ) -> Floats:
         """Draw a bound from a line's end to another one's start: (n, 3).
 
@@ -253,15 +259,18 @@ class _Document:
             distance: metres to the left of the way's middle.
             beside: (n, 3), the way's middle; None for a curve with the headings at its ends.
             headings: radians.
+            loop: one of `_LOOPS`.
         """
         start, end = self._nodes[before.last], self._nodes[after.first]
         if beside is not None:
             return np.vstack([start, _beside(beside, distance)[1:-1], end])
         ahead = np.array([np.cos(headings[0]), np.sin(headings[0]), 0.0])
-        if (end - start) @ ahead < _CLOSE:
-            loop = ahead * max(float(np.hypot(*(end - start)[:2])), _CLOSE)
-            inward = np.array([-ahead[1], ahead[0], 0.0]) * np.sign(distance) * _CLOSE / 2
-            return np.vstack([start, start + loop - inward, end + loop + inward, end])
+        reach = max(float(np.hypot(*(end - start)[:2])), _CLOSE)
+        share, swing = loop
+        if (end - start) @ ahead < max(share * reach, _CLOSE):
+            out = ahead * reach
+            inward = np.array([-out[1], out[0], 0.0]) * np.sign(distance) * swing
+            return np.vstack([start, start + out - inward, end + out + inward, end])
         pieces = curve((start[:2], headings[0]), (end[:2], headings[1]), np.empty((0, 2)))
         places = sample(pieces, apart=_SAMPLING)
         return np.column_stack([places, np.linspace(start[2], end[2], len(places))])
@@ -278,7 +287,7 @@ class _Document:
         """Add pavement with an outline (n, 3); one that crosses itself becomes its parts."""
         whole = shapely.make_valid(shapely.Polygon(ring[:, :2])) if len(ring) > 2 else shapely.Polygon()
         for part in shapely.get_parts(whole):
-            if not isinstance(part, shapely.Polygon) or part.is_empty:
+            if not isinstance(part, shapely.Polygon) or part.area < _NARROWEST:
                 continue
             clockwise = shapely.get_coordinates(shapely.orient_polygons(part, exterior_cw=True).exterior)
             first = self._number()
