@@ -36,8 +36,8 @@ _LOSSES = (
 """What an import counts while it builds a network: code, id, title, severity and limit."""
 
 _OPENDRIVE = (
-    ("SUM003", "sumo.opendrive_warning", "netconvert has nothing to object", NOTE),
-    ("SUM004", "sumo.opendrive_lost", "All of an OpenDRIVE file is in the network", WARNING),
+    ("IMP014", "sumo.opendrive_warning", "netconvert has nothing to object", NOTE),
+    ("IMP015", "sumo.opendrive_lost", "All of an OpenDRIVE file is in the network", WARNING),
 )
 
 CHECKS = (
@@ -76,7 +76,7 @@ CHECKS = (
             limit="none",
             source="ASAM OpenDRIVE",
             hint="look at the place in netedit, and correct it there or in the OpenDRIVE file",
-            needs=Need.OPENDRIVE,
+            needs=Need.IMPORT,
         )
         for code, id_, title, severity in _OPENDRIVE
     ),
