@@ -9,7 +9,7 @@ from dojo_maps.cli_area import add_area_options, find_source, join_signed
 from dojo_maps.command import Parser, add_command, run_command
 from dojo_maps.progress import Progress
 
-EXPORT_NAMES = ("metadrive", "opendrive", "geojson")
+EXPORT_NAMES = ("metadrive", "opendrive", "geojson", "lanelet2")
 _PROFILES = ("default", "rl", "strict")
 _REPORTS = {"json": "the report", "html": "a page", "sarif": "SARIF", "geojson": "the issues as GeoJSON"}
 
@@ -28,12 +28,12 @@ def _parser() -> argparse.ArgumentParser:
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
 
     convert = add_command(
-        commands, "convert", _convert, "turn a SUMO network or OpenStreetMap data into a bundle"
+        commands, "convert", _convert, "turn a SUMO network, OpenStreetMap data or OpenDRIVE into a bundle"
     )
     convert.add_argument(
         "source",
         metavar="NET_OR_OSM",
-        help=".net.xml, .net.xml.gz, .osm, .osm.gz, .osm.pbf, or a packaged scenario such as cologne1",
+        help=".net.xml, .net.xml.gz, .osm, .osm.gz, .osm.pbf, .xodr, or a packaged scenario such as cologne1",
     )
     convert.add_argument(
         "--enrich-net",

@@ -24,6 +24,7 @@ from dojo_maps.meshes.mesh import Mesh
 from dojo_maps.report.overview import draw_overview
 from dojo_maps.report.page import write_page
 from dojo_maps.serialization import to_json
+from dojo_maps.sources import opendrive
 from dojo_maps.sources.enrich_net import enrich_network
 from dojo_maps.sources.files import find_network
 from dojo_maps.sources.osm import is_osm, read_osm
@@ -61,10 +62,10 @@ def convert(
     *,
     on_stage: Callable[[str], None] = lambda _stage: None,
 ) -> tuple[bundle.Bundle, dict[str, Any]]:
-    """Convert a SUMO network or an OpenStreetMap extract into a bundle.
+    """Convert a SUMO network, an OpenStreetMap extract or an OpenDRIVE file into a bundle.
 
     Args:
-        source: a path (.net.xml, .net.xml.gz, .osm, .osm.gz, .osm.pbf...) or the name of a packaged scenario.
+        source: a path (.net.xml, .osm, .osm.pbf, .xodr and so on) or the name of a packaged scenario.
         folder: the bundle to write; by default the map's name with .dojo, in the current folder.
         options: how to convert.
         on_stage: told what begins.
@@ -104,10 +105,18 @@ def _convert(
         issues += lost
     else:
         data, sha256 = read_bytes(path), sha256_of(path)
+        drawn = None
+        if opendrive.is_opendrive(path):
+            on_stage("Building the network")
+            drawn = opendrive.build_network(data, path=path)
+            data = drawn.data
         if options.enrich_net:
             on_stage("Adding sidewalks and crossings to the network")
             data, changes = enrich_network(data, path=path)
         described, issues = read_network(data, path=path, name=name, sha256=sha256)
+        if drawn is not None:
+            described = replace(described, source=replace(described.source, kind="opendrive"))
+            issues += drawn.issues(described)
     source = replace(described.source, network_sha256=hashlib.sha256(data).hexdigest())
     described = replace(described, source=source)
     with ExitStack() as stack:

@@ -9,7 +9,7 @@ import shutil
 import signal
 import subprocess
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import IO
 
@@ -102,12 +102,21 @@ def _start(
 
 
 def kill_program(child: "subprocess.Popen[bytes]") -> None:
-    """End a program and what it started, if it still runs."""
-    if child.poll() is None:
-        if hasattr(os, "killpg"):
-            os.killpg(child.pid, signal.SIGKILL)
-        else:
+    """End a program and what it started, if it still runs.
+
+    Not by its own means: an interruption inside of `wait` may have left that locked for ever.
+    """
+    with held():
+        if child.returncode is not None:
+            return
+        if not hasattr(os, "killpg"):
             child.kill()
+            return
+        with suppress(ProcessLookupError):
+            os.killpg(child.pid, signal.SIGKILL)
+        child.returncode = -signal.SIGKILL
+        with suppress(ChildProcessError):
+            child.returncode = os.waitstatus_to_exitcode(os.waitpid(child.pid, 0)[1])
 
 
 def signal_name(number: int) -> str:

@@ -259,7 +259,7 @@ function listen(canvas) {
   addEventListener("resize", resize);
 }
 
-// Meshes come without normals; what three.js derives per pixel instead breaks up near the eye. Paint is
+// Older scenes have no normals; what three.js derives per pixel instead breaks up near the eye. Paint is
 // drawn as if it lay nearer, because from kilometres away its centimetre above the road is lost in rounding.
 function prepare(mesh) {
   mesh.material = mesh.material.clone();

@@ -11,6 +11,7 @@ import pytest
 import dojo_maps
 from dojo_maps import cli
 from dojo_maps.errors import SourceError
+from dojo_maps.exports import EXPORTERS
 from dojo_maps.input_files import read_bytes
 from dojo_maps.sources.files import find_network
 
@@ -73,11 +74,8 @@ def test_enrich_net_gives_the_network_crossings_and_keeps_its_programs(tmp_path:
 
 def test_exports_are_part_of_the_bundle(tmp_path: Path) -> None:
     folder = tmp_path / "x.dojo"
-    assert (
-        cli.main(["convert", "cologne1", "--export", "metadrive", "opendrive", "geojson", "-o", str(folder)])
-        == 0
-    )
-    assert {path.name for path in (folder / "exports").iterdir()} == {"metadrive", "opendrive", "geojson"}
+    assert cli.main(["convert", "cologne1", "--export", *EXPORTERS, "-o", str(folder)]) == 0
+    assert {path.name for path in (folder / "exports").iterdir()} == set(EXPORTERS)
     assert all(any(path.iterdir()) for path in (folder / "exports").iterdir())
 
 

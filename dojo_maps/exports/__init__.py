@@ -18,7 +18,7 @@ def _write(format_name: str, road_map: RoadMap, network: Path, folder: Path) -> 
 
 
 EXPORTERS: dict[str, Exporter] = {
-    name: partial(_write, name) for name in ("metadrive", "opendrive", "geojson")
+    name: partial(_write, name) for name in ("metadrive", "opendrive", "geojson", "lanelet2")
 }
 """Every format by the name that `--export` takes."""
 

@@ -14,12 +14,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pyproj
 import shapely
 
-from dojo_maps.description import Points, Projection, RoadMap
-from dojo_maps.errors import ExportError
+from dojo_maps.description import Points, RoadMap
 from dojo_maps.exports import file_stem
+from dojo_maps.exports.earth import Earth
 from dojo_maps.geometry.pieces import flat_polygons
 
 Geometry = dict[str, Any]
@@ -53,8 +52,8 @@ class _Places:
     """Turns map positions into geometries, in degrees or, without a projection, in metres."""
 
     def __init__(self, road_map: RoadMap) -> None:
-        self._projection = road_map.projection
-        self._convert = _projector(road_map.projection)
+        proj = road_map.projection.proj
+        self._earth = None if proj is None else Earth(proj, road_map.projection.net_offset)
         self._with_heights = any(lane.shape[:, 2].any() for lane in road_map.lanes)
 
     def point(self, position: Sequence[float]) -> Geometry:
@@ -99,47 +98,18 @@ class _Places:
         return [*places, places[0]]
 
     def _places(self, positions: Any) -> list[list[float]]:
-        convert = self._convert
-        columns = self._on_earth(positions, convert) if convert else np.round(positions[:, :2], 3).T.tolist()
+        if self._earth is None:
+            columns = [*np.round(positions[:, :2], 3).T]
+        else:
+            columns = [*np.round(self._earth.degrees(positions), _DECIMALS)]
         if self._with_heights:
             columns.append(np.round(positions[:, 2], 3))
         values: list[list[float]] = np.column_stack(columns).tolist()
         return values
 
-    def _on_earth(self, positions: Any, convert: pyproj.Proj) -> list[Any]:
-        """Turn (n, 2) metres into longitudes and latitudes, degrees."""
-        offset = self._projection.net_offset
-        try:
-            degrees = convert(positions[:, 0] - offset[0], positions[:, 1] - offset[1], inverse=True)
-        except pyproj.exceptions.ProjError as error:
-            raise ExportError(f"{_does_not_fit(self._projection)}: {error}") from error
-        if not (np.abs(degrees[0]) <= 180.0).all() or not (np.abs(degrees[1]) <= 90.0).all():
-            raise ExportError(_does_not_fit(self._projection))
-        return [np.round(axis, _DECIMALS) for axis in degrees]
-
 
 def _has_length(places: Sequence[Sequence[float]]) -> bool:
     return any(place[:2] != places[0][:2] for place in places)
-
-
-def _projector(projection: Projection) -> pyproj.Proj | None:
-    if projection.proj is None:
-        return None
-    try:
-        # Without a datum shift, because SUMO applies none on the way in.
-        return pyproj.Proj(projection.proj)
-    except pyproj.exceptions.CRSError as error:
-        raise ExportError(
-            f"the network's projection {projection.proj[:200]!r} is not one that PROJ knows: {error}; "
-            "correct projParameter in its <location>"
-        ) from error
-
-
-def _does_not_fit(projection: Projection) -> str:
-    return (
-        f"the network's coordinates lie outside its projection {str(projection.proj)[:200]!r}; "
-        "correct projParameter and netOffset in its <location>"
-    )
 
 
 def _features(road_map: RoadMap, places: _Places) -> Iterator[dict[str, Any]]:

@@ -1,13 +1,20 @@
-"""The scene as binary glTF: +Y up, one node and one material per mesh, the sources of its faces beside it."""
+"""The scene as binary glTF: +Y up, one node and one material per mesh, the sources of its faces beside it.
 
+Normals are smooth over edges that bend little. At others the corners are stored once for each side, except
+those of pavement, whose solids stay closed for whoever joins corners by their numbers: there the normals are
+those of the tops, which are lit as they lie, and the low kerbs softly.
+"""
+
+import json
+import struct
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import trimesh
-from trimesh.visual.material import PBRMaterial
+from numpy.typing import NDArray
 
+from dojo_maps.geometry.polylines import Floats, Ints
 from dojo_maps.meshes.mesh import Mesh
 
 COLOURS = {
@@ -35,8 +42,17 @@ COLOURS = {
 }
 """Colours by node name, sRGB."""
 
+_JOINED = ("sidewalk", "walking_area", "island")
+"""Layers whose faces share their corners whatever the angle."""
+_CREASE = np.cos(np.radians(30.0))
+_TOPS_FIRST = 1000.0
+"""How much more than its walls the top of pavement counts for the normals of its edge."""
+
 _VERTICES, _INDICES = 34962, 34963
 """glTF's numbers for what a buffer view holds."""
+_TYPES = {np.uint16: 5123, np.uint32: 5125, np.float32: 5126}
+_MOST_SHORT = 65535
+"""Vertices that can be counted in two bytes; the last number is kept for breaks."""
 
 
 def write_scene(meshes: Sequence[Mesh], path: Path) -> None:
@@ -45,38 +61,149 @@ def write_scene(meshes: Sequence[Mesh], path: Path) -> None:
     Each mesh carries `extras.sources`: a list of [id, first face, number of faces], in the order of its
     faces, so that every face can be traced to the thing of the description it belongs to.
     """
-    scene = trimesh.Scene()
-    for mesh in meshes:
-        x, y, z = mesh.vertices.T
-        material = PBRMaterial(
-            name=mesh.name,
-            baseColorFactor=_linear(COLOURS[mesh.name]),
-            metallicFactor=0.0,
-            roughnessFactor=0.9,
-            doubleSided=mesh.layer in ("road", "junction", "terrain"),
-        )
-        shape = trimesh.Trimesh(
-            vertices=np.column_stack([x, z, -y]),
-            faces=mesh.faces,
-            process=False,
-            visual=trimesh.visual.TextureVisuals(material=material),
-            metadata={"sources": source_runs(mesh)},
-        )
-        scene.add_geometry(shape, node_name=mesh.name, geom_name=mesh.name)
-    path.write_bytes(
-        trimesh.exchange.gltf.export_glb(scene, include_normals=False, tree_postprocessor=_name_targets)
-    )
+    shaded = [_shade(mesh) for mesh in meshes]
+    binary = _Binary()
+    for mesh, (vertices, faces, normals) in zip(meshes, shaded, strict=True):
+        binary.add_mesh(mesh, vertices, faces, normals)
+    path.write_bytes(binary.to_bytes())
 
 
-def _name_targets(tree: dict[str, Any]) -> None:
-    """Say of each buffer view whether it holds vertices or indices, as viewers on graphics cards ask for."""
-    for mesh in tree["meshes"]:
-        for primitive in mesh["primitives"]:
-            uses = [(primitive["indices"], _INDICES)]
-            uses += [(accessor, _VERTICES) for accessor in primitive["attributes"].values()]
-            for accessor, target in uses:
-                view = tree["accessors"][accessor]["bufferView"]
-                tree["bufferViews"][view]["target"] = target
+class _Binary:
+    """A glTF document and the bytes that it speaks of. Source: glTF 2.0, sections 3.6 and 4.4."""
+
+    def __init__(self) -> None:
+        self._data = bytearray()
+        self._views: dict[tuple[bytes, int], int] = {}
+        self._document: dict[str, Any] = {
+            "asset": {"version": "2.0", "generator": "TrafficDojo"},
+            "scene": 0,
+            "scenes": [{"nodes": []}],
+        }
+        self._document |= {name: [] for name in ("nodes", "meshes", "materials", "accessors", "bufferViews")}
+
+    def add_mesh(self, mesh: Mesh, vertices: Floats, faces: Ints, normals: Floats) -> None:
+        """Add a node with its mesh and its material, all of one number."""
+        places = _y_up(vertices).astype(np.float32)
+        small = len(places) <= _MOST_SHORT
+        indices = faces.ravel().astype(np.uint16 if small else np.uint32)
+        corners = self._add_values(indices, _INDICES)
+        attributes = {
+            "POSITION": self._add_values(places, _VERTICES),
+            "NORMAL": self._add_values(_y_up(normals).astype(np.float32), _VERTICES),
+        }
+        # Only of positions are bounds needed.
+        bounds = {"min": places.min(axis=0).tolist(), "max": places.max(axis=0).tolist()}
+        self._document["accessors"][attributes["POSITION"]] |= bounds
+        number = len(self._document["nodes"])
+        primitive = {"attributes": attributes, "indices": corners, "mode": 4, "material": number}
+        extras = {"sources": source_runs(mesh)}
+        self._document["nodes"].append({"name": mesh.name, "mesh": number})
+        self._document["scenes"][0]["nodes"].append(number)
+        self._document["meshes"].append({"name": mesh.name, "primitives": [primitive], "extras": extras})
+        self._document["materials"].append(
+            {
+                "name": mesh.name,
+                "pbrMetallicRoughness": {
+                    "baseColorFactor": _linear(COLOURS[mesh.name]),
+                    "metallicFactor": 0.0,
+                    "roughnessFactor": 0.9,
+                },
+                "doubleSided": mesh.layer in ("road", "junction", "terrain"),
+            }
+        )
+
+    def _add_values(self, values: NDArray[Any], target: int) -> int:
+        """Add an accessor of (n,) or (n, 3) values; what is there in these bytes already is used again."""
+        data = values.tobytes()
+        if (data, target) not in self._views:
+            self._data += bytes(-len(self._data) % 4)
+            view = {"buffer": 0, "byteOffset": len(self._data), "byteLength": len(data), "target": target}
+            self._views[data, target] = len(self._document["bufferViews"])
+            self._document["bufferViews"].append(view)
+            self._data += data
+        accessor = {
+            "bufferView": self._views[data, target],
+            "componentType": _TYPES[values.dtype.type],
+            "count": len(values),
+            "type": "VEC3" if values.ndim > 1 else "SCALAR",
+        }
+        self._document["accessors"].append(accessor)
+        return len(self._document["accessors"]) - 1
+
+    def to_bytes(self) -> bytes:
+        """Put the file together."""
+        self._data += bytes(-len(self._data) % 4)
+        whole = {**self._document, "buffers": [{"byteLength": len(self._data)}]}
+        document = json.dumps(whole, ensure_ascii=False, separators=(",", ":")).encode()
+        document += b" " * (-len(document) % 4)
+        length = 12 + 8 + len(document) + 8 + len(self._data)
+        return b"".join(
+            [
+                struct.pack("<4sII", b"glTF", 2, length),
+                struct.pack("<I4s", len(document), b"JSON"),
+                document,
+                struct.pack("<I4s", len(self._data), b"BIN\0"),
+                bytes(self._data),
+            ]
+        )
+
+
+def _y_up(vectors: Floats) -> Floats:
+    x, y, z = vectors.T
+    return np.column_stack([x, z, -y])
+
+
+def _shade(mesh: Mesh) -> tuple[Floats, Ints, Floats]:
+    """Find a mesh's normals, with the corners at sharp edges stored once for each side.
+
+    Returns:
+        Vertices (n, 3), faces (m, 3) in the same order at the same places, and unit normals (n, 3).
+    """
+    a, b, c = np.moveaxis(mesh.vertices[mesh.faces], 1, 0)
+    across = np.cross(b - a, c - a)
+    corners, facing = mesh.faces.ravel(), _unit(across)
+    if mesh.layer in _JOINED:
+        groups = corners
+        across *= np.where(facing[:, 2:] > _CREASE, _TOPS_FIRST, 1.0)
+    else:
+        groups = _smooth_groups(mesh.faces, facing)
+    sums = np.zeros((len(corners), 3))
+    np.add.at(sums, groups, np.repeat(across, 3, axis=0))
+    normals = _unit(sums)[groups]
+    keys = np.column_stack([corners, np.round(normals * 1000.0)])
+    _, first, places = np.unique(keys, axis=0, return_index=True, return_inverse=True)
+    return mesh.vertices[corners[first]], places.reshape(-1, 3), normals[first]
+
+
+def _unit(vectors: Floats) -> Floats:
+    """Scale vectors to unit length; those without length point up."""
+    length = np.linalg.norm(vectors, axis=1, keepdims=True)
+    return np.where(length > 1e-12, vectors / np.maximum(length, 1e-12), [0.0, 0.0, 1.0])
+
+
+def _smooth_groups(faces: Ints, normals: Floats) -> Ints:
+    """Group the corners of faces that meet without a crease: (3 m,) the number of a corner of the group."""
+    starts, ends = faces.ravel(), faces[:, [1, 2, 0]].ravel()
+    number = np.arange(len(starts))
+    following = number.reshape(-1, 3)[:, [1, 2, 0]].ravel()
+    keys = np.minimum(starts, ends) * (faces.max(initial=0) + 1) + np.maximum(starts, ends)
+    order = np.argsort(keys, kind="stable")
+    one, other = order[:-1], order[1:]
+    flat = (normals[one // 3] * normals[other // 3]).sum(axis=1) > _CREASE
+    met = (keys[one] == keys[other]) & (starts[one] == ends[other]) & flat
+    one, other = one[met], other[met]
+    # An edge runs from its own corner to the following one, and back along its neighbour.
+    pairs = np.concatenate([[one, following[other]], [following[one], other]], axis=1)
+    groups = number
+    while True:
+        least = np.minimum(groups[pairs[0]], groups[pairs[1]])
+        joined = groups.copy()
+        np.minimum.at(joined, pairs[0], least)
+        np.minimum.at(joined, pairs[1], least)
+        joined = joined[joined]
+        if np.array_equal(joined, groups):
+            return groups
+        groups = joined
 
 
 def _linear(colour: tuple[int, int, int]) -> list[float]:

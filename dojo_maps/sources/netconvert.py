@@ -5,17 +5,22 @@ limit each become one clear error.
 """
 
 import itertools
+import re
 import subprocess
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from dojo_maps.errors import DojoError, ToolMissingError
+from dojo_maps.index import MapIndex
+from dojo_maps.issue import Element, Issue, Severity
 from dojo_maps.sumo_programs import find_program, running_program, signal_name
 
 _WARNING, _ERROR = "Warning: ", "Error: "
 _AGGREGATE = "--aggregate-warnings"
 """Without it netconvert keeps the repetitions of a warning to itself after a few."""
+
+_QUOTED = re.compile(r"'(:?-?[\w#.]+?)(_[cw]?\d+)?'")
 
 
 class NetconvertError(DojoError):
@@ -53,6 +58,38 @@ def run_netconvert(
         raise NetconvertError(f"netconvert failed with exit status {status}; {_last_words(lines)}")
     return NetconvertResult(
         warnings=tuple(line.removeprefix(_WARNING) for line in lines if line.startswith(_WARNING))
+    )
+
+
+def warning_issue(warning: str, index: MapIndex, *, check: str, hint: str) -> Issue:
+    """Make a note of a warning, at the elements that it names.
+
+    Args:
+        warning: in netconvert's words.
+        index: of what it built.
+        check: the note's own.
+        hint: what to do about it.
+    """
+    elements: list[Element] = []
+    x, y = index.map.origin
+    for name, suffix in _QUOTED.findall(warning):
+        key = name.removeprefix(":")
+        if name + suffix in index.lanes:
+            elements.append(Element(kind="lane", id=name + suffix))
+            x, y, _ = map(float, index.lanes[name + suffix].shape[0])
+        elif key in index.roads:
+            elements.append(Element(kind="road", id=key))
+            x, y, _ = map(float, index.lanes[index.roads[key].lanes[0]].shape[0])
+        elif key in index.junctions:
+            elements.append(Element(kind="junction", id=key))
+            x, y, _ = index.junctions[key].position
+    return Issue(
+        check=check,
+        severity=Severity.NOTE,
+        elements=tuple(dict.fromkeys(elements)),
+        position=(x, y, 0.0),
+        message=f"netconvert: {warning}",
+        hint=hint,
     )
 
 

@@ -1,4 +1,4 @@
-"""Checks of OpenStreetMap's own data, and of what an import makes of it; a network alone skips them."""
+"""Checks of the data that a network is imported from, and of what is lost; a network alone skips them."""
 
 from dojo_maps.validation.check import NOTE, WARNING, Check, Need
 
@@ -35,6 +35,11 @@ _LOSSES = (
 )
 """What an import counts while it builds a network: code, id, title, severity and limit."""
 
+_OPENDRIVE = (
+    ("IMP014", "sumo.opendrive_warning", "netconvert has nothing to object", NOTE),
+    ("IMP015", "sumo.opendrive_lost", "All of an OpenDRIVE file is in the network", WARNING),
+)
+
 CHECKS = (
     *(
         Check(
@@ -61,5 +66,18 @@ CHECKS = (
             needs=Need.IMPORT,
         )
         for code, id_, title, severity, limit in _LOSSES
+    ),
+    *(
+        Check(
+            id=id_,
+            code=code,
+            title=title,
+            severity=severity,
+            limit="none",
+            source="ASAM OpenDRIVE",
+            hint="look at the place in netedit, and correct it there or in the OpenDRIVE file",
+            needs=Need.IMPORT,
+        )
+        for code, id_, title, severity in _OPENDRIVE
     ),
 )

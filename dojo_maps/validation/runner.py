@@ -46,7 +46,7 @@ def find_issues(
         Need.NOTHING: True,
         Need.MESHES: meshes is not None,
         Need.SUMO: sumo is not None,
-        Need.IMPORT: road_map.source.kind == "osm",
+        Need.IMPORT: road_map.source.kind != "sumo",
     }
     issues, states = list(known), {}
     for check in checks:

@@ -12,7 +12,7 @@ from dojo_maps.description import RoadMap
 from dojo_maps.errors import SourceError
 from dojo_maps.index import MapIndex
 from dojo_maps.issue import Element, Issue, Severity
-from dojo_maps.sources.netconvert import NetconvertError, run_netconvert
+from dojo_maps.sources.netconvert import NetconvertError, run_netconvert, warning_issue
 from dojo_maps.sources.osm.absorbing import lying_on_neighbours
 from dojo_maps.sources.osm.arms import Layout
 from dojo_maps.sources.osm.data import OsmData
@@ -41,7 +41,6 @@ _NO_PAVEMENT = re.compile(
 _PLACELESS = re.compile(
     rb'<edge id=":[^"]*" function="crossing" crossingEdges="([^"]*)"[^>]*>\s*<lane [^>]*"[^"]*\bnan\b'
 )
-_QUOTED = re.compile(r"'(:?-?[\w#.]+?)(_[cw]?\d+)?'")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -99,7 +98,11 @@ def build_network(data: OsmData, *, path: Path, name: str, sha256: str) -> OsmNe
     built = mend_outlines(program_signals(built, road_map))
     road_map, issues = read_network(built, path=path, name=name, sha256=sha256)
     issues += tuple(_dropped_issue(option, reason, road_map) for option, reason in dropped)
-    issues += tuple(_warning_issue(warning, road_map) for warning in warnings)
+    hint = "look at the place in netedit; correct the map data where it is wrong"
+    index = MapIndex(road_map)
+    issues += tuple(
+        warning_issue(warning, index, check="osm.netconvert_warning", hint=hint) for warning in warnings
+    )
     issues += tuple(_broken_restriction(relation, road_map) for relation in broken)
     return OsmNetwork(
         data=built,
@@ -206,32 +209,6 @@ def _unpaved(warnings: tuple[str, ...]) -> set[str]:
     """Find the sections whose crossings netconvert dropped because they lead to no pavement."""
     found = (_NO_PAVEMENT.search(warning) for warning in warnings)
     return {edge.removeprefix("-") for match in found if match for edge in match[1].split()}
-
-
-def _warning_issue(warning: str, road_map: RoadMap) -> Issue:
-    index = MapIndex(road_map)
-    roads, lanes, junctions = index.roads, index.lanes, index.junctions
-    elements: list[Element] = []
-    x, y = road_map.origin
-    for name, suffix in _QUOTED.findall(warning):
-        key = name.removeprefix(":")
-        if name + suffix in lanes:
-            elements.append(Element(kind="lane", id=name + suffix))
-            x, y, _ = map(float, lanes[name + suffix].shape[0])
-        elif key in roads:
-            elements.append(Element(kind="road", id=key))
-            x, y, _ = map(float, lanes[roads[key].lanes[0]].shape[0])
-        elif key in junctions:
-            elements.append(Element(kind="junction", id=key))
-            x, y, _ = junctions[key].position
-    return Issue(
-        check="osm.netconvert_warning",
-        severity=Severity.NOTE,
-        elements=tuple(dict.fromkeys(elements)),
-        position=(x, y, 0.0),
-        message=f"netconvert: {warning}",
-        hint="look at the place in netedit; correct the map data where it is wrong",
-    )
 
 
 def _dropped_issue(option: str, reason: str, road_map: RoadMap) -> Issue:
