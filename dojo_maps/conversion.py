@@ -178,7 +178,7 @@ def _export(
         target = folder / bundle.EXPORTS / name
         target.mkdir(parents=True)
         try:
-            EXPORTERS[name](road_map, folder / bundle.NETWORK, target)
+            EXPORTERS[name](road_map, target)
             states[name] = "written"
         except (OSError, WriteError):
             raise

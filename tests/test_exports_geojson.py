@@ -29,7 +29,7 @@ def _read(name: str) -> tuple[RoadMap, Path]:
 
 
 def _export(road_map: RoadMap, folder: Path) -> dict[str, Any]:
-    EXPORTERS["geojson"](road_map, folder / "network.net.xml", folder)
+    EXPORTERS["geojson"](road_map, folder)
     return json.loads((folder / f"{road_map.name}.geojson").read_text(encoding="utf-8"))
 
 

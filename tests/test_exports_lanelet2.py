@@ -26,7 +26,7 @@ def _read(network: str | Path) -> RoadMap:
 
 def _export(road_map: RoadMap, folder: Path) -> Path:
     folder.mkdir()
-    EXPORTERS["lanelet2"](road_map, Path("unused"), folder)
+    EXPORTERS["lanelet2"](road_map, folder)
     (written,) = folder.iterdir()
     return written
 

@@ -34,9 +34,9 @@ def _read(network: str | Path) -> tuple[RoadMap, Path]:
     return read_network(read_bytes(path), path=path, name=name, sha256="")[0], path
 
 
-def _export(road_map: RoadMap, network: Path, folder: Path) -> dict[str, Any]:
+def _export(road_map: RoadMap, folder: Path) -> dict[str, Any]:
     folder.mkdir(exist_ok=True)
-    EXPORTERS["metadrive"](road_map, network, folder)
+    EXPORTERS["metadrive"](road_map, folder)
     with (folder / f"sd_dojo-map_v1_{road_map.name}.pkl").open("rb") as file:
         return pickle.load(file)  # noqa: S301 (our own)
 
@@ -46,7 +46,7 @@ def exported(request, network_path, tmp_path_factory):
     """A description, its network and the scenario written from them."""
     name = request.param
     road_map, path = _read(name if name in ("cologne1", "ingolstadt7") else network_path(name))
-    return road_map, path, _export(road_map, path, tmp_path_factory.mktemp("metadrive"))
+    return road_map, path, _export(road_map, tmp_path_factory.mktemp("metadrive"))
 
 
 def _lane_features(scenario):
@@ -54,8 +54,8 @@ def _lane_features(scenario):
 
 
 def test_write_metadrive_writes_a_data_set_of_one_scenario(tmp_path):
-    road_map, path = _read("cologne1")
-    scenario = _export(road_map, path, tmp_path)
+    road_map, _ = _read("cologne1")
+    scenario = _export(road_map, tmp_path)
     name = "sd_dojo-map_v1_cologne1.pkl"
     assert {file.name for file in tmp_path.iterdir()} == {name, "dataset_summary.pkl", "dataset_mapping.pkl"}
     summary = pickle.loads((tmp_path / "dataset_summary.pkl").read_bytes())  # noqa: S301 (our own)
@@ -83,7 +83,7 @@ def test_write_metadrive_writes_plain_values_only(exported):
 
 
 def test_write_metadrive_names_nothing_that_one_version_of_numpy_lacks(tmp_path):
-    _export(*_read("cologne1"), tmp_path)
+    _export(_read("cologne1")[0], tmp_path)
     for path in tmp_path.iterdir():
         strings = [
             argument for _, argument, _ in pickletools.genops(path.read_bytes()) if isinstance(argument, str)
@@ -92,9 +92,9 @@ def test_write_metadrive_names_nothing_that_one_version_of_numpy_lacks(tmp_path)
 
 
 def test_write_metadrive_writes_the_same_bytes_for_the_same_map(tmp_path):
-    road_map, path = _read("ingolstadt7")
-    _export(road_map, path, tmp_path / "one")
-    _export(from_json(to_json(road_map)), path, tmp_path / "two")
+    road_map, _ = _read("ingolstadt7")
+    _export(road_map, tmp_path / "one")
+    _export(from_json(to_json(road_map)), tmp_path / "two")
     for first in (tmp_path / "one").iterdir():
         assert first.read_bytes() == (tmp_path / "two" / first.name).read_bytes()
 
@@ -183,7 +183,7 @@ def test_write_metadrive_knows_only_metadrive_s_types(exported):
 
 
 def test_write_metadrive_keeps_lane_changes_in_the_lines(network_path, tmp_path):
-    features = _export(*_read(network_path("lane_changes")), tmp_path)["map_features"]
+    features = _export(_read(network_path("lane_changes"))[0], tmp_path)["map_features"]
     assert features["line/free/1"]["type"] == "ROAD_LINE_BROKEN_SINGLE_WHITE"
     assert features["line/closed/1"]["type"] == "ROAD_LINE_SOLID_SINGLE_WHITE"
     assert features["line/half/1"]["type"] == "ROAD_LINE_BROKEN_SINGLE_WHITE"
@@ -193,7 +193,7 @@ def test_write_metadrive_keeps_lane_changes_in_the_lines(network_path, tmp_path)
 
 @pytest.mark.parametrize("name", ["bare", "left_hand_bare"])
 def test_write_metadrive_draws_one_centre_line_between_opposite_roads(network_path, tmp_path, name):
-    features = _export(*_read(network_path(name)), tmp_path)["map_features"]
+    features = _export(_read(network_path(name))[0], tmp_path)["map_features"]
     for leg in "nesw":
         inner = [features.get(f"line/{road}/2") for road in (leg, f"-{leg}")]
         drawn = [line for line in inner if line]
@@ -202,8 +202,8 @@ def test_write_metadrive_draws_one_centre_line_between_opposite_roads(network_pa
 
 @pytest.mark.parametrize("name", ["ingolstadt7", "right_hand"])
 def test_write_metadrive_keeps_pavements_off_the_lanes(network_path, tmp_path, name):
-    road_map, path = _read(name if name == "ingolstadt7" else network_path(name))
-    scenario = _export(road_map, path, tmp_path)
+    road_map, _ = _read(name if name == "ingolstadt7" else network_path(name))
+    scenario = _export(road_map, tmp_path)
     lanes = [f["polygon"] for key, f in _lane_features(scenario).items() if "->" not in key]
     roadway = shapely.union_all([shapely.Polygon(ring) for ring in lanes])
     pavements = [f["polygon"] for f in scenario["map_features"].values() if f["type"] == "ROAD_EDGE_SIDEWALK"]
@@ -225,8 +225,8 @@ def test_build_features_splits_a_pavement_with_a_hole():
 
 
 def test_write_metadrive_cuts_no_pavement_by_a_road_on_another_level(network_path, tmp_path):
-    road_map, path = _read(network_path("bridge"))
-    features = _export(road_map, path, tmp_path)["map_features"]
+    road_map, _ = _read(network_path("bridge"))
+    features = _export(road_map, tmp_path)["map_features"]
     for walk in road_map.sidewalks:
         if walk.road == "deck":
             drawn = sum(
@@ -240,7 +240,7 @@ def test_write_metadrive_cuts_no_pavement_by_a_road_on_another_level(network_pat
 @pytest.mark.parametrize("name", ["cologne3", "grid4x4"])
 def test_write_metadrive_shows_the_lights_that_sumo_shows(tmp_path, name):
     road_map, path = _read(name)
-    states = _export(road_map, path, tmp_path)["dynamic_map_states"]
+    states = _export(road_map, tmp_path)["dynamic_map_states"]
     colours = {"r": "STOP", "y": "CAUTION", "g": "GO", "G": "GO", "u": "STOP", "s": "FLASHING_STOP"}
     assert states
     libsumo.start(["sumo", "-n", str(path), "--no-step-log", "--no-warnings", "--step-length", "1"])
@@ -256,8 +256,8 @@ def test_write_metadrive_shows_the_lights_that_sumo_shows(tmp_path, name):
 
 
 def test_write_metadrive_runs_the_last_program_from_its_offset(network_path, tmp_path):
-    road_map, path = _read(network_path("two_programs"))
-    states = _export(road_map, path, tmp_path)["dynamic_map_states"]
+    road_map, _ = _read(network_path("two_programs"))
+    states = _export(road_map, tmp_path)["dynamic_map_states"]
     first = next(key for key, light in states.items() if light["metadata"]["link_index"] == 0)
     lights = states[first]["state"]["object_state"]
     # 31.5 s of green, 3 s of yellow and 42 s of red, begun 12.5 s late: red, then green at 12.5 s.
@@ -297,10 +297,10 @@ def test_write_metadrive_drives_the_ego_car_along_linked_lanes(exported):
 
 
 def test_write_metadrive_refuses_a_map_without_lanes_for_cars(tmp_path):
-    road_map, path = _read("ingolstadt1")
+    road_map, _ = _read("ingolstadt1")
     walks = tuple(lane for lane in road_map.lanes if lane.kind is LaneKind.SIDEWALK)
     with pytest.raises(ExportError, match="lane for cars"):
-        EXPORTERS["metadrive"](replace(road_map, lanes=walks), path, tmp_path)
+        EXPORTERS["metadrive"](replace(road_map, lanes=walks), tmp_path)
 
 
 @pytest.mark.filterwarnings("ignore")
@@ -311,8 +311,8 @@ def test_write_metadrive_is_read_by_metadrive_itself(exported, tmp_path):
         from metadrive.component.lane.scenario_lane import ScenarioLane  # noqa: PLC0415
         from metadrive.component.road_network.edge_road_network import EdgeRoadNetwork  # noqa: PLC0415
         from metadrive.scenario import ScenarioDescription  # noqa: PLC0415
-    road_map, path, _ = exported
-    EXPORTERS["metadrive"](road_map, path, tmp_path)
+    road_map, _, _ = exported
+    EXPORTERS["metadrive"](road_map, tmp_path)
     _, files, mapping = reader.read_dataset_summary(tmp_path)
     scenario = reader.read_scenario_data(tmp_path / mapping[files[0]] / files[0])
     ScenarioDescription.sanity_check(scenario.to_dict(), check_self_type=True, valid_check=True)

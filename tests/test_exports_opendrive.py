@@ -28,9 +28,9 @@ def _read(network: str | Path) -> tuple[RoadMap, Path]:
     return read_network(read_bytes(path), path=path, name=name, sha256="")[0], path
 
 
-def _export(road_map: RoadMap, path: Path, folder: Path) -> Path:
+def _export(road_map: RoadMap, folder: Path) -> Path:
     folder.mkdir(exist_ok=True)
-    EXPORTERS["opendrive"](road_map, path, folder)
+    EXPORTERS["opendrive"](road_map, folder)
     (written,) = folder.iterdir()
     return written
 
@@ -64,14 +64,14 @@ def _asam_issues(path: Path) -> list[str]:
 
 @pytest.mark.sampled(12)
 def test_write_opendrive_passes_asam_s_checker(network, network_path, tmp_path):
-    road_map, path = _read(network_path(network))
-    assert _asam_issues(_export(draw(road_map)[0], path, tmp_path / "out")) == []
+    road_map, _ = _read(network_path(network))
+    assert _asam_issues(_export(draw(road_map)[0], tmp_path / "out")) == []
 
 
 @pytest.mark.parametrize("name", ["cologne1", "left_hand_bare", "rail-net"])
 def test_write_opendrive_keeps_every_lane_in_its_place(network_path, tmp_path, name):
-    road_map, path = _read(network_path(name))
-    written = _export(road_map, path, tmp_path / "out")
+    road_map, _ = _read(network_path(name))
+    written = _export(road_map, tmp_path / "out")
     assert written.name == f"{road_map.name}.xodr"
     roads = _parse(written).findall("road[@junction='-1']")
     assert _sumo_ids(roads) == {road.id for road in road_map.roads}
@@ -89,9 +89,9 @@ def test_write_opendrive_keeps_every_lane_in_its_place(network_path, tmp_path, n
 
 
 def test_write_opendrive_writes_the_same_bytes_again(tmp_path):
-    road_map, path = _read("cologne1")
-    first = _export(road_map, path, tmp_path / "one").read_bytes()
-    assert _export(road_map, path, tmp_path / "two").read_bytes() == first
+    road_map, _ = _read("cologne1")
+    first = _export(road_map, tmp_path / "one").read_bytes()
+    assert _export(road_map, tmp_path / "two").read_bytes() == first
     assert str(tmp_path).encode() not in first
 
 
@@ -99,7 +99,7 @@ def test_write_opendrive_writes_the_same_bytes_again(tmp_path):
     ("name", "rule", "side"), [("left_hand", "LHT", "left"), ("right_hand", "RHT", "right")]
 )
 def test_write_opendrive_puts_traffic_on_its_side(network_path, tmp_path, name, rule, side):
-    root = _parse(_export(*_read(network_path(name)), tmp_path / "out"))
+    root = _parse(_export(_read(network_path(name))[0], tmp_path / "out"))
     assert {road.get("rule") for road in root.iterfind("road")} == {rule}
     lanes = root.findall(f".//laneSection/{side}/lane")
     assert len(lanes) == len(root.findall(".//lane")) - len(root.findall("road"))
@@ -107,8 +107,8 @@ def test_write_opendrive_puts_traffic_on_its_side(network_path, tmp_path, name, 
 
 
 def test_write_opendrive_links_each_connection_and_says_who_yields(network_path, tmp_path):
-    road_map, path = _read(network_path("village"))
-    root = _parse(_export(road_map, path, tmp_path / "out"))
+    road_map, _ = _read(network_path("village"))
+    root = _parse(_export(road_map, tmp_path / "out"))
     lane_of = {}
     for road in root.iterfind("road[@junction='-1']"):
         for lane in road.iter("lane"):
@@ -135,9 +135,9 @@ def test_write_opendrive_links_each_connection_and_says_who_yields(network_path,
 
 @pytest.mark.parametrize("name", ["right_hand", "left_hand", "bare"])
 def test_write_opendrive_has_the_street_s_furniture(network_path, tmp_path, name):
-    road_map, path = _read(network_path(name))
+    road_map, _ = _read(network_path(name))
     road_map, _, _ = draw(road_map)
-    root = _parse(_export(road_map, path, tmp_path / "out"))
+    root = _parse(_export(road_map, tmp_path / "out"))
     objects = root.findall(".//object")
     crosswalks = [o for o in objects if o.get("type") == "crosswalk"]
     assert sorted(o.get("name") for o in crosswalks) == sorted(c.id for c in road_map.crossings)
@@ -159,8 +159,8 @@ def test_write_opendrive_has_the_street_s_furniture(network_path, tmp_path, name
 
 
 def test_write_opendrive_outlines_a_crosswalk_where_it_lies(network_path, tmp_path):
-    road_map, path = _read(network_path("six_legs"))
-    root = _parse(_export(road_map, path, tmp_path / "out"))
+    road_map, _ = _read(network_path("six_legs"))
+    root = _parse(_export(road_map, tmp_path / "out"))
     lines = {road.id: ReferenceLine(_innermost(road_map, road)) for road in road_map.roads}
     crossings = {crossing.id: crossing for crossing in road_map.crossings}
     for road in root.iterfind("road"):
@@ -208,16 +208,16 @@ def test_curve_begins_and_ends_as_it_is_told():
 
 
 def test_write_opendrive_takes_lanes_without_length_and_without_width(tmp_path):
-    road_map, path = _read("cologne1")
+    road_map, _ = _read("cologne1")
     first, second, *rest = road_map.lanes
     odd = (replace(first, shape=first.shape[:1]), replace(second, width=-1.0), *rest)
-    assert _asam_issues(_export(replace(road_map, lanes=odd), path, tmp_path / "out")) == []
+    assert _asam_issues(_export(replace(road_map, lanes=odd), tmp_path / "out")) == []
 
 
 def test_write_opendrive_stays_well_formed_when_names_are_strange(network_path, tmp_path):
-    road_map, path = _read(network_path("strange_names"))
+    road_map, _ = _read(network_path("strange_names"))
     road_map = replace(road_map, name="\"><&'b c/d")
-    written = _export(road_map, path, tmp_path / "out")
+    written = _export(road_map, tmp_path / "out")
     assert written.name == "_____b_c_d.xodr"
     assert _parse(written).find("header").get("name") == road_map.name
 

@@ -34,6 +34,8 @@ EXPLAINED = {
     "dojo_maps/sources/osm/data.py": {"FileProcessor"},
     # What netconvert has just written into a scratch folder.
     "dojo_maps/repair/rebuilding.py": {"read_bytes"},
+    "dojo_maps/repair/splicing.py": {"fromstring", "read_bytes"},
+    "dojo_maps/sources/opendrive.py": {"read_bytes"},
     "dojo_maps/sources/enrich_net.py": {"read_bytes"},
     "dojo_maps/sources/osm/network.py": {"read_bytes", "read_text"},
     # What is written, not read; what a process of ours says; what a user types; a web server's answer.

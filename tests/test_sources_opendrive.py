@@ -32,7 +32,7 @@ _ROAD = """<?xml version="1.0"?>
 def test_convert_takes_an_exported_map_back(network_path, tmp_path, name):
     path, _ = find_network(str(network_path(name)))
     before, _ = read_network(read_bytes(path), path=path, name=name, sha256="")
-    EXPORTERS["opendrive"](before, path, tmp_path)
+    EXPORTERS["opendrive"](before, tmp_path)
     bundle = tmp_path / "back.dojo"
     source = tmp_path / f"{before.name}.xodr"
     assert cli.main(["convert", str(source), "-o", str(bundle), "--quiet"]) in {0, 1}
@@ -61,7 +61,7 @@ def test_convert_tells_what_of_an_opendrive_file_is_lost(tmp_path, capsys):
 def test_build_network_ties_warnings_to_the_elements_that_they_name(network_path, tmp_path):
     path, _ = find_network(str(network_path("village")))
     road_map, _ = read_network(read_bytes(path), path=path, name="village", sha256="")
-    EXPORTERS["opendrive"](road_map, path, tmp_path)
+    EXPORTERS["opendrive"](road_map, tmp_path)
     built = build_network(read_bytes(tmp_path / "village.xodr"), path=Path("village.xodr"))
     back, _ = read_network(built.data, path=path, name="village", sha256="")
     notes = [issue for issue in built.issues(back) if issue.check == "sumo.opendrive_warning"]

@@ -8,13 +8,13 @@ from pathlib import Path
 
 from dojo_maps.description import RoadMap
 
-Exporter = Callable[[RoadMap, Path, Path], None]
-"""Takes the description, the SUMO network that it speaks of, and an existing empty folder to write in."""
+Exporter = Callable[[RoadMap, Path], None]
+"""Takes the description, and an existing empty folder to write in."""
 
 
-def _write(format_name: str, road_map: RoadMap, network: Path, folder: Path) -> None:
+def _write(format_name: str, road_map: RoadMap, folder: Path) -> None:
     module = importlib.import_module(f"dojo_maps.exports.{format_name}")
-    getattr(module, f"write_{format_name}")(road_map, network, folder)
+    getattr(module, f"write_{format_name}")(road_map, folder)
 
 
 EXPORTERS: dict[str, Exporter] = {

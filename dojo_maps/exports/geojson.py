@@ -30,7 +30,7 @@ _DECIMALS = 8
 """Of degrees: about a millimetre."""
 
 
-def write_geojson(road_map: RoadMap, _network: Path, folder: Path) -> None:
+def write_geojson(road_map: RoadMap, folder: Path) -> None:
     """Write `<name>.geojson`, one feature a line.
 
     Raises:

@@ -75,7 +75,7 @@ _Members = list[tuple[str, str, str]]
 """Kind, number and role of each."""
 
 
-def write_lanelet2(road_map: RoadMap, _network: Path, folder: Path) -> None:
+def write_lanelet2(road_map: RoadMap, folder: Path) -> None:
     """Write `<name>.osm`.
 
     Raises:

@@ -25,7 +25,7 @@ from dojo_maps.geometry.polylines import Floats
 _DATASET = "dojo-map"
 
 
-def write_metadrive(road_map: RoadMap, _network: Path, folder: Path) -> None:
+def write_metadrive(road_map: RoadMap, folder: Path) -> None:
     """Write the scenario, the data set's summary and its mapping.
 
     Raises:

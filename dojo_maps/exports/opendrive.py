@@ -68,7 +68,7 @@ _DRIVER_HEAD, _WALKER_HEAD = "1000001", "1000002"
 """OpenDRIVE's numbers for a signal of three lamps and for one of two."""
 
 
-def write_opendrive(road_map: RoadMap, _network: Path, folder: Path) -> None:
+def write_opendrive(road_map: RoadMap, folder: Path) -> None:
     """Write `<name>.xodr`."""
     root = _Document(road_map).root
     ET.indent(root)
