@@ -31,7 +31,7 @@ _LONG = ("test_train", "test_learned_rows", "test_benchmark", "test_robustness",
 def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--whole", action="store_true", help="every case of the long suites, on every network")
     parser.addoption("--fuzz", type=int, default=12, help="how many damaged copies of a network to convert")
-    parser.addoption("--interruptions", type=int, default=6, help="how many commands to interrupt at random")
+    parser.addoption("--interruptions", type=int, default=4, help="how many commands to interrupt at random")
 
 
 def pytest_configure(config: pytest.Config) -> None:

@@ -19,7 +19,7 @@ from dojo_maps.errors import DescriptionError, SourceError
 from dojo_maps.serialization import to_json
 from dojo_maps.sources.sumo_net import read_network
 
-pytestmark = pytest.mark.sampled(6)
+pytestmark = pytest.mark.sampled(4)
 
 Value = dict[str, Any]
 OF_THE_NETWORK = {

@@ -31,6 +31,7 @@ def see(**settings: Any) -> gymnasium.Env[Any, Any]:
     return TrafficSignalEnv(observation="bev", **SMALL, **settings)
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("name", ["day", "dusk", "night", "rain"])
 def test_what_stands_still_is_grey_and_vehicles_are_plain_in_any_light(name: str) -> None:
     seen = watch(BackgroundSubtraction(see(conditions=PRESETS[name])))[-20:].astype(int)

@@ -43,6 +43,7 @@ def make():
         env.close()
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize(
     ("scenario", "observation"),
     [("two-way", "bev"), ("ingolstadt1", "multi_view"), ("two-way", "detector"), ("ingolstadt1", NAMED)],

@@ -147,6 +147,7 @@ def test_city_runs_in_sumo_without_a_word(city: tuple[Bundle, dict[str, Any], fl
     assert done.stderr == ""
 
 
+@pytest.mark.sampled(8)
 def test_drawn_junction_is_whole(drawn: tuple[str, Bundle, dict[str, Any]]) -> None:
     name, bundle, report = drawn
     quality = report["osm"]

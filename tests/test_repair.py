@@ -23,7 +23,7 @@ from dojo_maps.repair.weighing import list_new
 from dojo_maps.sources.files import find_network
 from dojo_maps.sources.sumo_xml import LogicRecord, read_records
 
-pytestmark = pytest.mark.sampled(3)
+pytestmark = pytest.mark.sampled(2)
 
 # What must fall to zero, by network.
 CURED = {
