@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -146,7 +147,8 @@ def check_replaceable(folder: Path) -> None:
     """
     if not (is_there(folder.parent) and folder.parent.is_dir()):
         raise UsageError(f"{folder.parent}: no such folder; make it first or choose another with -o")
-    if is_there(folder) and (folder.is_symlink() or not folder.is_dir()):
+    is_link = os.path.islink(folder)  # noqa: PTH114 - of a name that is too long it says no
+    if is_link or (is_there(folder) and not folder.is_dir()):
         raise UsageError(f"{folder}: exists and is not a folder; choose another with -o")
     if is_there(folder) and any(folder.iterdir()) and not (folder / DESCRIPTION).is_file():
         raise UsageError(f"{folder}: exists and is not a bundle; it stays as it is, choose another with -o")

@@ -479,6 +479,12 @@ def test_convert_follows_no_link_as_output(good: bytes, bench: Bench) -> None:
     assert snapshot(elsewhere) == {"file.txt": b"precious"}
 
 
+def test_convert_follows_no_link_that_leads_nowhere(good: bytes, bench: Bench) -> None:
+    bench.output.symlink_to("nowhere")
+    check_refused(bench.convert(bench.write("input.net.xml", good), "-o", bench.output), 2)
+    assert bench.output.is_symlink()
+
+
 BROKEN = {**DAMAGES, "empty": lambda _: b"", "truncated": lambda good: good[:-3000]}
 
 
