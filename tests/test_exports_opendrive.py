@@ -23,9 +23,9 @@ from dojo_maps.sources.netconvert import run_netconvert
 from dojo_maps.sources.sumo_net import read_network
 
 
-def _read(network: str | Path) -> tuple[RoadMap, Path]:
+def _read(network: str | Path) -> RoadMap:
     path, name = find_network(str(network))
-    return read_network(read_bytes(path), path=path, name=name, sha256="")[0], path
+    return read_network(read_bytes(path), path=path, name=name, sha256="")[0]
 
 
 def _export(road_map: RoadMap, folder: Path) -> Path:
@@ -64,13 +64,13 @@ def _asam_issues(path: Path) -> list[str]:
 
 @pytest.mark.sampled(12)
 def test_write_opendrive_passes_asam_s_checker(network, network_path, tmp_path):
-    road_map, _ = _read(network_path(network))
+    road_map = _read(network_path(network))
     assert _asam_issues(_export(draw(road_map)[0], tmp_path / "out")) == []
 
 
 @pytest.mark.parametrize("name", ["cologne1", "left_hand_bare", "rail-net"])
 def test_write_opendrive_keeps_every_lane_in_its_place(network_path, tmp_path, name):
-    road_map, _ = _read(network_path(name))
+    road_map = _read(network_path(name))
     written = _export(road_map, tmp_path / "out")
     assert written.name == f"{road_map.name}.xodr"
     roads = _parse(written).findall("road[@junction='-1']")
@@ -80,7 +80,7 @@ def test_write_opendrive_keeps_every_lane_in_its_place(network_path, tmp_path, n
     }
     options = ["--opendrive-files", str(written), "--opendrive.import-all-lanes", "-o", "back.net.xml"]
     run_netconvert(options, folder=tmp_path)
-    back, _ = _read(tmp_path / "back.net.xml")
+    back = _read(tmp_path / "back.net.xml")
     shift = np.array(back.projection.net_offset) - road_map.projection.net_offset
     lines = [shapely.LineString(lane.shape[:, :2] - shift) for lane in back.lanes]
     for lane in road_map.lanes:
@@ -89,7 +89,7 @@ def test_write_opendrive_keeps_every_lane_in_its_place(network_path, tmp_path, n
 
 
 def test_write_opendrive_writes_the_same_bytes_again(tmp_path):
-    road_map, _ = _read("cologne1")
+    road_map = _read("cologne1")
     first = _export(road_map, tmp_path / "one").read_bytes()
     assert _export(road_map, tmp_path / "two").read_bytes() == first
     assert str(tmp_path).encode() not in first
@@ -99,7 +99,7 @@ def test_write_opendrive_writes_the_same_bytes_again(tmp_path):
     ("name", "rule", "side"), [("left_hand", "LHT", "left"), ("right_hand", "RHT", "right")]
 )
 def test_write_opendrive_puts_traffic_on_its_side(network_path, tmp_path, name, rule, side):
-    root = _parse(_export(_read(network_path(name))[0], tmp_path / "out"))
+    root = _parse(_export(_read(network_path(name)), tmp_path / "out"))
     assert {road.get("rule") for road in root.iterfind("road")} == {rule}
     lanes = root.findall(f".//laneSection/{side}/lane")
     assert len(lanes) == len(root.findall(".//lane")) - len(root.findall("road"))
@@ -107,7 +107,7 @@ def test_write_opendrive_puts_traffic_on_its_side(network_path, tmp_path, name, 
 
 
 def test_write_opendrive_links_each_connection_and_says_who_yields(network_path, tmp_path):
-    road_map, _ = _read(network_path("village"))
+    road_map = _read(network_path("village"))
     root = _parse(_export(road_map, tmp_path / "out"))
     lane_of = {}
     for road in root.iterfind("road[@junction='-1']"):
@@ -135,7 +135,7 @@ def test_write_opendrive_links_each_connection_and_says_who_yields(network_path,
 
 @pytest.mark.parametrize("name", ["right_hand", "left_hand", "bare"])
 def test_write_opendrive_has_the_street_s_furniture(network_path, tmp_path, name):
-    road_map, _ = _read(network_path(name))
+    road_map = _read(network_path(name))
     road_map, _, _ = draw(road_map)
     root = _parse(_export(road_map, tmp_path / "out"))
     objects = root.findall(".//object")
@@ -159,7 +159,7 @@ def test_write_opendrive_has_the_street_s_furniture(network_path, tmp_path, name
 
 
 def test_write_opendrive_outlines_a_crosswalk_where_it_lies(network_path, tmp_path):
-    road_map, _ = _read(network_path("six_legs"))
+    road_map = _read(network_path("six_legs"))
     root = _parse(_export(road_map, tmp_path / "out"))
     lines = {road.id: ReferenceLine(_innermost(road_map, road)) for road in road_map.roads}
     crossings = {crossing.id: crossing for crossing in road_map.crossings}
@@ -208,14 +208,14 @@ def test_curve_begins_and_ends_as_it_is_told():
 
 
 def test_write_opendrive_takes_lanes_without_length_and_without_width(tmp_path):
-    road_map, _ = _read("cologne1")
+    road_map = _read("cologne1")
     first, second, *rest = road_map.lanes
     odd = (replace(first, shape=first.shape[:1]), replace(second, width=-1.0), *rest)
     assert _asam_issues(_export(replace(road_map, lanes=odd), tmp_path / "out")) == []
 
 
 def test_write_opendrive_stays_well_formed_when_names_are_strange(network_path, tmp_path):
-    road_map, _ = _read(network_path("strange_names"))
+    road_map = _read(network_path("strange_names"))
     road_map = replace(road_map, name="\"><&'b c/d")
     written = _export(road_map, tmp_path / "out")
     assert written.name == "_____b_c_d.xodr"
@@ -239,5 +239,5 @@ def test_exporters_load_only_when_they_are_called():
     [("cologne1", "cologne1"), ("../../etc/x", ".._.._etc_x"), ("Straße 5", "Straße_5"), ("", "map")],
 )
 def test_file_stem_is_safe_as_a_file_s_name(name, stem):
-    road_map, _ = _read("cologne1")
+    road_map = _read("cologne1")
     assert file_stem(replace(road_map, name=name)) == stem

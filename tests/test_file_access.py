@@ -33,10 +33,9 @@ EXPLAINED = {
     "dojo_maps/sources/edits.py": {"fromstring", "read_bytes"},
     "dojo_maps/sources/osm/data.py": {"FileProcessor"},
     # What netconvert has just written into a scratch folder.
-    "dojo_maps/repair/rebuilding.py": {"read_bytes"},
-    "dojo_maps/repair/splicing.py": {"fromstring", "read_bytes"},
+    "dojo_maps/repair/splicing.py": {"fromstring"},
+    "dojo_maps/sources/netconvert.py": {"read_bytes"},
     "dojo_maps/sources/opendrive.py": {"read_bytes"},
-    "dojo_maps/sources/enrich_net.py": {"read_bytes"},
     "dojo_maps/sources/osm/network.py": {"read_bytes", "read_text"},
     # What is written, not read; what a process of ours says; what a user types; a web server's answer.
     "dojo_env/sumo_files.py": {"fdopen"},

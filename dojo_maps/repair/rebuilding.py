@@ -5,12 +5,9 @@ from pathlib import Path
 
 from dojo_maps.repair.edits import Rebuild
 from dojo_maps.signals.programs import read_seconds
-from dojo_maps.sources.enrich_net import KEEP, enrich_network
-from dojo_maps.sources.netconvert import NetconvertError, run_netconvert
+from dojo_maps.sources.enrich_net import enrich_network
+from dojo_maps.sources.netconvert import NetconvertError, build_again
 from dojo_maps.sources.sumo_xml import LogicRecord, read_records
-from dojo_maps.whole_file import scratch_folder
-
-_INPUT, _OUTPUT, _NODES = "input.net.xml", "output.net.xml", "changed.nod.xml"
 
 
 def rebuild(data: bytes, rebuilds: Sequence[Rebuild], path: Path) -> bytes:
@@ -22,14 +19,9 @@ def rebuild(data: bytes, rebuilds: Sequence[Rebuild], path: Path) -> bytes:
     """
     added = "".join(f"    {element}\n" for each in rebuilds for element in each.connections)
     if added:
-        connections = f"<connections>\n{added}</connections>\n"
-        return enrich_network(data, path=path, options=("--walkingareas",), connections=connections)[0]
+        return enrich_network(data, path=path, options=("--walkingareas",), connections=added)[0]
     nodes = "".join(f"    {element}\n" for each in rebuilds for element in each.nodes)
-    with scratch_folder() as folder:
-        (folder / _INPUT).write_bytes(data)
-        (folder / _NODES).write_text(f"<nodes>\n{nodes}</nodes>\n", encoding="utf-8")
-        run_netconvert(["-s", _INPUT, "-n", _NODES, "-o", _OUTPUT, *KEEP], folder=folder)
-        built = (folder / _OUTPUT).read_bytes()
+    built, _ = build_again(data, nodes=nodes)
     before, after = (_programs(read_records(each, path).logics) for each in (data, built))
     if before != after:
         raise NetconvertError("netconvert would change signal programs")

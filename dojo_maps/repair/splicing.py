@@ -19,12 +19,9 @@ from dojo_maps.repair.edits import Connect, Key
 from dojo_maps.repair.net_text import NetText, Span, key_of
 from dojo_maps.safe_xml import Attributes
 from dojo_maps.signals.conflicts import list_foes
-from dojo_maps.sources.enrich_net import KEEP
-from dojo_maps.sources.netconvert import NetconvertError, run_netconvert
+from dojo_maps.sources.netconvert import NetconvertError, build_again
 from dojo_maps.sources.sumo_net import read_network
-from dojo_maps.whole_file import scratch_folder
 
-_INPUT, _OUTPUT, _CONNECTIONS = "input.net.xml", "output.net.xml", "added.con.xml"
 _EDGE, _INNER = re.compile(r"\d+|[cw]\d+"), re.compile(r"\d+_\d+")
 """What follows a junction's name in the ids of its inner edges, and of its internal junctions."""
 _TAGS = ("edge", "junction", "connection")
@@ -53,7 +50,8 @@ def connect(data: bytes, wanted: Sequence[Connect], path: Path) -> bytes:
     Raises:
         NetconvertError: netconvert refuses them or crashes, or they cannot be taken over alone.
     """
-    old, new = _read(data, path), _read(_build(data, wanted), path)
+    built, _ = build_again(data, connections="".join(map(plain_connection, wanted)))
+    old, new = _read(data, path), _read(built, path)
     pieces: list[tuple[Span, bytes]] = []
     for junction in dict.fromkeys(each.junction for each in wanted):
         like = {each.key: each for each in wanted if each.junction == junction}
@@ -70,15 +68,6 @@ def plain_connection(wanted: Connect) -> str:
 def _read(data: bytes, path: Path) -> _Network:
     road_map, _ = read_network(data, path=path, name="", sha256="")
     return _Network(text=NetText(data, path), junctions={j.id: j for j in road_map.junctions})
-
-
-def _build(data: bytes, wanted: Iterable[Connect]) -> bytes:
-    with scratch_folder() as folder:
-        (folder / _INPUT).write_bytes(data)
-        lines = "".join(map(plain_connection, wanted))
-        (folder / _CONNECTIONS).write_text(f"<connections>{lines}</connections>", encoding="utf-8")
-        run_netconvert(["-s", _INPUT, "-x", _CONNECTIONS, "-o", _OUTPUT, *KEEP], folder=folder)
-        return (folder / _OUTPUT).read_bytes()
 
 
 def _splice(

@@ -19,15 +19,13 @@ from dojo_maps.sources.enrich_report import (
     signal_report,
 )
 from dojo_maps.sources.net_tree import NetTree, lane_classes, shifted
-from dojo_maps.sources.netconvert import NetconvertError, run_netconvert
+from dojo_maps.sources.netconvert import NetconvertError, build_again
 from dojo_maps.sources.pedestrian_links import TransplantError, restore_link_indices
 from dojo_maps.sources.pedestrian_timing import Walk
 from dojo_maps.sources.transplant import ProgramChange, transplant_programs
-from dojo_maps.whole_file import scratch_folder
 
 FORMAT = "dojo-enrichment"
 VERSION = 1
-_INPUT, _OUTPUT, _CONNECTIONS = "input.net.xml", "output.net.xml", "added.con.xml"
 _URBAN_SPEED = "14"
 """m/s, 50 km/h however rounded: faster roads get no sidewalks, and crossings only at signals."""
 _CONTROLLED = ("traffic_light", "rail_")
@@ -35,8 +33,6 @@ GUESS = (
     *("--sidewalks.guess", "--sidewalks.guess.max-speed", _URBAN_SPEED),
     *("--crossings.guess", "--crossings.guess.speed-threshold", _URBAN_SPEED, "--walkingareas"),
 )
-KEEP = ("--offset.disable-normalization", "--no-turnarounds", "--no-internal-links", "false")
-"""Connections come from the network, so turnarounds that exist stay; crossings need internal lanes."""
 
 
 def enrich_network(
@@ -61,7 +57,10 @@ def enrich_network(
         ToolMissingError: netconvert is not installed.
     """
     old = NetTree(data, path=path)
-    built, warnings = _convert(data, path, options, connections)
+    try:
+        built, warnings = build_again(data, options, connections=connections)
+    except NetconvertError as error:
+        raise NetconvertError(f"{path}: no sidewalks and crossings could be added: {error}") from error
     new = NetTree(built, path=path)
     match_junctions(old, new)
     lane_ids, shift = match_lanes(old, new)
@@ -193,22 +192,6 @@ def _sums_equal(phase: Element, group: Sequence[Element], keys: Sequence[str]) -
 
 def _other_attributes(phase: Element) -> dict[str, str]:
     return {key: value for key, value in phase.attrib.items() if key not in ("state", "next")}
-
-
-def _convert(
-    data: bytes, path: Path, options: Sequence[str], connections: str
-) -> tuple[bytes, tuple[str, ...]]:
-    with scratch_folder() as folder:
-        (folder / _INPUT).write_bytes(data)
-        arguments = ["-s", _INPUT, "-o", _OUTPUT, *options, *KEEP]
-        if connections:
-            (folder / _CONNECTIONS).write_text(connections, encoding="utf-8")
-            arguments += ["-x", _CONNECTIONS]
-        try:
-            run = run_netconvert(arguments, folder=folder)
-        except NetconvertError as error:
-            raise NetconvertError(f"{path}: no sidewalks and crossings could be added: {error}") from error
-        return (folder / _OUTPUT).read_bytes(), run.warnings
 
 
 def _keep_types(old: NetTree, new: NetTree) -> None:

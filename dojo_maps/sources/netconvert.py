@@ -15,10 +15,16 @@ from dojo_maps.errors import DojoError, ToolMissingError
 from dojo_maps.index import MapIndex
 from dojo_maps.issue import Element, Issue, Severity
 from dojo_maps.sumo_programs import find_program, running_program, signal_name
+from dojo_maps.whole_file import scratch_folder
 
 _WARNING, _ERROR = "Warning: ", "Error: "
 _AGGREGATE = "--aggregate-warnings"
 """Without it netconvert keeps the repetitions of a warning to itself after a few."""
+
+_INPUT, _OUTPUT = "input.net.xml", "output.net.xml"
+_CONNECTIONS, _NODES = "added.con.xml", "changed.nod.xml"
+_KEEP = ("--offset.disable-normalization", "--no-turnarounds", "--no-internal-links", "false")
+"""Connections come from the network, so turnarounds that exist stay; crossings need internal lanes."""
 
 _QUOTED = re.compile(r"'(:?-?[\w#.]+?)(_[cw]?\d+)?'")
 
@@ -59,6 +65,38 @@ def run_netconvert(
     return NetconvertResult(
         warnings=tuple(line.removeprefix(_WARNING) for line in lines if line.startswith(_WARNING))
     )
+
+
+def build_again(
+    data: bytes, options: Sequence[str] = (), *, connections: str = "", nodes: str = ""
+) -> tuple[bytes, tuple[str, ...]]:
+    """Let netconvert build a network anew, where it lies and with the connections that it has.
+
+    Args:
+        data: the network's bytes, unpacked.
+        options: further ones of netconvert.
+        connections: what its plain file of connections is to hold, as XML elements.
+        nodes: what its plain file of nodes is to hold.
+
+    Returns:
+        The new network's bytes, and netconvert's warnings.
+
+    Raises:
+        ToolMissingError: netconvert is not installed.
+        NetconvertError: as `run_netconvert`.
+    """
+    arguments = ["-s", _INPUT, "-o", _OUTPUT, *options, *_KEEP]
+    with scratch_folder() as folder:
+        (folder / _INPUT).write_bytes(data)
+        for option, name, root, elements in (
+            ("-x", _CONNECTIONS, "connections", connections),
+            ("-n", _NODES, "nodes", nodes),
+        ):
+            if elements:
+                (folder / name).write_text(f"<{root}>\n{elements}</{root}>\n", encoding="utf-8")
+                arguments += [option, name]
+        result = run_netconvert(arguments, folder=folder)
+        return (folder / _OUTPUT).read_bytes(), result.warnings
 
 
 def warning_issue(warning: str, index: MapIndex, *, check: str, hint: str) -> Issue:

@@ -1,19 +1,22 @@
 """Checks of the data that a network is imported from, and of what is lost; a network alone skips them."""
 
+from collections.abc import Iterable, Iterator
+
+from dojo_maps.issue import Severity
 from dojo_maps.validation.check import NOTE, WARNING, Check, Need
 
 _ROWS = (
-    ("OSM001", "osm.restriction", "Turn restrictions are complete and kept", WARNING),
-    ("OSM002", "osm.lane_count", "Numbers of lanes agree", WARNING),
-    ("OSM003", "osm.turn_lanes_order", "Turn lanes are in order", WARNING),
-    ("OSM004", "osm.separate_sidewalk", "Sidewalks are not drawn twice", WARNING),
-    ("OSM007", "osm.crossing_ignored", "Refuges and forbidden crossings are kept", NOTE),
-    ("OSM008", "osm.approach_signals", "Signals stand at junctions, not on approaches only", WARNING),
-    ("OSM009", "osm.junction_tag", "junction=intersection is meant", NOTE),
-    ("OSM010", "osm.tram_on_road", "Trams and roads are drawn apart", NOTE),
-    ("OSM011", "osm.clipped_way", "Ways are not cut at the area's border", NOTE),
-    ("OSM012", "osm.driving_side", "The driving side is set", WARNING),
-    ("OSM013", "osm.unknown_lane_use", "Lane uses are known words", NOTE),
+    ("OSM001", "osm.restriction", "Turn restrictions are complete and kept", WARNING, "none"),
+    ("OSM002", "osm.lane_count", "Numbers of lanes agree", WARNING, "none"),
+    ("OSM003", "osm.turn_lanes_order", "Turn lanes are in order", WARNING, "none"),
+    ("OSM004", "osm.separate_sidewalk", "Sidewalks are not drawn twice", WARNING, "none"),
+    ("OSM007", "osm.crossing_ignored", "Refuges and forbidden crossings are kept", NOTE, "none"),
+    ("OSM008", "osm.approach_signals", "Signals stand at junctions, not on approaches only", WARNING, "none"),
+    ("OSM009", "osm.junction_tag", "junction=intersection is meant", NOTE, "none"),
+    ("OSM010", "osm.tram_on_road", "Trams and roads are drawn apart", NOTE, "none"),
+    ("OSM011", "osm.clipped_way", "Ways are not cut at the area's border", NOTE, "none"),
+    ("OSM012", "osm.driving_side", "The driving side is set", WARNING, "none"),
+    ("OSM013", "osm.unknown_lane_use", "Lane uses are known words", NOTE, "none"),
 )
 
 _LOSSES = (
@@ -36,48 +39,30 @@ _LOSSES = (
 """What an import counts while it builds a network: code, id, title, severity and limit."""
 
 _OPENDRIVE = (
-    ("IMP014", "sumo.opendrive_warning", "netconvert has nothing to object", NOTE),
-    ("IMP015", "sumo.opendrive_lost", "All of an OpenDRIVE file is in the network", WARNING),
+    ("IMP014", "sumo.opendrive_warning", "netconvert has nothing to object", NOTE, "none"),
+    ("IMP015", "sumo.opendrive_lost", "All of an OpenDRIVE file is in the network", WARNING, "none"),
 )
 
-CHECKS = (
-    *(
-        Check(
-            id=id_,
-            code=code,
-            title=title,
-            severity=severity,
-            limit="none",
-            source="OpenStreetMap wiki",
-            hint="correct the tags in OpenStreetMap",
-            needs=Need.OSM,
-        )
-        for code, id_, title, severity in _ROWS
-    ),
-    *(
-        Check(
+
+def _list_checks(
+    rows: Iterable[tuple[str, str, str, Severity, str]], source: str, hint: str, needs: Need
+) -> Iterator[Check]:
+    for code, id_, title, severity, limit in rows:
+        yield Check(
             id=id_,
             code=code,
             title=title,
             severity=severity,
             limit=limit,
-            source="OpenStreetMap",
-            hint="look at the place in OpenStreetMap, and correct it there or in netedit",
-            needs=Need.IMPORT,
+            source=source,
+            hint=hint,
+            needs=needs,
         )
-        for code, id_, title, severity, limit in _LOSSES
-    ),
-    *(
-        Check(
-            id=id_,
-            code=code,
-            title=title,
-            severity=severity,
-            limit="none",
-            source="ASAM OpenDRIVE",
-            hint="look at the place in netedit, and correct it there or in the OpenDRIVE file",
-            needs=Need.IMPORT,
-        )
-        for code, id_, title, severity in _OPENDRIVE
-    ),
+
+
+_LOOK = "look at the place in {}, and correct it there or in {}"
+CHECKS = (
+    *_list_checks(_ROWS, "OpenStreetMap wiki", "correct the tags in OpenStreetMap", Need.OSM),
+    *_list_checks(_LOSSES, "OpenStreetMap", _LOOK.format("OpenStreetMap", "netedit"), Need.IMPORT),
+    *_list_checks(_OPENDRIVE, "ASAM OpenDRIVE", _LOOK.format("netedit", "the OpenDRIVE file"), Need.IMPORT),
 )

@@ -6,7 +6,6 @@ from collections.abc import Iterable
 import numpy as np
 import shapely
 
-from dojo_maps.description import Connection
 from dojo_maps.index import MapIndex
 from dojo_maps.issue import Element, Issue, Severity
 from dojo_maps.sources.osm.arms import incoming_name
@@ -101,8 +100,8 @@ def check_signals(network: OsmNetwork) -> tuple[Share, list[Issue]]:
 
 def check_turn_lanes(network: OsmNetwork) -> tuple[Share, list[Issue]]:
     """Compare the arrows painted on approaches with where their lanes lead, for turns that exist."""
-    roads = MapIndex(network.road_map).roads
-    leaving = _by_lane(network.road_map.connections)
+    index = MapIndex(network.road_map)
+    roads, leaving = index.roads, index.leaving
     angles: dict[str, list[float]] = defaultdict(list)
     for movement in network.plain.movements:
         angles[incoming_name(movement.source)].append(movement.angle)
@@ -178,10 +177,3 @@ def _is_broken(
             b not in starting and b.removeprefix("-") != a.removeprefix("-") for a, b in taken
         )
     return any(b in starting for _, b in taken)
-
-
-def _by_lane(connections: Iterable[Connection]) -> dict[str, list[Connection]]:
-    found: dict[str, list[Connection]] = defaultdict(list)
-    for connection in connections:
-        found[connection.from_lane].append(connection)
-    return found
