@@ -43,6 +43,10 @@ def report_on(data: bytes, folder: Path) -> dict[str, Any]:
     return inspect(str(folder / "n.net.xml"))[1]
 
 
+def issues_of(check: str, data: bytes, folder: Path) -> list[dict[str, Any]]:
+    return [issue for issue in report_on(data, folder)["issues"] if issue["check"] == check]
+
+
 def states(report: dict[str, Any]) -> dict[str, str]:
     return {check["id"]: check["status"] for check in report["checks"]}
 
@@ -50,14 +54,25 @@ def states(report: dict[str, Any]) -> dict[str, str]:
 @pytest.mark.parametrize("kind", REFUSED)
 def test_network_that_sumo_refuses_has_an_error_that_quotes_sumo(kind: str, tmp_path: Path) -> None:
     pattern, instead, fault = REFUSED[kind]
-    issues = [
-        i for i in report_on(damaged(pattern, instead), tmp_path)["issues"] if i["check"] == "sumo.refused"
-    ]
+    issues = issues_of("sumo.refused", damaged(pattern, instead), tmp_path)
     assert {issue["severity"] for issue in issues} == {"error"}
     assert all(issue["message"].startswith("SUMO") for issue in issues)
     if fault:
         named = {(e["kind"], e["id"]) for issue in issues for e in issue["elements"]}
         assert fault in named
+
+
+def test_green_of_an_actuated_program_that_no_vehicle_can_lengthen_is_an_issue(tmp_path: Path) -> None:
+    actuated = COLOGNE.replace(b'type="static"', b'type="actuated"')
+    actuated = re.sub(rb'<phase duration="(\d+)"', rb'<phase duration="\1" minDur="5" maxDur="50"', actuated)
+    lanes = sorted(set(re.findall(rb'<connection from="([^":]+)" [^>]*fromLane="(\d)"[^>]* tl=', actuated)))
+    blind = b"".join(b'<param key="%s_%s" value="NO_DETECTOR"/>' % lane for lane in lanes)
+    assert not issues_of("signals.no_detector", actuated, tmp_path)
+    found = issues_of("signals.no_detector", actuated.replace(b"</tlLogic>", blind + b"</tlLogic>"), tmp_path)
+    assert found
+    assert {issue["severity"] for issue in found} == {"warning"}
+    assert all(issue["elements"][0] == {"kind": "signal", "id": SIGNAL} for issue in found)
+    assert not issues_of("sumo.warning", actuated.replace(b"</tlLogic>", blind + b"</tlLogic>"), tmp_path)
 
 
 def test_network_that_sumo_loads_without_a_word_has_no_issue_of_sumo(tmp_path: Path) -> None:
@@ -69,11 +84,11 @@ def test_network_that_sumo_loads_without_a_word_has_no_issue_of_sumo(tmp_path: P
 def test_warning_of_sumo_names_the_signal_and_its_way_and_lies_there(tmp_path: Path) -> None:
     red = re.sub(rb'state="\w', b'state="r', COLOGNE)
     red = re.sub(rb'(<connection [^>]*) state="r', rb'\1 state="o', red)
-    (warning,) = (i for i in report_on(red, tmp_path)["issues"] if i["check"] == "sumo.warning")
+    (warning,) = issues_of("sumo.warning", red, tmp_path)
     assert (warning["severity"], "Missing green phase" in warning["message"]) == ("warning", True)
     assert [e["kind"] for e in warning["elements"][:2]] == ["signal", "connection"]
     assert warning["elements"][0]["id"] == SIGNAL
-    (same,) = (i for i in report_on(red, tmp_path)["issues"] if i["check"] == "signals.never_green")
+    (same,) = issues_of("signals.never_green", red, tmp_path)
     assert {(e["kind"], e["id"]) for e in warning["elements"]} <= {
         (e["kind"], e["id"]) for e in same["elements"]
     }

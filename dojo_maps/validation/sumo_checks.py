@@ -18,6 +18,7 @@ _NAME = re.compile(r"([\w-]*)[ (]*'([^']*)'?")
 _BARE = re.compile(r"\b(lane|edge|junction|tlLogic) ([^\s',!]+)")
 """A name without quotes; what the network does not have is none."""
 _INDEX = re.compile(r"(?:tl-index|linkIndex|link) (\d+(?:,\d+)*)")
+_NO_DETECTOR = "no controlling detector"
 _KINDS = {
     "tls": "signal",
     "tlLogic": "signal",
@@ -68,7 +69,26 @@ def check_warned(facts: Facts, _limits: Limits) -> Iterator[Finding]:
             elements=(), at=facts.map.origin, message="SUMO has not come to an end with the network in time"
         )
     for words, count in verdict.warnings.items() if verdict else ():
-        yield _quote(facts, words, count)
+        if _NO_DETECTOR not in words:
+            yield _quote(facts, words, count)
+
+
+@check(
+    id="signals.no_detector",
+    code="SIG019",
+    title="An actuated green has a detector",
+    severity=WARNING,
+    limit="a detector for each phase whose length varies",
+    source="sumo: has no controlling detector",
+    hint="give the phase a fixed duration (minDur = maxDur), or a longer lane of its own before the signal",
+    needs=Need.SUMO,
+)
+def check_no_detector(facts: Facts, _limits: Limits) -> Iterator[Finding]:
+    """Find greens of actuated programs that no vehicle can lengthen, in SUMO's words."""
+    verdict = facts.sumo.verdict if facts.sumo else None
+    for words, count in verdict.warnings.items() if verdict else ():
+        if _NO_DETECTOR in words:
+            yield _quote(facts, words, count)
 
 
 def _quote(facts: Facts, words: str, count: int, *, refused: bool = False) -> Finding:
