@@ -31,8 +31,12 @@ def _parser() -> argparse.ArgumentParser:
     run = add_command(commands, "run", _run, "run a controller and print its figures")
     run.add_argument("--scenario", required=True, help="a packaged scenario such as cologne1, or a .sumocfg")
     run.add_argument("--controller", required=True, metavar="NAME", help="such as max-pressure or fixed-time")
-    run.add_argument("--seeds", type=int, default=1, metavar="N", help="how many episodes, seeds 0 to N-1")
-    run.add_argument("--seconds", type=int, default=3600, metavar="S", help="simulated seconds an episode")
+    run.add_argument(
+        "--seeds", type=int, default=1, metavar="N", help="how many episodes, each with the next seed"
+    )
+    run.add_argument(
+        "--seconds", type=int, metavar="S", help="simulated (default: to the scenario's end, or 3600)"
+    )
     run.add_argument(
         "--min-green", type=int, default=10, metavar="S", help="seconds of green before a change"
     )
@@ -58,7 +62,9 @@ def _parser() -> argparse.ArgumentParser:
         "--controller", default="max-pressure", metavar="NAME", help="who controls the signals"
     )
     watch.add_argument("--seed", type=int, default=0, metavar="N", help="of SUMO's random numbers")
-    watch.add_argument("--seconds", type=int, default=3600, metavar="S", help="simulated seconds")
+    watch.add_argument(
+        "--seconds", type=int, metavar="S", help="simulated (default: to the scenario's end, or 3600)"
+    )
     watch.add_argument("--signals", nargs="+", metavar="ID", help="the signals to control (default: all)")
     _add_view_options(watch)
 
@@ -137,7 +143,7 @@ def _run(options: argparse.Namespace) -> int:
 
     figures = run_controller(
         options.controller,
-        range(options.seeds),
+        options.seeds,
         on_episode=tell,
         on_stage=Progress(quiet=options.quiet),
         scenario=options.scenario,

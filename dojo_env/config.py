@@ -2,6 +2,7 @@
 
 import difflib
 import math
+import operator
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from pathlib import Path
@@ -11,6 +12,7 @@ from dojo_env.conditions import Conditions, sample_conditions
 from dojo_env.errors import ConfigError
 from dojo_env.scenario import Scenario, find_scenario, with_files
 from dojo_env.sensors.camera import Camera
+from dojo_env.sumo_settings import SumoSettings, settle
 
 ACTION_MODES = ("choose_phase", "next_or_keep", "set_duration")
 PROGRAMS = ("network", "actuated", "delay_based")
@@ -23,29 +25,24 @@ class EpisodeConfig:
 
     Attributes:
         begin_time: simulated seconds; None takes the scenario's.
-        num_seconds: how long it lasts.
-        delta_time: seconds from decision to decision.
+        num_seconds: how long it lasts; None takes the scenario's end, or 3,600 s where it tells none.
+        delta_time: seconds from decision to decision, a whole number of SUMO's steps; None takes 5 s, or the
+            next such number.
         out_csv_name: the beginning of the names of a CSV and a JSON file per episode.
         record_name: the beginning of the name of a recording per episode.
     """
 
     begin_time: float | None = None
-    num_seconds: float = 3600
-    delta_time: float = 5
+    num_seconds: float | None = None
+    delta_time: float | None = None
     out_csv_name: str | None = None
     record_name: str | None = None
 
     def __post_init__(self) -> None:
         """Refuse times that cannot be."""
-        _refuse_below("delta_time", self.delta_time, 1)
-        _refuse_below("num_seconds", self.num_seconds, self.delta_time)
-        if self.begin_time is not None:
-            _refuse_below("begin_time", self.begin_time, 0)
-        _refuse_fraction("delta_time", self.delta_time)
-        if self.num_seconds % self.delta_time:
-            raise ConfigError(
-                f"num_seconds={self.num_seconds} is no multiple of delta_time={self.delta_time}; change one"
-            )
+        for name, least in (("delta_time", 0.1), ("num_seconds", 1), ("begin_time", 0)):
+            if getattr(self, name) is not None:
+                _refuse_below(name, getattr(self, name), least)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -115,21 +112,26 @@ class TrafficConfig:
     """How SUMO runs.
 
     Attributes:
-        max_depart_delay: seconds after which a vehicle that found no place is dropped; -1 waits forever.
-        waiting_time_memory: seconds over which waiting accumulates.
-        time_to_teleport: seconds after which a stuck vehicle is moved on; -1 never does.
-        sumo_seed: of episodes that `reset` gives no seed; None draws one from the environment's generator.
-        emission_class: given to every vehicle type of an episode; None keeps SUMO's.
+        max_depart_delay: seconds after which a vehicle that found no place is dropped; -1 waits forever. None
+            takes the scenario's, or else -1.
+        waiting_time_memory: seconds over which waiting accumulates; None takes the scenario's, or else 1000.
+        time_to_teleport: seconds after which a stuck vehicle is moved on; -1 never does. None takes the
+            scenario's, or else -1.
+        sumo_seed: of episodes that `reset` gives no seed; None takes the scenario's, or else draws one from
+            the environment's generator, as "random" always does.
+        emission_class: of vehicle types that name none and are no other than SUMO's cars; None keeps SUMO's.
         sumo_warnings: let SUMO print its warnings.
-        additional_sumo_cmd: more of SUMO's options, as on a command line.
+        additional_sumo_cmd: more of SUMO's options, as on a command line. They win over all else; only those
+            are refused that would make signals unsafe or unknown: ports, other configurations and networks,
+            saved states.
         backend: `libsumo` runs SUMO in this process, `traci` as a program of its own.
         use_gui: show SUMO's window; needs `traci`.
         sumo_outputs: a folder for the files that the scenario's own files want written; None writes none.
     """
 
-    max_depart_delay: int = -1
-    waiting_time_memory: int = 1000
-    time_to_teleport: int = -1
+    max_depart_delay: float | None = None
+    waiting_time_memory: float | None = None
+    time_to_teleport: float | None = None
     sumo_seed: int | str | None = None
     emission_class: str | None = "HBEFA3/PC_G_EU4"
     sumo_warnings: bool = False
@@ -143,10 +145,8 @@ class TrafficConfig:
         _refuse_other("backend", self.backend, ("libsumo", "traci"))
         if self.use_gui and self.backend == "libsumo":
             raise ConfigError('use_gui=True needs backend="traci": libsumo has no window')
-        if self.sumo_seed == "random":
-            object.__setattr__(self, "sumo_seed", None)
-        if self.sumo_seed is not None and (not isinstance(self.sumo_seed, int) or self.sumo_seed < 0):
-            raise ConfigError(f'sumo_seed={self.sumo_seed!r}: expected a whole number from 0, or "random"')
+        if self.sumo_seed not in (None, "random"):
+            object.__setattr__(self, "sumo_seed", _whole_number("sumo_seed", self.sumo_seed))
         object.__setattr__(self, "additional_sumo_cmd", self.additional_sumo_cmd or "")
         if self.sumo_outputs is not None:
             object.__setattr__(self, "sumo_outputs", Path(self.sumo_outputs))
@@ -208,12 +208,38 @@ class EnvConfig:
     sensing: SensingConfig = field(default_factory=SensingConfig)
     observation: Any = "features"
     reward_fn: str | Callable[..., float] | Mapping[str, Any] = "diff-waiting-time"
+    sumo: SumoSettings = field(init=False)
+    """What SUMO is run with, and the times of an episode: settled from all of these."""
+
+    def __post_init__(self) -> None:
+        """Put together what the scenario says and what the user asks for."""
+        traffic, episode = self.traffic, self.episode
+        given = {
+            "begin": episode.begin_time,
+            "max-depart-delay": traffic.max_depart_delay,
+            "waiting-time-memory": traffic.waiting_time_memory,
+            "time-to-teleport": traffic.time_to_teleport,
+            "no-warnings": "false" if traffic.sumo_warnings else "true",
+        }
+        settled = settle(
+            self.scenario,
+            given,
+            traffic.additional_sumo_cmd,
+            seconds=episode.num_seconds,
+            interval=episode.delta_time,
+        )
+        object.__setattr__(self, "sumo", settled)
 
     @property
-    def begin(self) -> float:
-        """The simulated second at which an episode begins."""
-        named = self.episode.begin_time
-        return self.scenario.begin if named is None else named
+    def seed(self) -> int | None:
+        """The seed of episodes for which `reset` is given none; None where each draws its own."""
+        asked = self.traffic.sumo_seed
+        return self.sumo.seed if asked is None else asked if isinstance(asked, int) else None
+
+    @property
+    def additional(self) -> tuple[Path, ...]:
+        """The additional files that SUMO reads."""
+        return self.sumo.files.get("additional-files", self.scenario.additional)
 
 
 _GROUPS = {
@@ -283,6 +309,16 @@ def _refuse_below(name: str, value: Any, least: float, *, hint: str = "") -> Non
 def _refuse_fraction(name: str, value: Any) -> None:
     if value != int(value):
         raise ConfigError(f"{name}={value!r}: expected whole seconds")
+
+
+def _whole_number(name: str, value: Any) -> int:
+    try:
+        number = operator.index(value)
+    except TypeError:
+        number = -1
+    if number < 0 or isinstance(value, bool):
+        raise ConfigError(f'{name}={value!r}: expected a whole number from 0, or "random"')
+    return number
 
 
 def _refuse_other(name: str, value: object, known: tuple[str, ...]) -> None:

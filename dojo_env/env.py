@@ -130,8 +130,8 @@ def choose_seed(seed: int | None, config: EnvConfig, generator: np.random.Genera
     """Take the seed given to `reset`, else the configured one, else the next of the generator."""
     if seed is not None:
         return seed
-    configured = config.traffic.sumo_seed
-    return configured if isinstance(configured, int) else int(generator.integers(_LARGEST_SEED))
+    configured = config.seed
+    return configured if configured is not None else int(generator.integers(_LARGEST_SEED))
 
 
 def read_action(action: Any) -> Any:

@@ -1,5 +1,6 @@
 """A world in this process: the managers in their order, decisions, observations, rewards and figures."""
 
+import math
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from typing import Any
@@ -54,11 +55,15 @@ class LocalWorld(World):
         """
         self.config = config
         bundle = open_map(config.scenario)
-        self.map = MapManager(bundle, config.signals, additional=config.scenario.additional)
+        self.map = MapManager(bundle, config.signals, additional=config.additional)
         self.signals = tuple(self.map.plans)
         self.traffic = TrafficManager(bundle.network, config)
         self.control = SignalManager(
-            self.traffic.simulation, self.map.plans, config.signals, interval=config.episode.delta_time
+            self.traffic.simulation,
+            self.map.plans,
+            config.signals,
+            step=config.sumo.step,
+            interval=config.sumo.interval,
         )
         self.managers: tuple[Manager, ...] = (self.map, self.traffic, self.control, *self._recorders())
         self.eyes = Eyes(bundle, config.sensing)
@@ -68,7 +73,7 @@ class LocalWorld(World):
         self._rewards = build_rewards(config.reward_fn, self.signals)
         self._measures_all = not all(map(is_own, self._rewards.values()))
         self._files = EpisodeFiles(config.episode.out_csv_name)
-        self._metrics = Metrics(self.map.plans, begin=config.begin)
+        self._metrics = Metrics(self.map.plans, begin=config.sumo.begin)
         self._instant: Instant | None = None
         self._figures: dict[str, Any] | None = None
         self._ended = False
@@ -120,7 +125,7 @@ class LocalWorld(World):
                 manager.before_reset(turn)
             for manager in self.managers:
                 manager.reset(turn)
-            self._metrics = Metrics(self.map.plans, begin=self.config.begin)
+            self._metrics = Metrics(self.map.plans, begin=self.config.sumo.begin)
             self.eyes.reset(seed)
             self.observer.reset(seed)
             self._instant = self._look()
@@ -137,7 +142,7 @@ class LocalWorld(World):
             self._actions.append({signal: int(action) for signal, action in actions.items()})
             now = self._instant = self._look()
             self._metrics.note(now, arrived=simulation.arrived, travelled=simulation.travelled)
-            self._ended = now.time >= self.config.begin + self.config.episode.num_seconds
+            self._ended = now.time >= self.config.sumo.end
             info = self._info(now)
             self._files.add(info)
             rewards = {signal: float(self._rewards[signal](signal, before, now)) for signal in self.signals}
@@ -225,12 +230,11 @@ class LocalWorld(World):
         episode = self.config.episode
         if episode.record_name is None:
             return ()
-        end = self.config.begin + episode.num_seconds
         return (
             RecorderManager(
                 self.traffic.simulation,
                 episode.record_name,
-                end=end,
+                end=self.config.sumo.end,
                 scenario=self.config.scenario.name,
                 map_sha256=self.map.bundle.road_map.source.sha256,
             ),
@@ -239,7 +243,9 @@ class LocalWorld(World):
     def _advance(self, turn: Turn) -> None:
         for manager in self.managers:
             manager.before_step(turn)
-        for _ in range(int(self.config.episode.delta_time)):
+        times = self.config.sumo
+        left = min(times.interval, times.end - self.traffic.simulation.time)
+        for _ in range(math.ceil(round(left / times.step, 6))):
             for manager in self.managers:
                 manager.step(turn)
         for manager in self.managers:

@@ -17,7 +17,7 @@ from dojo_env.world_process import open_world
 
 def run_controller(
     name: str,
-    seeds: Sequence[int],
+    seeds: Sequence[int] | int,
     *,
     on_step: Callable[[dict[str, Any]], None] = lambda _info: None,
     on_episode: Callable[[dict[str, Any]], None] = lambda _figures: None,
@@ -32,7 +32,7 @@ def run_controller(
 
     Args:
         name: of the controller.
-        seeds: one episode each.
+        seeds: one episode each; or how many, from the scenario's own seed on, or from 0.
         on_step: is told what `info` told after each decision, when an episode is over.
         on_episode: is then told its figures.
         on_stage: is told now and then how far the video is.
@@ -54,7 +54,8 @@ def run_controller(
             title = f"{config.scenario.name}, {name}"
             show = FilmShow(*open_views(config), title, film, on_stage=on_stage)
             world.watch(show.add)
-        for seed in seeds:
+        first = config.seed or 0
+        for seed in range(first, first + seeds) if isinstance(seeds, int) else seeds:
             if show is not None:
                 show.begin(seed)
             infos, found = world.run(controller, seed)

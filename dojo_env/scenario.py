@@ -6,7 +6,6 @@ A network that is not yet a bundle is converted on first use, into a cache of th
 import fcntl
 import hashlib
 import importlib.util
-import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
@@ -21,6 +20,7 @@ from dojo_env.errors import ConfigError, ScenarioError
 from dojo_env.sumo_options import ROOTS, Configuration, read_configuration
 from dojo_maps.bundle import DEMAND, Bundle, open_bundle
 from dojo_maps.input_files import is_there, sha256_of
+from dojo_maps.signals.programs import read_seconds
 
 Files = str | Path | Sequence[str | Path]
 LETS_THROUGH = "sumo_outputs, or --sumo-outputs FOLDER, lets outputs through"
@@ -279,23 +279,13 @@ def _read_sumocfg(path: Path) -> Scenario:
     if len(networks) != 1:
         raise ScenarioError(path, f"names {len(networks)} networks; give one, as <net-file value='...'/>")
     try:
-        begin, end = (_read_time(configuration.options.get(name, "")) for name in ("begin", "end"))
+        begin, end = (read_seconds(configuration.options.get(name, "-1")) for name in ("begin", "end"))
     except ValueError:
         raise ScenarioError(path, "begin and end must be seconds, h:m:s or d:h:m:s") from None
     return Scenario(
         map=networks[0],
-        begin=begin or 0.0,
-        end=end if end is not None and end >= 0 else None,
+        begin=max(begin, 0.0),
+        end=end if end >= 0 else None,
         config=path,
         name=path.name.split(".")[0],
     )
-
-
-def _read_time(text: str) -> float | None:
-    """Read a time as SUMO does: seconds, hours:minutes:seconds, or days before these; None if empty."""
-    if not text:
-        return None
-    parts = [float(part) for part in text.split(":")]
-    if len(parts) not in {1, 3, 4} or not all(map(math.isfinite, parts)):
-        raise ValueError(text)
-    return sum(part * unit for part, unit in zip(reversed(parts), (1, 60, 3600, 86400), strict=False))

@@ -7,7 +7,6 @@ while it loads would end this process, too, so SUMO's program loads it once befo
 
 import logging
 import os
-import shlex
 import subprocess
 import weakref
 from collections.abc import Iterable, Mapping, Sequence
@@ -17,21 +16,20 @@ from typing import Any
 
 import numpy as np
 
-from dojo_env.config import TrafficConfig
+from dojo_env.config import EnvConfig
 from dojo_env.errors import SimulationBusyError, SimulationError
 from dojo_env.forks import must_return_within
 from dojo_env.reading import HALTING, Figures, TrafficReading, Trip
 from dojo_env.road_users import RoadUsers
-from dojo_env.scenario import Scenario
 from dojo_env.snapshot import Snapshot
 from dojo_env.sumo_files import SumoFiles
 from dojo_env.sumo_messages import SumoMessages
-from dojo_env.sumo_options import full_name
 from dojo_maps.sumo_programs import find_program, signal_name
 
 _LOG = logging.getLogger(__name__)
 _LOGICS = {"actuated": 3, "delay_based": 5}
 """SUMO's numbers of its logics."""
+_USUAL_CAR = "DEFAULT_VEHTYPE"
 _LARGEST_SEED = 2**31 - 1
 _LOADING_LIMIT = 300.0
 """Seconds that SUMO may take to load a scenario; the largest cities in public use take a third of it."""
@@ -46,25 +44,32 @@ _loadable: list[dict[str, str]] = []
 class Simulation:
     """One run of SUMO, from `start` to `close`; it may be started again."""
 
-    def __init__(self, network: Path, scenario: Scenario, config: TrafficConfig, *, begin: float) -> None:
+    def __init__(self, network: Path, config: EnvConfig) -> None:
         """Note what is to be run, and check its files; nothing starts yet.
+
+        Args:
+            network: the map's SUMO network.
+            config: of the environment.
 
         Raises:
             ScenarioError: a file cannot be read, or is unsafe.
         """
-        self._config, self._begin = config, begin
-        self._files = SumoFiles(network, scenario, config.sumo_outputs)
+        self._config, self._settings = config.traffic, config.sumo
+        self._files = SumoFiles(network, config.scenario, config.traffic.sumo_outputs, config.sumo.options)
         self._sumo: Any = None
         self._get: Any = None
         self.failures: tuple[type[Exception], ...] = ()
         """What SUMO's interface raises."""
         self._trips: dict[str, Trip] = {}
         self._known_types = 0
+        self._usual_class = ""
         self._users: RoadUsers | None = None
         self._moving: tuple[tuple[str, ...], list[float]] | None = None
         self._process = os.getpid()
         self._messages: SumoMessages | None = None
-        self.time = float(begin)
+        self.time = config.sumo.begin
+        self.is_new_second = True
+        """The last step has ended in another second than the one before."""
         self.moment = 0
         """Another number whenever the simulation has moved on."""
         self.lane_ids: tuple[str, ...] = ()
@@ -104,7 +109,7 @@ class Simulation:
             SimulationError: SUMO refuses the input, or this process runs another simulation.
         """
         self.close()
-        self._trips, self._known_types, self.time, self._moving = {}, 0, float(self._begin), None
+        self._trips, self._known_types, self.time, self._moving = {}, 0, self._settings.begin, None
         self.arrived, self.travelled, self.is_over = 0, 0.0, False
         self._process = os.getpid()
         if self._config.backend == "libsumo":
@@ -119,13 +124,14 @@ class Simulation:
                 self._messages.end()
             self.lane_ids = tuple(self._get.lane_getIDList())
             self._users = RoadUsers(self._get)
+            self._usual_class = self._sumo.vehicletype.getEmissionClass(_USUAL_CAR)
             self._force_emission_class()
         except self.failures as error:
             raise self.fail(error, "SUMO does not start") from error
         except BaseException:
             self.close()
             raise
-        for note in self._files.notes:
+        for note in (*self._files.notes, *self._settings.notes):
             _say_once(note)
 
     def fail(self, error: Exception, what: str | None = None) -> SimulationError:
@@ -144,7 +150,7 @@ class Simulation:
         return SimulationError(f"{what or f'SUMO stopped after {self.time:g} s'}: {words}")
 
     def step(self) -> None:
-        """Simulate one second and note who departed and who arrived.
+        """Simulate one of SUMO's steps and note who departed and who arrived.
 
         Raises:
             SimulationError: no simulation is running.
@@ -156,7 +162,8 @@ class Simulation:
             get.simulation_step()
         finally:
             must_return_within(0.0)
-        self.time += 1.0
+        before, self.time = self.time, round(self.time + self._settings.step, 3)
+        self.is_new_second = int(self.time) > int(before)
         self.moment += 1
         self._moving = None
         for vehicle in get.simulation_getDepartedIDList():
@@ -296,12 +303,12 @@ class Simulation:
             self.travelled += self.time - trip.depart
 
     def _force_emission_class(self) -> None:
-        """Give each vehicle type, also one that the demand has only now brought, the emission class."""
+        """Give vehicle types that emit like SUMO's usual car the class asked for; some come only later."""
         wanted, types = self._config.emission_class, self._sumo.vehicletype
         if wanted is None or types.getIDCount() == self._known_types:
             return
         for name in types.getIDList():
-            if not types.getEmissionClass(name).startswith("Zero"):
+            if types.getEmissionClass(name) == self._usual_class:
                 types.setEmissionClass(name, wanted)
         self._known_types = types.getIDCount()
 
@@ -314,7 +321,7 @@ class Simulation:
         asked, network = self._files.options, self._files.options["net-file"]
         if asked in _loadable:
             return
-        options = {**asked, "begin": str(self._begin), "end": str(self._begin + 1), "xml-validation": "never"}
+        options = {**asked, "end": str(self._settings.begin + 1)}
         command = [str(find_program("sumo")), *(f"--{name}={value}" for name, value in options.items())]
         try:
             done = subprocess.run(  # noqa: S603 - SUMO's own program, without a shell
@@ -330,27 +337,9 @@ class Simulation:
         _loadable.append(asked)  # What SUMO refuses, libsumo will tell in SUMO's own words.
 
     def _options(self, seed: int) -> list[str]:
-        """Write SUMO's command line: what its configuration asks for, our settings, and the user's own words.
-
-        A value stands in one word with its name, or it could be taken for an option itself.
-        """
-        config = self._config
-        words = shlex.split(config.additional_sumo_cmd)
-        given = {full_name(word.lstrip("-").partition("=")[0]) for word in words if word.startswith("-")}
-        options = {name: value for name, value in self._files.options.items() if name not in given}
-        options |= {
-            "begin": str(self._begin),
-            "seed": str(seed % _LARGEST_SEED),
-            "max-depart-delay": str(config.max_depart_delay),
-            "waiting-time-memory": str(config.waiting_time_memory),
-            "time-to-teleport": str(config.time_to_teleport),
-            "step-length": "1",
-            "no-step-log": "true",
-            "xml-validation": "never",
-            "xml-validation.net": "never",
-            "no-warnings": "false" if config.sumo_warnings else "true",
-        }
-        return [*(f"--{name}={value}" for name, value in options.items()), *words]
+        """Write SUMO's command line; a value stands in one word with its name, or it could be an option."""
+        options = {"seed": str(seed % _LARGEST_SEED), **self._files.options}
+        return [f"--{name}={value}" for name, value in options.items()]
 
     def _connect(self, command: list[str]) -> None:
         if self._config.backend == "libsumo":

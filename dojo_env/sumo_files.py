@@ -49,13 +49,20 @@ class SumoFiles:
         notes: what is left out, in a line for each file.
     """
 
-    def __init__(self, network: Path, scenario: Scenario, outputs: Path | None) -> None:
+    def __init__(
+        self,
+        network: Path,
+        scenario: Scenario,
+        outputs: Path | None,
+        options: Mapping[str, str] | None = None,
+    ) -> None:
         """Check every file that SUMO will read.
 
         Args:
             network: to simulate on.
             scenario: all else.
             outputs: a folder for what the scenario writes, made if missing; None lets it write nothing.
+            options: of SUMO, beside the scenario's files; None takes the scenario's own.
 
         Raises:
             ScenarioError: a file cannot be read, is unsafe, or would write over another.
@@ -67,14 +74,15 @@ class SumoFiles:
         self._included: dict[Path, int] = {}
         self._open: list[Path] = []
         self._targets: dict[str, Path] = {}
-        self.options: dict[str, str] = {**scenario.options, "net-file": str(self._make_safe(network))}
-        weights = map(Path, filter(None, scenario.options.get("weight-files", "").split(",")))
+        wanted = scenario.options if options is None else options
+        self.options: dict[str, str] = {**wanted, "net-file": str(self._make_safe(network))}
+        weights = map(Path, filter(None, wanted.get("weight-files", "").split(",")))
         for name, paths in (
             ("route-files", scenario.routes),
             ("additional-files", scenario.additional),
             ("weight-files", tuple(weights)),
         ):
-            if paths:
+            if paths and (name not in wanted or name == "weight-files"):
                 self.options[name] = ",".join(str(self._make_safe(path)) for path in paths)
         # Otherwise the devices of vehicles that name no file write one each into the current folder.
         self.options["device.ssm.file"] = self._place("device.ssm.xml", Path(), "device.ssm.file")

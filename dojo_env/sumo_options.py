@@ -201,6 +201,14 @@ NEVER = frozenset(
     ).split()
 )
 """What a configuration cannot have."""
+UNSAFE = {
+    **dict.fromkeys(_PORTS.split(), 'backend="traci" opens the one port that is needed, on its own'),
+    **dict.fromkeys(_CONFIGURATIONS.split(), "give scenario= the configuration"),
+    **dict.fromkeys(_STATES.split(), "an environment has save and restore"),
+    **dict.fromkeys(_CHANCE.split(), 'sumo_seed="random" draws a seed'),
+    "net-file": "give scenario= or net_file= the network",
+}
+"""What no words of the user's can have, and what to do instead: signals would no longer be known or safe."""
 
 _OTHER_NAMES = """
 n=net-file net=net-file r=route-files routes=route-files a=additional-files additional=additional-files
@@ -211,7 +219,8 @@ meso.ignore-lanes.by-vclass=meso-ignore-lanes-by-vclass H=human-readable-time nd
 netstate=netstate-dump netstate-output=netstate-dump dump-empty-edges=netstate-dump.empty-edges
 dump-precision=netstate-dump.precision summary=summary-output tripinfo=tripinfo-output
 person-fcd=person-fcd-output personinfo=personinfo-output vehroutes=vehroute-output
-personroutes=personroute-output statistics-output=statistic-output l=log log-file=log
+personroutes=personroute-output statistics-output=statistic-output l=log log-file=log c=configuration-file
+C=save-configuration S=save-template
 """
 """Short and old names of what may be taken."""
 _OTHER_BEGINNINGS = {

@@ -376,7 +376,7 @@ def test_a_map_without_signals_is_refused(make: Make, network_path: Callable[[st
 def test_a_sumocfg_and_plain_files_work_without_code(make: Make) -> None:
     found = packaged_scenario("cologne1")
     env = make(str(found.map.parent / "cologne1.sumocfg"))
-    assert env.config.begin == 25200
+    assert env.config.sumo.begin == 25200
     wanted = digest(make("cologne1"), 1)
     assert digest(env, 1) == wanted
     env.close()

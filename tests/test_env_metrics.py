@@ -44,7 +44,7 @@ def episode(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFac
     plan = world.map.plans[world.signals[0]]
     figures = world.metrics()
     world.close()
-    return folder, plan, infos, figures, world.config.begin
+    return folder, plan, infos, figures, world.config.sumo.begin
 
 
 def read(folder: Path, name: str) -> ET.Element:

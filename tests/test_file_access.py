@@ -53,6 +53,7 @@ EXPLAINED = {
     "tools/train.py": {"loads"},
     "tools/fuzz.py": {"read_bytes", "read_text", "open", "load"},
     "tools/random_damage.py": {"load", "loads"},
+    "tools/survey_networks.py": {"loads", "read_text"},
     # What this process has just written, and files of the packages themselves.
     "tools/learning/cluster_rows.py": {"read_bytes"},
     "dojo_maps/whole_file.py": {"open"},

@@ -23,7 +23,7 @@ from pathlib import Path
 import numpy as np
 
 from bench_panda import PandaWorld
-from dojo_env.config import TrafficConfig
+from dojo_env.config import EnvConfig
 from dojo_env.rendering.bullet import BulletWorld
 from dojo_env.rendering.renderer import Renderer
 from dojo_env.rendering.scene import Scene, build_scene
@@ -44,7 +44,7 @@ def rush_hour(name: str, signal_position: np.ndarray, wanted: int) -> Snapshot:
     """Run a scenario until this many vehicles are near its first signal, or for as long as it lasts."""
     scenario = find_scenario(name)
     bundle = open_map(scenario)
-    simulation = Simulation(bundle.network, scenario, TrafficConfig(), begin=scenario.begin)
+    simulation = Simulation(bundle.network, EnvConfig(scenario=scenario))
     simulation.start(seed=1)
     best, most = Snapshot(time=0.0), -1
     for second in range(3000):

@@ -31,7 +31,8 @@ class RecorderManager(Manager):
 
     def step(self, turn: Turn) -> None:
         """Record a second."""
-        self._recorder.add(self._simulation.read_snapshot())
+        if self._simulation.is_new_second:
+            self._recorder.add(self._simulation.read_snapshot())
 
     def after_step(self, turn: Turn) -> None:
         """Write the episode when it is over."""

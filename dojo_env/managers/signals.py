@@ -26,10 +26,12 @@ class SignalManager(Manager):
         plans: Mapping[str, SignalPlan],
         config: SignalConfig,
         *,
+        step: float,
         interval: float,
     ) -> None:
-        """Take the signals to control; `interval` is the time between decisions."""
-        self._simulation, self._plans, self._config, self._interval = simulation, plans, config, interval
+        """Take the signals to control; `interval` is the time between decisions, `step` that of SUMO's."""
+        self._simulation, self._plans, self._config = simulation, plans, config
+        self._step, self._interval = step, interval
         self._switches: dict[str, SignalSwitch] = {}
         self._watches: dict[str, SignalWatch] = {}
         self._phases: dict[str, int] = {}
@@ -51,7 +53,9 @@ class SignalManager(Manager):
     def reset(self, turn: Turn) -> None:
         """Show each signal's first phase, or hand it to SUMO."""
         time = self._simulation.time
-        self._switches = {name: SignalSwitch(plan, self._config) for name, plan in self._plans.items()}
+        self._switches = {
+            name: SignalSwitch(plan, self._config, step=self._step) for name, plan in self._plans.items()
+        }
         self._phases = dict.fromkeys(self._plans, 0)
         self._watches = {
             name: SignalWatch(plan, self._config, self.safety, time=time)
@@ -94,7 +98,7 @@ class SignalManager(Manager):
             )
 
     def step(self, turn: Turn) -> None:
-        """Let a second pass at every signal."""
+        """Let a step pass at every signal."""
         if self._config.fixed_ts:
             self._look()
             return

@@ -24,7 +24,7 @@ class TrafficManager(Manager):
         Raises:
             ScenarioError: a file is cut short, no XML, or unsafe to read.
         """
-        self.simulation = Simulation(network, config.scenario, config.traffic, begin=config.begin)
+        self.simulation = Simulation(network, config)
 
     def before_reset(self, turn: Turn) -> None:
         """End the last episode's simulation."""
@@ -35,7 +35,7 @@ class TrafficManager(Manager):
         self.simulation.start(turn.seed)
 
     def step(self, turn: Turn) -> None:
-        """Simulate a second."""
+        """Simulate a step."""
         self.simulation.step()
 
     def close(self) -> None:

@@ -20,4 +20,5 @@ class WatchManager(Manager):
 
     def step(self, turn: Turn) -> None:
         """Show a second."""
-        self._on_second(self._simulation.read_snapshot())
+        if self._simulation.is_new_second:
+            self._on_second(self._simulation.read_snapshot())

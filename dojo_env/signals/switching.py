@@ -47,9 +47,9 @@ class SignalSwitch:
         now: what it remembers.
     """
 
-    def __init__(self, plan: SignalPlan, config: SignalConfig) -> None:
-        """Begin with the first phase green, walkers of before long gone."""
-        self._plan, self._config = plan, config
+    def __init__(self, plan: SignalPlan, config: SignalConfig, *, step: float = 1.0) -> None:
+        """Begin with the first phase green, walkers of before long gone; `step` seconds pass at a time."""
+        self._plan, self._config, self._step = plan, config, step
         self.clock = 0.0
         self.now = self._green(0, ())
 
@@ -94,8 +94,8 @@ class SignalSwitch:
         self.now = replace(now, due=due, duration_is_set=True)
 
     def advance(self) -> bool:
-        """Let a second pass; tell whether other letters are to be shown."""
-        self.clock += 1
+        """Let a step pass; tell whether other letters are to be shown."""
+        self.clock = round(self.clock + self._step, 3)
         before = self.now
         if self.clock < before.due:
             return False
@@ -143,7 +143,7 @@ class SignalSwitch:
         if not stages:
             return self._green(phase, walk_ended)
         seconds, letters = stages[0]
-        due = self.clock + seconds
+        due = round(self.clock + seconds, 3)
         return SwitchState(phase=phase, letters=letters, due=due, stages=stages, walk_ended=walk_ended)
 
     def _green(self, phase: int, walk_ended: tuple[tuple[int, float], ...]) -> SwitchState:
