@@ -4,12 +4,12 @@ import bz2
 import gzip
 import json
 import os
-import random
 import socket
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from dojo_env.elements import read_elements
@@ -97,7 +97,7 @@ PACKED: dict[str, tuple[bytes, str]] = {
     "gzip with a name without end": (b"\x1f\x8b\x08\x08" + b"x" * 5_000_000, "ends early"),
     "gzip of another method": (b"\x1f\x8b\x07" + bytes(100), "broken gzip"),
     "gzip damaged": (
-        bytes(byte ^ (k == 40) for k, byte in enumerate(gzip.compress(random.Random(1).randbytes(99)))),
+        bytes(byte ^ (k == 40) for k, byte in enumerate(gzip.compress(np.random.default_rng(1).bytes(99)))),
         "broken",
     ),
     "gzip bomb": (bomb(gzip.compress), "unpacks to more than"),
@@ -119,7 +119,7 @@ def test_packed_damage_is_one_error_of_the_reader_s_class(kind: str, tmp_path: P
 @pytest.mark.parametrize("pack", [bytes, gzip.compress, bz2.compress])
 @pytest.mark.parametrize("size", [1, 1000, 3 << 20])
 def test_what_is_packed_is_read_as_it_was(pack: Callable[[bytes], bytes], size: int, tmp_path: Path) -> None:
-    data = b"x" * (size // 2 + 1) + random.Random(size).randbytes(size // 2)
+    data = b"x" * (size // 2 + 1) + np.random.default_rng(size).bytes(size // 2)
     path = tmp_path / "a.bin"
     path.write_bytes(pack(data))
     assert read_bytes(path) == data

@@ -1,0 +1,101 @@
+"""Nobody waits longer than the longest red: which phase must come now, whatever is asked for.
+
+It only ever asks for a phase, as agents do. So the rules of `switching` hold, and with them their proof.
+"""
+
+import math
+from collections.abc import Callable, Iterator
+
+from dojo_env.config import SignalConfig
+from dojo_env.signals.plan import SignalPlan
+from dojo_env.signals.switching import SignalSwitch
+from dojo_maps.signals.programs import GREEN
+
+_CYCLES = 1.5
+"""A limit shorter than this many of the shortest cycles would leave nothing to choose."""
+
+
+class LongestRed:
+    """Watches how long each link of a signal has not been green.
+
+    Attributes:
+        limit: seconds; the configured ones, or longer where the signal's shortest cycle needs more.
+    """
+
+    def __init__(self, plan: SignalPlan, config: SignalConfig, *, interval: float, time: float) -> None:
+        """Begin with all links red from `time` on; decisions come every `interval` seconds."""
+        self._plan, self._interval = plan, interval
+        self._is_free = config.action_mode == "choose_phase"
+        self._since = [time] * len(plan.phases[0])
+        self._greens = [{k for k, letter in enumerate(state) if letter in GREEN} for state in plan.phases]
+        changes = [self._longest_change(greens, config) for greens in self._greens]
+        self._slots = [_whole(config.min_green + change, interval) for change in changes]
+        self._change = max(changes)
+        shortest = _CYCLES * sum(self._slots)
+        self.limit = math.inf if config.max_red is None else max(config.max_red, shortest)
+
+    def look(self, time: float, state: str) -> None:
+        """Note which links are green."""
+        for link, letter in enumerate(state):
+            if letter in GREEN:
+                self._since[link] = time
+
+    def ages(self, time: float, state: str) -> dict[int, float]:
+        """Tell for how many seconds each link that is not green has not been."""
+        return {k: time - self._since[k] for k, letter in enumerate(state) if letter not in GREEN}
+
+    def find_due(self, time: float, switch: SignalSwitch, list_waiting: Callable[[], set[int]]) -> int | None:
+        """Find the phase that must come now, so that those who wait longest get green in time.
+
+        Args:
+            time: simulated seconds.
+            switch: of the signal.
+            list_waiting: lists the links at which somebody waits; asked only where it matters.
+
+        Returns:
+            The phase, or None where there is time left.
+        """
+        if self.limit == math.inf or not switch.may_change:
+            return None
+        red = self.ages(time, self._plan.phases[switch.phase])
+        if self._plan_ahead(red, switch) is None:
+            return None
+        waiting = list_waiting()
+        return self._plan_ahead({link: age for link, age in red.items() if link in waiting}, switch)
+
+    def _plan_ahead(self, red: dict[int, float], switch: SignalSwitch) -> int | None:
+        """Give these links their green one after the other, longest red first: is one of them too late?"""
+        until, first, served = self._change + self._interval, None, set[int]()
+        for link in sorted(red, key=lambda link: -red[link]):
+            if link in served:
+                continue
+            for phase in self._phases_up_to(link, red, switch):
+                first = phase if first is None else first
+                served |= self._greens[phase]
+                if link in served and red[link] + until >= self.limit:
+                    return first
+                until += self._slots[phase]
+        return None
+
+    def _phases_up_to(self, link: int, red: dict[int, float], switch: SignalSwitch) -> Iterator[int]:
+        """List the phases that come until a link is green: that one alone, where phases may be chosen."""
+        having = [k for k, greens in enumerate(self._greens) if link in greens]
+        if not having:
+            return
+        if self._is_free:
+            yield max(having, key=lambda k: (sum(red.get(other, 0.0) for other in self._greens[k]), -k))
+            return
+        count = len(self._greens)
+        nearest = min((k - switch.phase) % count for k in having)
+        yield from ((switch.phase + k) % count for k in range(1, nearest + 1))
+
+    def _longest_change(self, greens: set[int], config: SignalConfig) -> float:
+        """Compute how long it takes to leave a phase: yellow and red, or until its walkers are across."""
+        plan = self._plan
+        vehicles = [float(plan.yellow[k]) + max(float(plan.red[k]), config.all_red) for k in greens]
+        walkers = [float(plan.clearance[k]) for k in greens]
+        return max([*vehicles, *walkers], default=0.0)
+
+
+def _whole(seconds: float, interval: float) -> float:
+    return math.ceil(round(seconds / interval, 6)) * interval
