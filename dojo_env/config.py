@@ -56,6 +56,8 @@ class SignalConfig:
         all_red: seconds after yellow in which nothing new turns green.
         min_green: seconds of green, yellow not counted, before a change is granted.
         max_green: seconds of green after which the next phase follows; None sets no limit.
+        max_red: seconds after which who waits, on wheels or on foot, gets green, whatever agents ask for; or
+            one and a half of the signal's shortest cycles, where that is longer. None sets no limit.
         enforce_max_green: as SUMO-RL has it; True without `max_green` means 60 s.
         walking_speed: m/s, of the slowest walker who must get across before traffic does.
         phases: `program` takes the green phases of the network's own program, `computed` builds sets of
@@ -70,6 +72,7 @@ class SignalConfig:
     all_red: float = 0
     min_green: float = 10
     max_green: float | None = None
+    max_red: float | None = 120
     enforce_max_green: bool | None = None
     walking_speed: float = 1.2
     phases: str = "program"
@@ -88,6 +91,8 @@ class SignalConfig:
             _refuse_below(name, getattr(self, name), least)
         _refuse_fraction("all_red", self.all_red)
         _refuse_fraction("min_green", self.min_green)
+        if self.max_red is not None:
+            _refuse_below("max_red", self.max_red, self.min_green)
         self._settle_max_green()
         if self.ts_ids is not None:
             object.__setattr__(self, "ts_ids", tuple(self.ts_ids))

@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 
 from dojo_env.errors import StaleInstantError
-from dojo_env.reading import Figures, LaneReading, TrafficReading
-from dojo_env.signals.plan import SignalPlan
+from dojo_env.reading import HALTING, Approach, Figures, LaneReading, TrafficReading
+from dojo_env.signals.plan import REACH, SignalPlan
 from dojo_env.simulation import Simulation
 from dojo_env.snapshot import Snapshot
 
@@ -48,7 +48,7 @@ class Instant:
         signals: each signal that agents control, by id.
     """
 
-    __slots__ = ("_lanes", "_moment", "_simulation", "_snapshot", "signals", "time", "traffic")
+    __slots__ = ("_approaches", "_lanes", "_moment", "_simulation", "_snapshot", "signals", "time", "traffic")
 
     def __init__(
         self,
@@ -72,6 +72,7 @@ class Instant:
         self._moment = simulation.moment
         self._snapshot: Snapshot | None = None
         self._lanes = dict(lanes)
+        self._approaches: dict[str, Approach] = {}
 
     @property
     def snapshot(self) -> Snapshot:
@@ -111,6 +112,20 @@ class Instant:
         """
         return np.array([len(self.list_vehicles(lane)) for lane in lanes], dtype=np.float64)
 
+    def approach(self, signal: str) -> Approach:
+        """Tell who is on the way to a signal, by the links that they will take.
+
+        Args:
+            signal: one of those that agents control.
+
+        Raises:
+            StaleInstantError: it was not asked for before SUMO moved on.
+        """
+        if signal not in self._approaches:
+            simulation = self._present(f"approach to signal {signal!r}")
+            self._approaches[signal] = _read_approach(simulation, self.signals[signal].plan)
+        return self._approaches[signal]
+
     def measure_all(self) -> "Instant":
         """Measure at once all that can be asked for; returns itself.
 
@@ -120,6 +135,8 @@ class Instant:
         if self._simulation is not None:
             self.count_vehicles(self._simulation.lane_ids)
             self._snapshot = self.snapshot
+            for signal in self.signals:
+                self.approach(signal)
             self._simulation = None
         return self
 
@@ -143,3 +160,18 @@ class Instant:
         for name, value in state.items():
             setattr(self, name, value)
         self.signals = MappingProxyType(self.signals)
+
+
+def _read_approach(simulation: Simulation, plan: SignalPlan) -> Approach:
+    coming = simulation.list_approaching(plan.signal, (*plan.lanes, *plan.upstream))
+    near = [vehicle for vehicle in coming if vehicle[1] <= REACH]
+    standing = dict(zip(plan.out_lanes, simulation.count_halting(plan.out_lanes), strict=True))
+    full = {lane for lane, room in zip(plan.out_lanes, plan.room, strict=True) if standing[lane] >= room}
+    beyond = {link: dict.fromkeys(b for k, _, b in plan.links if k == link) for link, _, _ in plan.links}
+    return Approach(
+        links=tuple(link for link, _, _ in near),
+        halting=tuple(speed < HALTING for _, _, speed in near),
+        distances=tuple(metres for _, metres, _ in near),
+        blocked=frozenset(link for link, lanes in beyond.items() if full.issuperset(lanes)),
+        beyond={link: sum(standing[lane] for lane in lanes) / len(lanes) for link, lanes in beyond.items()},
+    )

@@ -1,6 +1,6 @@
 """What is measured at a decision: figures of lanes and of all traffic, without a picture of each vehicle."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from math import fsum
 from operator import mul, truediv
@@ -154,6 +154,25 @@ class TrafficReading:
     teleported: int
     pedestrians: int
     pedestrian_waiting: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Approach:
+    """Who is on the way to a signal within 150 m, and where there is no room to go to.
+
+    Attributes:
+        links: the link that each vehicle will take, by its place in the state.
+        halting: whether it is slower than 0.1 m/s.
+        distances: metres to the stop line.
+        blocked: the links behind which every lane is full of standing vehicles.
+        beyond: standing vehicles on the lanes behind each link, as many as one of these has in the mean.
+    """
+
+    links: tuple[int, ...]
+    halting: tuple[bool, ...]
+    distances: tuple[float, ...]
+    blocked: frozenset[int]
+    beyond: Mapping[int, float]
 
 
 @dataclass(slots=True, kw_only=True)

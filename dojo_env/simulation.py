@@ -191,6 +191,29 @@ class Simulation:
         except self.failures as error:
             raise SimulationError(" ".join(str(error).split())) from error
 
+    def list_approaching(self, signal: str, lanes: Iterable[str]) -> list[tuple[int, float, float]]:
+        """List the vehicles on these lanes whose next signal this is.
+
+        Returns:
+            The link that each will take, metres to the stop line, and m/s.
+        """
+        get, found = self._get, []
+        for vehicle in (vehicle for lane in lanes for vehicle in get.lane_getLastStepVehicleIDs(lane)):
+            for other, link, metres, _ in get.vehicle_getNextTLS(vehicle)[:1]:
+                if other == signal:
+                    found.append((link, metres, get.vehicle_getSpeed(vehicle)))
+        return found
+
+    def count_halting(self, lanes: Iterable[str]) -> list[int]:
+        """Count the vehicles slower than 0.1 m/s on each lane."""
+        return list(map(self._get.lane_getLastStepHaltingNumber, lanes))
+
+    def list_wanted_crossings(self) -> set[str]:
+        """List the crossings at which somebody on foot stands and waits."""
+        get = self._get
+        people = (person for person in get.person_getIDList() if get.person_getWaitingTime(person))
+        return set(map(get.person_getNextEdge, people))
+
     def read_lanes(self, lanes: Sequence[str]) -> tuple[list[tuple[str, ...]], list[list[float]]]:
         """Measure lanes; returns the vehicles on each, and the first rows of a `LaneReading`."""
         get = self._get

@@ -47,19 +47,25 @@ class SumoMessages:
 
     def end(self) -> None:
         """Give standard error back, and pass on what was written and is no error of SUMO's."""
-        if self._listens:
-            self._listens = False
-            os.dup2(self._stderr, _STDERR)
-            if os.fstat(self._file.fileno()).st_size:
-                self._take_in()
+        sys.stderr.write("".join(self._stop_listening()))
+
+    def _stop_listening(self) -> list[str]:
+        """Give standard error back; returns the lines that are no error of SUMO's."""
+        if not self._listens:
+            return []
+        self._listens = False
+        os.dup2(self._stderr, _STDERR)
+        return self._take_in() if os.fstat(self._file.fileno()).st_size else []
 
     def explain(self, error: Exception) -> str:
         """Stop listening, and say on one line what went wrong, in SUMO's own words, each once.
 
+        What else was written, such as a library's complaints of the same, is dropped.
+
         Args:
             error: what libsumo or TraCI has raised.
         """
-        self.end()
+        self._stop_listening()
         raised = " ".join(str(error).split())
         said = [words for words in dict.fromkeys(self._errors) if words not in raised]
         if raised not in _EMPTY and not any(raised in words for words in said):
@@ -69,7 +75,7 @@ class SumoMessages:
         rest = [f"and {len(said) - _SHOWN} more"] if len(said) > _SHOWN else []
         return "; ".join([*shown, *rest]) or "SUMO has said why on standard error"
 
-    def _take_in(self) -> None:
+    def _take_in(self) -> list[str]:
         self._file.seek(0)
         text = self._file.read().decode("utf-8", "replace")
         self._file.seek(0)
@@ -85,5 +91,4 @@ class SumoMessages:
             else:
                 is_error = False
                 others.append(line)
-        if others:
-            sys.stderr.write("".join(others))
+        return others

@@ -182,9 +182,7 @@ def _settle_interval(interval: float | None, step: float) -> float:
     if interval is None:
         return round(math.ceil(round(_USUAL_INTERVAL / step, 6)) * step, 3)
     if not _is_whole(interval / step):
-        raise ConfigError(
-            f"delta_time={interval} is no multiple of SUMO's step of {step:g} s; change one"
-        )
+        raise ConfigError(f"delta_time={interval} is no multiple of SUMO's step of {step:g} s; change one")
     return interval
 
 

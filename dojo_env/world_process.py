@@ -20,6 +20,7 @@ import os
 import pickle
 import signal
 import sys
+import threading
 import time
 import traceback
 from collections.abc import Callable, Iterator, Mapping
@@ -64,6 +65,8 @@ class _Call(NamedTuple):
 
 
 _CLOSE = _Call(0, "close")
+_one_starts = threading.Lock()
+"""What a start changes for a moment is the whole process's: threads start one after the other."""
 
 
 class _CallerGoneError(Exception):
@@ -254,7 +257,6 @@ def _start(process: SpawnProcess, config: EnvConfig) -> None:
     Raises:
         ConfigError: the settings cannot be pickled.
     """
-    script = sys.modules["__main__"]
     try:
         sent = bytes(ForkingPickler.dumps(config))
     except _UNPICKLABLE as error:
@@ -262,13 +264,15 @@ def _start(process: SpawnProcess, config: EnvConfig) -> None:
             f"the settings cannot be handed to a process of its own ({error}); give functions that a module "
             "defines by name, not lambdas or local ones"
         ) from error
-    if b"__main__" not in sent:
-        sys.modules["__main__"] = ModuleType("__main__")
-    try:
-        with interrupts_wait(), _children_allowed():
-            process.start()
-    finally:
-        sys.modules["__main__"] = script
+    with _one_starts:
+        script = sys.modules["__main__"]
+        if b"__main__" not in sent:
+            sys.modules["__main__"] = ModuleType("__main__")
+        try:
+            with interrupts_wait(), _children_allowed():
+                process.start()
+        finally:
+            sys.modules["__main__"] = script
 
 
 @contextlib.contextmanager

@@ -17,6 +17,7 @@ QUESTIONS: dict[str, Callable[[Instant], Any]] = {
     "snapshot": lambda instant: (instant.snapshot.ids, instant.snapshot.positions.tolist()),
     "list_vehicles": lambda instant: instant.list_vehicles(instant.signals["t"].plan.out_lanes[0]),
     "count_vehicles": lambda instant: instant.count_vehicles(instant.signals["t"].plan.out_lanes).tolist(),
+    "approach": lambda instant: instant.approach("t"),
     "time": lambda instant: instant.time,
     "traffic": lambda instant: instant.traffic,
     "signals": lambda instant: [
@@ -25,7 +26,7 @@ QUESTIONS: dict[str, Callable[[Instant], Any]] = {
     "measure_all": lambda instant: instant.measure_all().time,
 }
 """One for every public name of an instant."""
-LATE = ("snapshot", "list_vehicles", "count_vehicles", "measure_all")
+LATE = ("snapshot", "list_vehicles", "count_vehicles", "approach", "measure_all")
 """What costs more than a glance."""
 
 

@@ -1,5 +1,6 @@
 """SUMO's own words: in the error, each once, and nowhere else."""
 
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -10,6 +11,7 @@ from conftest import command_environment
 from dojo_env.config import build_config
 from dojo_env.errors import SimulationError
 from dojo_env.scenario import packaged_scenario
+from dojo_env.sumo_messages import SumoMessages
 from dojo_env.world import World
 from dojo_env.world_process import open_world
 
@@ -98,3 +100,12 @@ print(env.step({})[4]["t"]["step"])
         [sys.executable, "-c", script], env=command_environment(), stdout=subprocess.PIPE, check=True
     )
     assert done.stdout == b"5.0\n"
+
+
+def test_what_a_library_writes_beside_an_error_is_dropped(capfd: pytest.CaptureFixture[str]) -> None:
+    messages = SumoMessages()
+    messages.begin()
+    os.write(2, b"proj_create: no such column\nError: Could not build projection!\n")
+    assert messages.explain(RuntimeError("Process Error")) == "Could not build projection!"
+    messages.close()
+    assert capfd.readouterr() == ("", "")

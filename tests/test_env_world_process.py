@@ -280,3 +280,30 @@ def test_processes_end_with_who_forgot_to_close_them(tmp_path: Path, *, killed: 
         check=False, timeout=120,
     )  # fmt: skip
     assert (done.stdout, done.stderr) == ("ended\n", "")
+
+
+THREADS = """
+from concurrent.futures import ThreadPoolExecutor
+from threading import Barrier
+from dojo_env.config import build_config
+from dojo_env.world_process import WorldProcess
+barrier = Barrier(4)
+def work(_):
+    barrier.wait()
+    world = WorldProcess(build_config(scenario="two-way", num_seconds=60))
+    world.reset(1)
+    world.close()
+    return world.signals
+with ThreadPoolExecutor(4) as pool:
+    print(set(pool.map(work, range(4))))
+"""
+
+
+def test_threads_of_a_script_without_a_guard_open_worlds_at_once(tmp_path: Path) -> None:
+    script = tmp_path / "script.py"
+    script.write_text(THREADS, encoding="utf-8")
+    done = subprocess.run(
+        [sys.executable, str(script)], env=command_environment(), capture_output=True, text=True,
+        check=False, timeout=120,
+    )  # fmt: skip
+    assert (done.stdout, done.stderr) == ("{('t',)}\n", "")

@@ -4,9 +4,10 @@ from collections.abc import Callable, Mapping
 
 from dojo_env.controllers.base import Controller
 from dojo_env.controllers.fixed_time import Cycle
-from dojo_env.controllers.max_pressure import MaxPressure
+from dojo_env.controllers.max_pressure import MaxPressure, MaxPressureOfThePaper
+from dojo_env.controllers.queue_pressure import QueuePressure
 from dojo_env.controllers.random_choice import RandomChoice
-from dojo_env.controllers.sotl import Sotl
+from dojo_env.controllers.sotl import Sotl, SotlOfThePaper
 from dojo_env.controllers.webster import Webster
 from dojo_env.errors import ConfigError
 
@@ -17,7 +18,10 @@ _MAKERS: Mapping[str, Callable[[], Controller]] = {
     "actuated": lambda: Controller(settings={"fixed_ts": True, "program": "actuated"}),
     "delay-based": lambda: Controller(settings={"fixed_ts": True, "program": "delay_based"}),
     "sotl": Sotl,
+    "sotl-paper": SotlOfThePaper,
     "max-pressure": MaxPressure,
+    "max-pressure-paper": MaxPressureOfThePaper,
+    "queue-pressure": QueuePressure,
     "random": RandomChoice,
 }
 CONTROLLERS = tuple(_MAKERS)

@@ -1,16 +1,21 @@
 """The signals of the episode: actions become states, and a watch looks at what is really shown."""
 
 from collections.abc import Mapping
+from functools import partial
 
 from dojo_env.config import SignalConfig
 from dojo_env.errors import ConfigError
 from dojo_env.instant import SignalView
 from dojo_env.managers.base import Manager, Turn
-from dojo_env.reading import LaneReading
+from dojo_env.reading import HALTING, LaneReading
+from dojo_env.signals.longest_red import LongestRed
 from dojo_env.signals.plan import SignalPlan
 from dojo_env.signals.safety import SafetyLog, SignalWatch
 from dojo_env.signals.switching import SignalSwitch
 from dojo_env.simulation import Simulation
+
+_AT_THE_LINE = 10.0
+"""Metres before the stop line within which a vehicle has waited there, if it moves already."""
 
 
 class SignalManager(Manager):
@@ -35,7 +40,15 @@ class SignalManager(Manager):
         self._switches: dict[str, SignalSwitch] = {}
         self._watches: dict[str, SignalWatch] = {}
         self._phases: dict[str, int] = {}
+        self._reds: dict[str, LongestRed] = {}
+        self._longest_red = 0.0
         self.safety = SafetyLog()
+
+    def measure_longest_red(self) -> float:
+        """Tell for how many seconds of the episode somebody saw no green at the most."""
+        for signal, red in self._reds.items():
+            self._note_reds(signal, red.list_ages(self._simulation.time))
+        return self._longest_red
 
     def count_actions(self, signal: str) -> int:
         """Tell how many actions a signal's agent has."""
@@ -49,6 +62,7 @@ class SignalManager(Manager):
     def before_reset(self, turn: Turn) -> None:
         """Forget the last episode."""
         self.safety = SafetyLog()
+        self._longest_red = 0.0
 
     def reset(self, turn: Turn) -> None:
         """Show each signal's first phase, or hand it to SUMO."""
@@ -57,6 +71,10 @@ class SignalManager(Manager):
             name: SignalSwitch(plan, self._config, step=self._step) for name, plan in self._plans.items()
         }
         self._phases = dict.fromkeys(self._plans, 0)
+        self._reds = {
+            name: LongestRed(plan, self._config, interval=self._interval, time=time)
+            for name, plan in self._plans.items()
+        }
         self._watches = {
             name: SignalWatch(plan, self._config, self.safety, time=time)
             for name, plan in self._plans.items()
@@ -72,7 +90,7 @@ class SignalManager(Manager):
         self._look()
 
     def before_step(self, turn: Turn) -> None:
-        """Ask for what the agents want.
+        """Ask for what the agents want, or for what those need who have waited longest.
 
         Raises:
             ConfigError: an action is none of the signal's; nothing has been asked for then.
@@ -81,10 +99,15 @@ class SignalManager(Manager):
             return
         for signal, action in turn.actions.items():
             self._check(signal, action)
-        for signal, action in turn.actions.items():
-            switch = self._switches[signal]
+        for signal, switch in self._switches.items():
             before = switch.state
-            self._request(switch, int(action))
+            due = self._reds[signal].find_due(
+                self._simulation.time, switch, partial(self._list_waiting, signal)
+            )
+            if due is not None:
+                switch.request_phase(due)
+            elif signal in turn.actions:
+                self._request(switch, int(turn.actions[signal]))
             if switch.state != before:
                 self._show(signal, switch.state)
 
@@ -130,14 +153,36 @@ class SignalManager(Manager):
         phase = self._phases[signal]
         return SignalView(plan=plan, phase=phase, state=state, green_time=0.0, may_change=True, lanes=lanes)
 
+    def _list_waiting(self, signal: str) -> set[int]:
+        """List the links at which somebody stands, or sets off only now."""
+        plan = self._plans[signal]
+        coming = self._simulation.list_approaching(signal, plan.lanes)
+        wanted = self._simulation.list_wanted_crossings() if plan.walks else set()
+        return {
+            *(link for link, metres, speed in coming if speed < HALTING or metres < _AT_THE_LINE),
+            *(link for link, crossing in plan.walks if crossing in wanted),
+        }
+
     def _show(self, signal: str, state: str) -> None:
         self._simulation.show(signal, state)
-        self._watches[signal].look(self._simulation.time, self._simulation.read_state(signal))
+        self._see(signal)
 
     def _look(self) -> None:
-        time, read = self._simulation.time, self._simulation.read_state
-        for signal, watch in self._watches.items():
-            watch.look(time, read(signal))
+        for signal in self._plans:
+            self._see(signal)
+
+    def _see(self, signal: str) -> None:
+        """Look at what is really shown."""
+        time, state = self._simulation.time, self._simulation.read_state(signal)
+        self._watches[signal].look(time, state)
+        self._note_reds(signal, self._reds[signal].look(time, state))
+
+    def _note_reds(self, signal: str, seconds: Mapping[int, float]) -> None:
+        """Note the longest time for which a link was red where somebody waited at it."""
+        if max(seconds.values(), default=0.0) > self._longest_red:
+            waiting = self._list_waiting(signal)
+            reds = (red for link, red in seconds.items() if link in waiting)
+            self._longest_red = max([self._longest_red, *reds])
 
     def _request(self, switch: SignalSwitch, action: int) -> None:
         mode = self._config.action_mode

@@ -26,7 +26,8 @@ class LongestRed:
         """Begin with all links red from `time` on; decisions come every `interval` seconds."""
         self._plan, self._interval = plan, interval
         self._is_free = config.action_mode == "choose_phase"
-        self._since = [time] * len(plan.phases[0])
+        self._state = "r" * len(plan.phases[0])
+        self._since = [time] * len(self._state)
         self._greens = [{k for k, letter in enumerate(state) if letter in GREEN} for state in plan.phases]
         changes = [self._longest_change(greens, config) for greens in self._greens]
         self._slots = [_whole(config.min_green + change, interval) for change in changes]
@@ -34,15 +35,22 @@ class LongestRed:
         shortest = _CYCLES * sum(self._slots)
         self.limit = math.inf if config.max_red is None else max(config.max_red, shortest)
 
-    def look(self, time: float, state: str) -> None:
-        """Note which links are green."""
-        for link, letter in enumerate(state):
-            if letter in GREEN:
+    def look(self, time: float, state: str) -> dict[int, float]:
+        """Note the letters shown from `time` on; returns how long each link was red that turns green now."""
+        if state == self._state:
+            return {}
+        ended = {}
+        for link, (before, now) in enumerate(zip(self._state, state, strict=False)):
+            if before in GREEN:
                 self._since[link] = time
+            elif now in GREEN:
+                ended[link] = time - self._since[link]
+        self._state = state
+        return ended
 
-    def ages(self, time: float, state: str) -> dict[int, float]:
+    def list_ages(self, time: float) -> dict[int, float]:
         """Tell for how many seconds each link that is not green has not been."""
-        return {k: time - self._since[k] for k, letter in enumerate(state) if letter not in GREEN}
+        return {k: time - self._since[k] for k, letter in enumerate(self._state) if letter not in GREEN}
 
     def find_due(self, time: float, switch: SignalSwitch, list_waiting: Callable[[], set[int]]) -> int | None:
         """Find the phase that must come now, so that those who wait longest get green in time.
@@ -57,7 +65,7 @@ class LongestRed:
         """
         if self.limit == math.inf or not switch.may_change:
             return None
-        red = self.ages(time, self._plan.phases[switch.phase])
+        red = self.list_ages(time)
         if self._plan_ahead(red, switch) is None:
             return None
         waiting = list_waiting()

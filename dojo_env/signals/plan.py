@@ -15,6 +15,10 @@ from dojo_maps.signals.nema import list_cycle, list_pairs, show
 from dojo_maps.signals.programs import GREEN, YELLOW, is_green
 from dojo_maps.signals.timing import walking_time, whole, yellow_time
 
+REACH = 150.0
+"""Metres before the stop line within which vehicles are on their way to a signal: 10 s at 50 km/h."""
+ROOM_OF_A_VEHICLE = 7.5
+"""Metres: SUMO's usual car and the gap before it."""
 Step = tuple[float, str, bool]
 """Seconds, the letters shown meanwhile, and whether it is a green whose length may vary."""
 
@@ -34,6 +38,9 @@ class SignalPlan:
         lanes: the lanes that lead to the signal, each once, in the order of their links.
         out_lanes: the lanes that lead away from it, in the same order.
         links: (index, from lane, to lane) of each vehicle link, with multiplicity.
+        upstream: lanes by which vehicles come to `lanes` within 150 m, no other signal between.
+        walks: (index, crossing) of each way across on foot.
+        room: how many standing vehicles each of `out_lanes` holds.
         limits: (lanes,) speed limits, m/s.
         lengths: (lanes,) metres.
         cycle: the program in order, each green followed by what ends it, for SUMO's own controllers.
@@ -50,6 +57,9 @@ class SignalPlan:
     lanes: tuple[str, ...]
     out_lanes: tuple[str, ...]
     links: tuple[tuple[int, str, str], ...]
+    upstream: tuple[str, ...]
+    walks: tuple[tuple[int, str], ...]
+    room: tuple[float, ...]
     limits: NDArray[np.float64]
     lengths: NDArray[np.float64]
     cycle: tuple[Step, ...] = ()
@@ -78,11 +88,13 @@ def build_plan(road_map: RoadMap, signal: Signal, config: SignalConfig) -> Signa
     safe = [conflicts.make_safe(state) for state in wanted]
     # A program may show the same letters twice; for who chooses phases, that is one.
     phases = tuple(dict.fromkeys(safe))
-    lane_of = MapIndex(road_map).lanes
+    index = MapIndex(road_map)
+    lane_of = index.lanes
     lanes = tuple(dict.fromkeys(source for _, source, _ in links))
+    out_lanes = tuple(dict.fromkeys(target for _, _, target in links))
     speeds = np.zeros(count)
-    for index, source, _ in links:
-        speeds[index] = max(speeds[index], lane_of[source].speed)
+    for letter, source, _ in links:
+        speeds[letter] = max(speeds[letter], lane_of[source].speed)
     # A letter that no lane heeds is shown like the others: with yellow.
     yellow, red = _changes_of(program, config, speeds, crossings)
     return SignalPlan(
@@ -94,8 +106,11 @@ def build_plan(road_map: RoadMap, signal: Signal, config: SignalConfig) -> Signa
         red=red,
         clearance=_clearances(road_map, signal, count, config.walking_speed),
         lanes=lanes,
-        out_lanes=tuple(dict.fromkeys(target for _, _, target in links)),
+        out_lanes=out_lanes,
         links=links,
+        upstream=_find_upstream(index, lanes),
+        walks=tuple((link, way) for link, way in list_walks(signal) if way in index.crossings),
+        room=tuple(max(lane_of[lane].length / ROOM_OF_A_VEHICLE - 1.0, 1.0) for lane in out_lanes),
         limits=np.array([max(lane_of[lane].speed, 0.1) for lane in lanes]),
         lengths=np.array([max(lane_of[lane].length, 0.1) for lane in lanes]),
         cycle=_complete(_list_steps(program, phases, conflicts), yellow, np.maximum(red, config.all_red)),
@@ -202,6 +217,20 @@ def _complete(
         if seconds and gains:
             complete.append((seconds, kept, False))
     return tuple(complete)
+
+
+def _find_upstream(index: MapIndex, lanes: Sequence[str]) -> tuple[str, ...]:
+    """Find the lanes that lead to these ones within reach, up to where another signal stands."""
+    left = {lane: REACH - index.lanes[lane].length for lane in lanes}
+    found: dict[str, None] = {}
+    while left:
+        lane, metres = left.popitem()
+        for connection in index.entering.get(lane, ()) if metres > 0 else ():
+            source = connection.from_lane
+            if connection.signal is None and source not in found and source not in lanes:
+                found[source] = None
+                left[source] = metres - index.lanes[source].length
+    return tuple(found)
 
 
 def _clearances(road_map: RoadMap, signal: Signal, count: int, speed: float) -> NDArray[np.float64]:
