@@ -180,10 +180,9 @@ class LocalWorld(World):
         simulation = self.traffic.simulation
         with self._guarded():
             pending = simulation.read_pending_delays()
-            longest_red = self.control.measure_longest_red()
         return {
             **self._metrics.compute(simulation.trips, pending),
-            "longest_red": longest_red,
+            "longest_red": self.control.longest_red,
             "violations": dict(self.control.safety.counts),
             "seed": self._seed,
         }

@@ -28,6 +28,8 @@ _LONGEST_EPISODE = 3600.0
 """Seconds, where the scenario tells no end."""
 _USUAL_INTERVAL = 5.0
 """Seconds from decision to decision, where nobody says otherwise."""
+_SHORTEST_STEP = 0.001
+"""Seconds: SUMO counts in milliseconds."""
 _TIMES = ("begin", "end", "step-length", "max-depart-delay", "waiting-time-memory", "time-to-teleport")
 
 

@@ -91,7 +91,7 @@ def test_arguments_win_over_a_configuration_and_that_is_said(write: Callable[[st
     ("own", "keywords", "words"),
     [
         ("<time><step-length value='0.4'/></time>", {"delta_time": 5}, "no multiple of SUMO's step of 0.4 s"),
-        ("<time><step-length value='-1'/></time>", {}, "step-length -1: expected seconds above 0"),
+        ("<time><step-length value='-1'/></time>", {}, "step-length -1: expected 0.001 s or more"),
         ("<time><step-length value='half'/></time>", {}, "step-length 'half': expected a number of seconds"),
         ("<time><end value='50'/></time>", {"begin_time": 60}, "ends at 50 s, before it begins at 60 s"),
         ("<random_number><seed value='x'/></random_number>", {}, "expected a whole number from 0"),

@@ -404,7 +404,8 @@ def _run_and_end(run: Callable[[], int], said: Path, folder: Path) -> None:
 
 def _judge(status: int, said: str) -> str | None:
     """Name what is wrong with an end, if anything."""
-    lines = [line for line in said.splitlines() if ": left out " not in line]  # That is a note.
+    notes = (": left out ", " gives way to ")
+    lines = [line for line in said.splitlines() if not any(note in line for note in notes)]
     errors = [line for line in lines if line.startswith(("dojo-maps:", "dojo-env:"))]
     failed = status >= 2
     problems = {

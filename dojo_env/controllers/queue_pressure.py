@@ -3,7 +3,10 @@
 Three lines, nothing learned, no parameter tuned to a place: what a learner has to beat.
 """
 
+from collections import Counter
+
 from dojo_env.controllers.base import Controller
+from dojo_env.controllers.max_pressure import share_of_green
 from dojo_env.controllers.ranking import choose_best
 from dojo_env.instant import Instant
 
@@ -18,11 +21,14 @@ class QueuePressure(Controller):
     def choose(self, signal: str, instant: Instant) -> int:
         """Count for each phase."""
         view, approach = instant.signals[signal], instant.approach(signal)
+        waiting = Counter(approach.links)
         votes = [0.0] * len(view.plan.phases)
         for link, halting in zip(approach.links, approach.halting, strict=True):
             for phase, state in enumerate(view.plan.phases):
                 if link < len(state) and state[link] in "Gg" and link not in approach.blocked:
-                    votes[phase] += 1.0 if halting else 0.5
+                    votes[phase] += (1.0 if halting else 0.5) * share_of_green(
+                        view.plan, state, link, waiting
+                    )
         if not any(votes):
             return view.phase
         votes[view.phase] += 1.0

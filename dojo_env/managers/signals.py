@@ -14,15 +14,13 @@ from dojo_env.signals.safety import SafetyLog, SignalWatch
 from dojo_env.signals.switching import SignalSwitch
 from dojo_env.simulation import Simulation
 
-_AT_THE_LINE = 10.0
-"""Metres before the stop line within which a vehicle has waited there, if it moves already."""
-
 
 class SignalManager(Manager):
     """Owns a switch and a watch for every signal; with `fixed_ts` it only looks on.
 
     Attributes:
         safety: every breach of the rules that was seen in the episode.
+        longest_red: for how many seconds of the episode somebody saw no green at the most.
     """
 
     def __init__(
@@ -41,14 +39,8 @@ class SignalManager(Manager):
         self._watches: dict[str, SignalWatch] = {}
         self._phases: dict[str, int] = {}
         self._reds: dict[str, LongestRed] = {}
-        self._longest_red = 0.0
+        self.longest_red = 0.0
         self.safety = SafetyLog()
-
-    def measure_longest_red(self) -> float:
-        """Tell for how many seconds of the episode somebody saw no green at the most."""
-        for signal, red in self._reds.items():
-            self._note_reds(signal, red.list_ages(self._simulation.time))
-        return self._longest_red
 
     def count_actions(self, signal: str) -> int:
         """Tell how many actions a signal's agent has."""
@@ -62,7 +54,7 @@ class SignalManager(Manager):
     def before_reset(self, turn: Turn) -> None:
         """Forget the last episode."""
         self.safety = SafetyLog()
-        self._longest_red = 0.0
+        self.longest_red = 0.0
 
     def reset(self, turn: Turn) -> None:
         """Show each signal's first phase, or hand it to SUMO."""
@@ -101,13 +93,13 @@ class SignalManager(Manager):
             self._check(signal, action)
         for signal, switch in self._switches.items():
             before = switch.state
-            due = self._reds[signal].find_due(
-                self._simulation.time, switch, partial(self._list_waiting, signal)
-            )
+            action = int(turn.actions.get(signal, self._keeping(switch)))
+            asked = action != self._keeping(switch)
+            due = self._reds[signal].find_due(self._simulation.time, switch, is_asked=asked)
             if due is not None:
                 switch.request_phase(due)
             elif signal in turn.actions:
-                self._request(switch, int(turn.actions[signal]))
+                self._request(switch, action)
             if switch.state != before:
                 self._show(signal, switch.state)
 
@@ -132,8 +124,11 @@ class SignalManager(Manager):
     def after_step(self, turn: Turn) -> None:
         """Look at every signal, and judge how long greens have lasted."""
         self._look()
-        for watch in self._watches.values():
-            watch.look_back(self._simulation.time)
+        time = self._simulation.time
+        for signal, watch in self._watches.items():
+            watch.look_back(time)
+            red = self._reds[signal].decide(time, partial(self._list_waiting, signal))
+            self.longest_red = max(self.longest_red, red)
 
     def view(self, signal: str, lanes: LaneReading) -> SignalView:
         """Describe a signal as it is now."""
@@ -153,14 +148,16 @@ class SignalManager(Manager):
         phase = self._phases[signal]
         return SignalView(plan=plan, phase=phase, state=state, green_time=0.0, may_change=True, lanes=lanes)
 
-    def _list_waiting(self, signal: str) -> set[int]:
-        """List the links at which somebody stands, or sets off only now."""
+    def _list_waiting(self, signal: str, links: set[int]) -> set[int]:
+        """List those of a signal's links at which somebody stands."""
         plan = self._plans[signal]
-        coming = self._simulation.list_approaching(signal, plan.lanes)
-        wanted = self._simulation.list_wanted_crossings() if plan.walks else set()
+        lanes = dict.fromkeys(source for link, source, _ in plan.links if link in links)
+        coming = self._simulation.list_approaching(signal, lanes)
+        crossings = [(link, crossing) for link, crossing in plan.walks if link in links]
+        wanted = self._simulation.list_wanted_crossings() if crossings else set()
         return {
-            *(link for link, metres, speed in coming if speed < HALTING or metres < _AT_THE_LINE),
-            *(link for link, crossing in plan.walks if crossing in wanted),
+            *(link for link, _, speed in coming if speed < HALTING and link in links),
+            *(link for link, crossing in crossings if crossing in wanted),
         }
 
     def _show(self, signal: str, state: str) -> None:
@@ -175,14 +172,11 @@ class SignalManager(Manager):
         """Look at what is really shown."""
         time, state = self._simulation.time, self._simulation.read_state(signal)
         self._watches[signal].look(time, state)
-        self._note_reds(signal, self._reds[signal].look(time, state))
+        self.longest_red = max(self.longest_red, self._reds[signal].look(time, state))
 
-    def _note_reds(self, signal: str, seconds: Mapping[int, float]) -> None:
-        """Note the longest time for which a link was red where somebody waited at it."""
-        if max(seconds.values(), default=0.0) > self._longest_red:
-            waiting = self._list_waiting(signal)
-            reds = (red for link, red in seconds.items() if link in waiting)
-            self._longest_red = max([self._longest_red, *reds])
+    def _keeping(self, switch: SignalSwitch) -> int:
+        """Name the action that leaves the signal as it is; a duration never does."""
+        return {"choose_phase": switch.phase, "next_or_keep": 0}.get(self._config.action_mode, -1)
 
     def _request(self, switch: SignalSwitch, action: int) -> None:
         mode = self._config.action_mode

@@ -11,12 +11,15 @@ from dojo_env.signals.plan import SignalPlan
 from dojo_env.signals.switching import SignalSwitch
 from dojo_maps.signals.programs import GREEN
 
+_USUAL_LIMIT = 120.0
 _CYCLES = 1.5
 """A limit shorter than this many of the shortest cycles would leave nothing to choose."""
 
 
 class LongestRed:
-    """Watches how long each link of a signal has not been green.
+    """Watches for how long somebody at each link of a signal has seen no green.
+
+    A red counts from its begin, or, where nobody is there after a third of the limit, from when somebody is.
 
     Attributes:
         limit: seconds; the configured ones, or longer where the signal's shortest cycle needs more.
@@ -28,52 +31,66 @@ class LongestRed:
         self._is_free = config.action_mode == "choose_phase"
         self._state = "r" * len(plan.phases[0])
         self._since = [time] * len(self._state)
+        self._wanted: dict[int, float] = {}
         self._greens = [{k for k, letter in enumerate(state) if letter in GREEN} for state in plan.phases]
         changes = [self._longest_change(greens, config) for greens in self._greens]
         self._slots = [_whole(config.min_green + change, interval) for change in changes]
         self._change = max(changes)
         shortest = _CYCLES * sum(self._slots)
         self.limit = math.inf if config.max_red is None else max(config.max_red, shortest)
+        self._early = (_USUAL_LIMIT if self.limit == math.inf else self.limit) / 3
 
-    def look(self, time: float, state: str) -> dict[int, float]:
-        """Note the letters shown from `time` on; returns how long each link was red that turns green now."""
+    def look(self, time: float, state: str) -> float:
+        """Note the letters shown from `time` on; returns the longest red that ends with them, in seconds."""
         if state == self._state:
-            return {}
-        ended = {}
+            return 0.0
+        longest = 0.0
         for link, (before, now) in enumerate(zip(self._state, state, strict=False)):
             if before in GREEN:
                 self._since[link] = time
             elif now in GREEN:
-                ended[link] = time - self._since[link]
+                longest = max(longest, time - self._wanted.pop(link, time))
         self._state = state
-        return ended
+        return longest
 
-    def list_ages(self, time: float) -> dict[int, float]:
-        """Tell for how many seconds each link that is not green has not been."""
-        return {k: time - self._since[k] for k, letter in enumerate(self._state) if letter not in GREEN}
+    def decide(self, time: float, list_waiting: Callable[[set[int]], set[int]]) -> float:
+        """Note at a decision who waits.
 
-    def find_due(self, time: float, switch: SignalSwitch, list_waiting: Callable[[], set[int]]) -> int | None:
+        Args:
+            time: simulated seconds.
+            list_waiting: lists, of some links, those at which somebody stands.
+
+        Returns:
+            For how many seconds somebody has seen no green at the most.
+        """
+        reds = {k for k, letter in enumerate(self._state) if letter not in GREEN}
+        old = {link for link in reds if time - self._since[link] >= self._early}
+        waiting = list_waiting(old) if old else old
+        for link in old - waiting:
+            self._wanted.pop(link, None)
+        for link in waiting:
+            is_new = time - self._since[link] < self._early + self._interval
+            self._wanted.setdefault(link, self._since[link] if is_new else time)
+        return max((time - since for since in self._wanted.values()), default=0.0)
+
+    def find_due(self, time: float, switch: SignalSwitch, *, is_asked: bool) -> int | None:
         """Find the phase that must come now, so that those who wait longest get green in time.
+
+        They get it one after the other, longest first: is one of them too late then?
 
         Args:
             time: simulated seconds.
             switch: of the signal.
-            list_waiting: lists the links at which somebody waits; asked only where it matters.
+            is_asked: whether a change is asked for, after which the next one has to wait for its green.
 
         Returns:
             The phase, or None where there is time left.
         """
         if self.limit == math.inf or not switch.may_change:
             return None
-        red = self.list_ages(time)
-        if self._plan_ahead(red, switch) is None:
-            return None
-        waiting = list_waiting()
-        return self._plan_ahead({link: age for link, age in red.items() if link in waiting}, switch)
-
-    def _plan_ahead(self, red: dict[int, float], switch: SignalSwitch) -> int | None:
-        """Give these links their green one after the other, longest red first: is one of them too late?"""
-        until, first, served = self._change + self._interval, None, set[int]()
+        red = {link: time - since for link, since in self._wanted.items()}
+        until = self._change + (max(self._slots) if is_asked else self._interval)
+        first, served = None, set[int]()
         for link in sorted(red, key=lambda link: -red[link]):
             if link in served:
                 continue
