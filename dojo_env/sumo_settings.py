@@ -85,10 +85,8 @@ def settle(
     merged = {**DEFAULTS, **own, **asked}
     times = {name: _time(merged[name], name, scenario, asked) for name in _TIMES if name in merged}
     begin, step = times["begin"], times["step-length"]
-    if not 0 < step <= _LONGEST_EPISODE:
-        raise ConfigError(
-            f"step-length {merged['step-length']}: expected seconds above 0; SUMO's default is 1"
-        )
+    if not _SHORTEST_STEP <= step <= _LONGEST_EPISODE:
+        raise ConfigError(f"step-length {merged['step-length']}: expected 0.001 s or more, as SUMO's own 1")
     end = _find_end(scenario, asked, times.get("end", -1.0), begin, seconds)
     if seconds is not None and "end" in merged:
         merged["end"] = asked["end"] = f"{end:.3f}".rstrip("0").rstrip(".")
