@@ -15,7 +15,7 @@ from dojo_env.sensors.camera import Camera
 from dojo_env.sumo_settings import SumoSettings, settle
 
 ACTION_MODES = ("choose_phase", "next_or_keep", "set_duration")
-PROGRAMS = ("network", "actuated", "delay_based")
+PROGRAMS = ("network", "fixed", "actuated", "delay_based")
 _DEFAULT_MAX_GREEN = 60.0
 
 
@@ -63,7 +63,8 @@ class SignalConfig:
         phases: `program` takes the green phases of the network's own program, `computed` builds sets of
             movements without conflicts.
         fixed_ts: no agent controls anything; `program` runs.
-        program: with `fixed_ts`: the `network`'s own, or SUMO's `actuated` or `delay_based` logic over it.
+        program: with `fixed_ts`: the `network`'s own as it stands; or its greens with the changes set here,
+            each as long as there (`fixed`), or as long as SUMO's `actuated` or `delay_based` logic lets it.
     """
 
     ts_ids: tuple[str, ...] | None = None
@@ -100,7 +101,7 @@ class SignalConfig:
             raise ConfigError(f"program={self.program!r} needs fixed_ts=True: agents cannot act beside it")
 
     def _settle_max_green(self) -> None:
-        needed = self.enforce_max_green or self.action_mode == "set_duration" or self.program != "network"
+        needed = self.enforce_max_green or self.action_mode == "set_duration" or self.program in PROGRAMS[2:]
         if self.max_green is None and needed:
             object.__setattr__(self, "max_green", _DEFAULT_MAX_GREEN)
         if self.max_green is None:

@@ -21,13 +21,14 @@ from dojo_env.errors import SimulationBusyError, SimulationError
 from dojo_env.forks import must_return_within
 from dojo_env.reading import HALTING, Figures, TrafficReading, Trip
 from dojo_env.road_users import RoadUsers
+from dojo_env.signals.cycle import CycleStep
 from dojo_env.snapshot import Snapshot
 from dojo_env.sumo_files import SumoFiles
 from dojo_env.sumo_messages import SumoMessages
 from dojo_maps.sumo_programs import find_program, signal_name
 
 _LOG = logging.getLogger(__name__)
-_LOGICS = {"actuated": 3, "delay_based": 5}
+_LOGICS = {"fixed": 0, "actuated": 3, "delay_based": 5}
 """SUMO's numbers of its logics."""
 _USUAL_CAR = "DEFAULT_VEHTYPE"
 _LARGEST_SEED = 2**31 - 1
@@ -228,24 +229,41 @@ class Simulation:
             list(map(get.lane_getCO2Emission, lanes)),
         ]
 
+    def read_position(self, signal: str) -> tuple[int, float]:
+        """Tell the number of the phase that a signal's program shows, and for how many seconds it has."""
+        get = self._get
+        return get.trafficlight_getPhase(signal), get.trafficlight_getSpentDuration(signal)
+
     def run_program(
         self,
         signal: str,
         kind: str,
-        steps: Iterable[tuple[float, str, bool]],
+        steps: Sequence[CycleStep],
         *,
-        min_green: float,
-        max_green: float,
+        limits: tuple[float, float],
+        start: tuple[int, float] | None = None,
     ) -> None:
-        """Let SUMO's own logic run a cycle of seconds, letters, and whether it is a green within bounds."""
+        """Let SUMO's own logic run a cycle.
+
+        Args:
+            signal: that gets it.
+            kind: `fixed`, `actuated` or `delay_based`.
+            steps: of the cycle.
+            limits: the least and the most seconds of a green whose length varies.
+            start: the step to begin with, and how long it still lasts; None begins with the first.
+        """
         lights = self._running().trafficlight
+        least, most = limits
         phases = [
-            lights.Phase(seconds or min_green, state, min_green, max_green)
-            if varies
-            else lights.Phase(seconds, state, seconds, seconds)
-            for seconds, state, varies in steps
+            lights.Phase(
+                step.seconds, step.state, *((least, most) if step.varies else (step.seconds, step.seconds))
+            )
+            for step in steps
         ]
-        lights.setProgramLogic(signal, lights.Logic("dojo", _LOGICS[kind], 0, phases))
+        number, left = start or (0, steps[0].seconds)
+        lights.setProgramLogic(signal, lights.Logic("dojo", _LOGICS[kind], number, phases))
+        if start is not None:
+            lights.setPhaseDuration(signal, left)
 
     def read_traffic(self) -> TrafficReading:
         """Measure all traffic."""

@@ -13,6 +13,7 @@ from dojo_env.errors import ConfigError
 
 _MAKERS: Mapping[str, Callable[[], Controller]] = {
     "fixed-time": lambda: Controller(settings={"fixed_ts": True}),
+    "pretimed": lambda: Controller(settings={"fixed_ts": True, "program": "fixed"}),
     "cycle": Cycle,
     "webster": Webster,
     "actuated": lambda: Controller(settings={"fixed_ts": True, "program": "actuated"}),

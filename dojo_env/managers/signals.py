@@ -8,6 +8,7 @@ from dojo_env.errors import ConfigError
 from dojo_env.instant import SignalView
 from dojo_env.managers.base import Manager, Turn
 from dojo_env.reading import HALTING, LaneReading
+from dojo_env.signals.cycle import build_cycle, find_step
 from dojo_env.signals.longest_red import LongestRed
 from dojo_env.signals.plan import SignalPlan
 from dojo_env.signals.safety import SafetyLog, SignalWatch
@@ -73,13 +74,21 @@ class SignalManager(Manager):
         }
         for signal, switch in self._switches.items():
             if self._config.program != "network":
-                limits = {"min_green": self._config.min_green, "max_green": self._config.max_green or 0.0}
-                self._simulation.run_program(
-                    signal, self._config.program, self._plans[signal].cycle, **limits
-                )
+                self._hand_over(signal)
             elif not self._config.fixed_ts:
                 self._simulation.show(signal, switch.state)
         self._look()
+
+    def _hand_over(self, signal: str) -> None:
+        """Let SUMO's own logic run the signal, under the same constraints as agents."""
+        plan, config, simulation = self._plans[signal], self._config, self._simulation
+        cycle = build_cycle(plan, config)
+        start = None
+        if config.program == "fixed" and plan.starts:
+            number, spent = simulation.read_position(signal)
+            start = find_step(cycle, plan.starts[number] + spent)
+        limits = (config.min_green, config.max_green or config.min_green)
+        simulation.run_program(signal, config.program, cycle, limits=limits, start=start)
 
     def before_step(self, turn: Turn) -> None:
         """Ask for what the agents want, or for what those need who have waited longest.

@@ -1,7 +1,7 @@
 """What there is to control at a signal: its green phases, its links, and the times its changes need."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,15 +12,28 @@ from dojo_maps.description import LinkKind, Program, RoadMap, Signal
 from dojo_maps.index import MapIndex
 from dojo_maps.signals.conflicts import Conflicts, list_walks, read_conflicts
 from dojo_maps.signals.nema import list_cycle, list_pairs, show
-from dojo_maps.signals.programs import GREEN, YELLOW, is_green
+from dojo_maps.signals.programs import GREEN, is_green
 from dojo_maps.signals.timing import walking_time, whole, yellow_time
 
 REACH = 150.0
 """Metres before the stop line within which vehicles are on their way to a signal: 10 s at 50 km/h."""
 ROOM_OF_A_VEHICLE = 7.5
 """Metres: SUMO's usual car and the gap before it."""
-Step = tuple[float, str, bool]
-"""Seconds, the letters shown meanwhile, and whether it is a green whose length may vary."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Green:
+    """A green of the network's own program.
+
+    Attributes:
+        phase: the place of its state among the plan's phases.
+        seconds: how long it lasts there.
+        change: seconds from its end to the next green.
+    """
+
+    phase: int
+    seconds: float
+    change: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -43,7 +56,8 @@ class SignalPlan:
         room: how many standing vehicles each of `out_lanes` holds.
         limits: (lanes,) speed limits, m/s.
         lengths: (lanes,) metres.
-        cycle: the program in order, each green followed by what ends it, for SUMO's own controllers.
+        greens: those of the network's own program, in its order.
+        starts: for each phase of that program, the seconds from the begin of its first green.
         changes: what differs from the network's own program, for people to read.
     """
 
@@ -62,7 +76,8 @@ class SignalPlan:
     room: tuple[float, ...]
     limits: NDArray[np.float64]
     lengths: NDArray[np.float64]
-    cycle: tuple[Step, ...] = ()
+    greens: tuple[Green, ...] = ()
+    starts: tuple[float, ...] = ()
     changes: tuple[str, ...] = ()
 
 
@@ -88,6 +103,8 @@ def build_plan(road_map: RoadMap, signal: Signal, config: SignalConfig) -> Signa
     safe = [conflicts.make_safe(state) for state in wanted]
     # A program may show the same letters twice; for who chooses phases, that is one.
     phases = tuple(dict.fromkeys(safe))
+    place = {old: phases.index(new) for old, new in zip(wanted, safe, strict=True)}
+    greens, starts = _list_greens(program if own else None, place)
     index = MapIndex(road_map)
     lane_of = index.lanes
     lanes = tuple(dict.fromkeys(source for _, source, _ in links))
@@ -113,7 +130,8 @@ def build_plan(road_map: RoadMap, signal: Signal, config: SignalConfig) -> Signa
         room=tuple(max(lane_of[lane].length / ROOM_OF_A_VEHICLE - 1.0, 1.0) for lane in out_lanes),
         limits=np.array([max(lane_of[lane].speed, 0.1) for lane in lanes]),
         lengths=np.array([max(lane_of[lane].length, 0.1) for lane in lanes]),
-        cycle=_complete(_list_steps(program, phases, conflicts), yellow, np.maximum(red, config.all_red)),
+        greens=greens,
+        starts=starts,
         changes=tuple(
             f"phase {number}: {old} shows {new}, as links of it conflict"
             for number, (old, new) in enumerate(zip(wanted, safe, strict=True))
@@ -183,40 +201,32 @@ def _changes_of(
     return np.where(walks, 0.0, yellow), np.where(walks, 0.0, red)
 
 
-def _list_steps(program: Program | None, phases: Sequence[str], conflicts: Conflicts) -> list[Step]:
-    """List a program's phases in order; of a NEMA program, pairs in which its rings go on together."""
+def _list_greens(
+    program: Program | None, place: Mapping[str, int]
+) -> tuple[tuple[Green, ...], tuple[float, ...]]:
+    """List a program's greens in order, and when each of its phases begins, from the first green on."""
     if program is None:
-        return [(0.0, state, True) for state in phases]
+        return tuple(Green(phase=k, seconds=0.0, change=0.0) for k in dict.fromkeys(place.values())), ()
     if program.rings:
-        pairs = (show(program, pair) for pair in list_cycle(program))
-        return [(0.0, state, True) for state in dict.fromkeys(map(conflicts.make_safe, pairs))]
-    return [
-        (p.duration, p.state, bool(GREEN & set(p.state)) and not YELLOW & set(p.state))
-        for p in program.phases
-    ]
-
-
-def _complete(
-    steps: Sequence[Step], yellow: NDArray[np.float64], red: NDArray[np.float64]
-) -> tuple[Step, ...]:
-    """Put yellow and red in where vehicles lose green without, or others gain it at once."""
-    complete: list[Step] = []
-    for step, (_, after, _) in zip(steps, [*steps[1:], *steps[:1]], strict=True):
-        complete.append(step)
-        before = step[1]
-        pairs = list(enumerate(zip(before, after, strict=True)))
-        lost = [k for k, (a, b) in pairs if a in GREEN and b not in GREEN | YELLOW and yellow[k]]
-        gains = any((b in GREEN and a not in GREEN) or (a, b) == ("g", "G") for _, (a, b) in pairs)
-        ended = lost + [k for k, (a, b) in pairs if a in YELLOW and b not in YELLOW]
-        goes_on = GREEN | YELLOW
-        kept = "".join(a if b in goes_on or a not in goes_on else "r" for _, (a, b) in pairs)
-        if lost:
-            seconds = float(max(yellow[k] for k in lost))
-            complete.append((seconds, "".join("y" if k in lost else a for k, a in enumerate(kept)), False))
-        seconds = float(max((red[k] for k in ended), default=0.0))
-        if seconds and gains:
-            complete.append((seconds, kept, False))
-    return tuple(complete)
+        shown = [(show(program, pair), [program.phases[k] for k in pair]) for pair in list_cycle(program)]
+        steps = [(min(p.max_duration or p.duration for p in movements), state) for state, movements in shown]
+    else:
+        steps = [(phase.duration, phase.state) for phase in program.phases]
+    first = next(k for k, (_, state) in enumerate(steps) if state in place)
+    greens: list[Green] = []
+    starts = [0.0] * len(steps)
+    time = 0.0
+    for number in [*range(first, len(steps)), *range(first)]:
+        seconds, state = steps[number]
+        starts[number] = time
+        time += seconds
+        if state in place and greens and greens[-1].phase == place[state] and not greens[-1].change:
+            greens[-1] = replace(greens[-1], seconds=greens[-1].seconds + seconds)
+        elif state in place:
+            greens.append(Green(phase=place[state], seconds=seconds, change=0.0))
+        else:
+            greens[-1] = replace(greens[-1], change=greens[-1].change + seconds)
+    return tuple(greens), () if program.rings else tuple(starts)
 
 
 def _find_upstream(index: MapIndex, lanes: Sequence[str]) -> tuple[str, ...]:

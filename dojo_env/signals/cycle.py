@@ -1,0 +1,71 @@
+"""A signal's cycle for SUMO's own controllers: the program's greens, with the changes of `switching` between.
+
+So whoever runs a signal, agents, our controllers or SUMO's, every change takes the same yellow, all-red and
+walkers' clearance.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+from dojo_env.config import SignalConfig
+from dojo_env.signals.plan import SignalPlan
+from dojo_env.signals.switching import SignalSwitch, Stage
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CycleStep:
+    """What is shown for a while.
+
+    Attributes:
+        seconds: how long; of a green whose length varies, at first.
+        state: the letters.
+        varies: it is a green that SUMO's logics may lengthen and shorten.
+    """
+
+    seconds: float
+    state: str
+    varies: bool
+
+
+def build_cycle(plan: SignalPlan, config: SignalConfig) -> tuple[CycleStep, ...]:
+    """Put the program's greens in their order, with the changes between them.
+
+    Each green begins when it does in the network's own program, as far as the minimum green lets it: where
+    that has longer changes, its greens are longer here.
+
+    Args:
+        plan: of the signal.
+        config: its times.
+    """
+    steps: list[CycleStep] = []
+    changes = _list_changes(plan, [green.phase for green in plan.greens], config)
+    for green, stages in zip(plan.greens, changes, strict=True):
+        taken = sum(seconds for seconds, _ in stages)
+        seconds = max(green.seconds + green.change - taken, config.min_green)
+        steps.append(CycleStep(seconds=seconds, state=plan.phases[green.phase], varies=True))
+        steps += [CycleStep(seconds=time, state=state, varies=False) for time, state in stages]
+    return tuple(steps)
+
+
+def _list_changes(plan: SignalPlan, order: Sequence[int], config: SignalConfig) -> list[tuple[Stage, ...]]:
+    """Go through the cycle twice, with greens as short as they may be; lists the second round's changes."""
+    switch = SignalSwitch(
+        plan, replace(config, max_green=None, enforce_max_green=None, action_mode="choose_phase")
+    )
+    changes: list[tuple[Stage, ...]] = []
+    for after in [*order, *order, order[0]]:
+        while not switch.may_change:
+            switch.advance()
+        switch.request_phase(after)
+        changes.append(switch.now.stages if switch.phase == after else ())
+    return changes[-len(order) :]
+
+
+def find_step(steps: Sequence[CycleStep], seconds: float) -> tuple[int, float]:
+    """Find where a cycle stands some seconds after its begin: the step, and how long it still lasts."""
+    left = seconds % sum(step.seconds for step in steps)
+    for number, step in enumerate(steps):
+        if left < step.seconds:
+            return number, step.seconds - left
+        left -= step.seconds
+    return 0, steps[0].seconds
