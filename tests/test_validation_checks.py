@@ -110,6 +110,26 @@ def test_lane_overlap_is_an_error_where_strips_lie_deep_in_each_other(
     assert pair.measured > 10
 
 
+@pytest.mark.parametrize(
+    ("degrees", "height", "severity"),
+    [(90, 0, "warning"), (40, 0, "warning"), (10, 0, "error"), (90, 1, "error")],
+)
+def test_lane_overlap_takes_a_crossing_without_heights_for_a_bridge(
+    grid: RoadMap, degrees: float, height: float, severity: str
+) -> None:
+    under, over = (next(x for x in grid.lanes if x.id == name) for name in ("A0B0_0", "C2D2_0"))
+    middle = under.shape[[0, -1]].mean(axis=0)
+    ahead = (under.shape[-1] - under.shape[0]) / np.hypot(*(under.shape[-1] - under.shape[0])[:2])
+    angle = np.radians(degrees)
+    turned = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]]) @ ahead[:2]
+    line = middle + np.outer([-40.0, 40.0], [*turned, 0.0]) + [0.0, 0.0, height]
+    lanes = tuple(replace(x, shape=points(line)) if x.id == over.id else x for x in grid.lanes)
+    found = issues_of(replace(grid, lanes=lanes), "geometry.lane_overlap")
+    (pair,) = (i for i in found if {"A0B0", "C2D2"} <= {e.id for e in i.elements})
+    assert pair.severity == severity
+    assert ("bridge" in pair.message) == (severity == "warning")
+
+
 def test_lane_overlap_is_silent_where_the_network_declares_it(grid: RoadMap) -> None:
     shape = next(x.shape for x in grid.lanes if x.id == "A0B0_1")[::-1]
     lanes = tuple(replace(x, shape=points(shape)) if x.id == "B0A0_1" else x for x in grid.lanes)
@@ -178,3 +198,21 @@ def test_what_sumo_ignores_in_lanes_is_reported() -> None:
     ]
     whole = re.sub(r'(<edge id="A0B0"[^>]*>)', r'\1<stopOffset value="1"/><stopOffset value="2"/>', data)
     assert not read_network(whole.encode(), path=path, name="plain", sha256="")[1]
+
+
+def test_green_conflict_is_an_error_where_the_ways_of_foes_meet() -> None:
+    road_map = read("cologne1")
+    (signal,) = road_map.signals
+    program = signal.programs[0]
+    all_green = replace(program, phases=tuple(replace(p, state="G" * len(p.state)) for p in program.phases))
+    unsafe = replace(road_map, signals=(replace(signal, programs=(all_green,)),))
+    found = issues_of(unsafe, "signals.green_conflict")
+    assert sum(issue.severity == "error" for issue in found) > 10
+    assert all(("cross or join" in issue.message) == (issue.severity == "error") for issue in found)
+    apart = tuple(
+        replace(way, shape=points(way.shape + np.array([1e3 * k, 0.0, 0.0])))
+        for k, way in enumerate(unsafe.connections)
+    )
+    still = issues_of(replace(unsafe, connections=apart), "signals.green_conflict")
+    assert {issue.severity for issue in still} == {"warning"}
+    assert all("do not meet" in issue.message for issue in still)

@@ -35,7 +35,7 @@ TETRAHEDRON = np.array([(0, 2, 1), (0, 1, 3), (1, 2, 3), (2, 0, 3)])
 CODES = {
     *(f"GEO{k:03}" for k in range(1, 20)),
     *(f"TOP{k:03}" for k in range(1, 17)),
-    *(f"SIG{k:03}" for k in range(1, 19)),
+    *(f"SIG{k:03}" for k in range(1, 20)),
     *(f"PED{k:03}" for k in range(1, 10)),
     *(f"SUM{k:03}" for k in range(1, 3)),
     *(f"OSM{k:03}" for k in range(1, 14)),

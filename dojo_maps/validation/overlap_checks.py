@@ -15,6 +15,8 @@ from dojo_maps.validation.profiles import Limits
 
 _Shared = tuple[shapely.Geometry, int, int]
 """Common ground of two lanes, and their places in `drivable`."""
+_SINE = 0.5
+"""Of 30 degrees, at which strips that cross share twice the product of their widths."""
 _SLIVER = 0.05
 """Metres: common ground that is nowhere twice as wide is rounding of coordinates, most of all in bends."""
 
@@ -24,7 +26,7 @@ _SLIVER = 0.05
     code="GEO001",
     title="Lanes of different roads do not lie on each other",
     severity=WARNING,
-    limit="1 m² within 4 m of height; error above 10 m² and 1 m deep",
+    limit="1 m² within 4 m of height; error above 10 m² and 1 m deep; bridges without heights stay warnings",
     source="netconvert --geometry.check-overlap, --geometry.check-overlap.vertical-threshold",
     hint="move the roads apart, join them, or give the bridge its height",
 )
@@ -59,9 +61,13 @@ def _lane_overlap(facts: Facts, limits: Limits, roads: tuple[str, str], found: l
     lanes = dict.fromkeys(facts.drivable[k].id for _, i, j in found for k in (i, j))
     first, second = (facts.drivable[k] for k in found[0][1:])
     one_way = _one_lane_both_ways(facts, first, second)
-    bad = area > limits.overlap_error and depth > limits.overlap_depth and not one_way
-    deep = f"lie on each other for {area:.1f} m², up to {depth:.1f} m deep"
-    what = "are one strip, driven both ways" if one_way else deep
+    bridge = facts.flat and all(_cross(facts, *row) for row in found)
+    bad = area > limits.overlap_error and depth > limits.overlap_depth and not one_way and not bridge
+    what = f"lie on each other for {area:.1f} m², up to {depth:.1f} m deep"
+    if one_way:
+        what = "are one strip, driven both ways"
+    elif bridge:
+        what = f"cross without a junction, {area:.1f} m² on one level: one is a bridge without its height"
     return Finding(
         elements=(*element("lane", *lanes), *element("road", *dict.fromkeys(roads))),
         at=_inside(found[0][0]) + facts.origin[:2],
@@ -70,6 +76,15 @@ def _lane_overlap(facts: Facts, limits: Limits, roads: tuple[str, str], found: l
         limit=limits.overlap,
         severity=ERROR if bad else WARNING,
     )
+
+
+def _cross(facts: Facts, ground: shapely.Geometry, i: int, j: int) -> bool:
+    """Tell whether two lanes go over each other at 30 degrees or more, and both go on at either side."""
+    lanes = facts.drivable[i], facts.drivable[j]
+    lines = [shapely.LineString(lane.shape[:, :2] - facts.origin[:2]) for lane in lanes]
+    ends = shapely.MultiPoint([end for line in lines for end in (line.coords[0], line.coords[-1])])
+    most = lanes[0].width * lanes[1].width / _SINE
+    return bool(lines[0].crosses(lines[1]) and ground.area <= most and ground.distance(ends) > 0)
 
 
 def _is_declared(facts: Facts, first: Lane, second: Lane) -> bool:

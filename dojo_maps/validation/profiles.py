@@ -53,6 +53,8 @@ class Limits:
     cycle_least: float = 30.0
     cycle_most: float = 120.0
     green_share: float = 0.01
+    car_width: float = 2.5
+    clearance_tolerance: float = 0.5
     walking_area: float = 1.0
     twisted: float = 0.01
     waiting_depth: float = 1.0

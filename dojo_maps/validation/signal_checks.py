@@ -3,6 +3,8 @@
 from collections import defaultdict
 from collections.abc import Iterator
 
+import shapely
+
 from dojo_maps.signals.programs import GREEN, following
 from dojo_maps.validation.check import ERROR, NOTE, WARNING, Finding, check, element
 from dojo_maps.validation.facts import Facts
@@ -135,11 +137,11 @@ def check_always_green(facts: Facts, _limits: Limits) -> Iterator[Finding]:
     code="SIG005",
     title="No two protected greens collide",
     severity=ERROR,
-    limit="none of the network's foes",
+    limit="none of the network's foes; a warning where their ways stay 2.5 m apart",
     source="sumo: Unsafe green phase; mutual conflict",
     hint="give one of the two g, so that it yields, or a phase of its own",
 )
-def check_green_conflict(facts: Facts, _limits: Limits) -> Iterator[Finding]:
+def check_green_conflict(facts: Facts, limits: Limits) -> Iterator[Finding]:
     """Find pairs of letters that show protected green at once though ways they control cross or join."""
     for signal in signals_of(facts):
         pairs: dict[tuple[int, int], list[Conflict]] = defaultdict(list)
@@ -152,12 +154,24 @@ def check_green_conflict(facts: Facts, _limits: Limits) -> Iterator[Finding]:
                 both = [k for k, letters in enumerate(shown) if letters == ("G", "G")]
                 if both:
                     ways = dict.fromkeys(way for c in conflicts for way in (c.one, c.other))
+                    apart = min(_distance(c) for c in conflicts)
+                    meet = apart < limits.car_width
                     yield Finding(
                         elements=(*element("signal", signal.signal.id), *name_ways(ways)),
                         at=conflicts[0].one.shape[0],
                         message=f"phase {both[0]} of {signal.named(program)} gives G to the links {one} and "
-                        f"{other}, whose ways cross or join",
+                        f"{other}, "
+                        + ("whose ways cross or join" if meet else "foes whose ways do not meet"),
+                        measured=apart,
+                        limit=limits.car_width,
+                        severity=ERROR if meet else WARNING,
                     )
+
+
+def _distance(conflict: Conflict) -> float:
+    """Measure how near two ways come to each other, in metres, from middle to middle."""
+    one, other = (shapely.LineString(way.shape[:, :2]) for way in (conflict.one, conflict.other))
+    return float(one.distance(other))
 
 
 @check(

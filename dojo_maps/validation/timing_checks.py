@@ -136,7 +136,7 @@ def _time_until(program: Program, letters: str, phase: int) -> float | None:
     code="SIG009",
     title="Walkers are across before vehicles get green",
     severity=ERROR,
-    limit="length / 1.2 m/s",
+    limit="length / 1.2 m/s; a warning within 0.5 s of it",
     source="signal timing manuals, 4 ft/s; netconvert's own clearance is 5 s, however long the crossing",
     hint="end the walkers' green earlier, or lengthen the phase after it",
 )
@@ -168,6 +168,7 @@ def check_crossing_clearance(facts: Facts, limits: Limits) -> Iterator[Finding]:
                         f"{needed:.1f} s",
                         measured=time,
                         limit=needed,
+                        severity=ERROR if time < needed - limits.clearance_tolerance else WARNING,
                     )
 
 
