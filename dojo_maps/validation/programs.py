@@ -45,16 +45,16 @@ class SignalFacts:
     def _list_conflicts(self) -> Iterator[Conflict]:
         """List conflicting ways with each pair of their letters: a crossing may have two."""
         letters: dict[str, list[int]] = defaultdict(list)
+        known: dict[str, Connection | Crossing] = {}
         for index, ways in sorted(self.links.items()):
             for way in ways:
                 letters[way.id].append(index)
+                known[way.id] = way
         for name in self.signal.junctions:
             junction = self.facts.junctions.get(name)
             for pair in list_foes(junction) if junction else ():
-                one, other = way_of(self.facts, pair.one), way_of(self.facts, pair.other)
-                if one is not None and other is not None:
-                    for indices in itertools.product(letters.get(one.id, ()), letters.get(other.id, ())):
-                        yield Conflict(one=one, other=other, indices=indices)
+                for indices in itertools.product(letters.get(pair.one, ()), letters.get(pair.other, ())):
+                    yield Conflict(one=known[pair.one], other=known[pair.other], indices=indices)
 
     def letters(self, program: Program, index: int) -> str:
         """What one letter of the state shows from phase to phase; where a state is too short, `?`."""
