@@ -168,8 +168,18 @@ def test_every_episode_is_written(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("scenario", "controller", "settings", "expected"),
     [
-        ("two-way", "max-pressure", {}, {"travel_time": 44.18, "queue": 11.04, "co2": 55.81, "delay": 4.84}),
-        ("cologne1", "max-pressure", {"min_green": 8}, {"travel_time": 43.29, "co2": 39.12, "delay": 2.6}),
+        (
+            "two-way",
+            "max-pressure-paper",
+            {},
+            {"travel_time": 44.18, "queue": 11.04, "co2": 55.81, "delay": 4.84},
+        ),
+        (
+            "cologne1",
+            "max-pressure-paper",
+            {"min_green": 8},
+            {"travel_time": 43.29, "co2": 39.12, "delay": 2.6},
+        ),
     ],
 )
 def test_reference_rows_are_reproduced(scenario, controller, settings, expected) -> None:

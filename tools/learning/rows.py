@@ -6,12 +6,16 @@ from .settings import REWARD, Training
 
 CONTROLLERS: dict[str, tuple[str, dict[str, Any]]] = {
     "FixedTime": ("fixed-time", {}),
+    "Pretimed": ("pretimed", {}),
     "Cycle": ("cycle", {}),
     "Webster": ("webster", {}),
     "Actuated": ("actuated", {}),
     "DelayBased": ("delay-based", {}),
-    "SOTL": ("sotl", {"min_green": 8}),
-    "MaxPressure": ("max-pressure", {}),
+    "SOTL": ("sotl-paper", {"min_green": 8}),
+    "SOTL-movements": ("sotl", {}),
+    "MaxPressure": ("max-pressure-paper", {}),
+    "MaxPressure-movements": ("max-pressure", {}),
+    "QueuePressure": ("queue-pressure", {}),
     "Random": ("random", {}),
 }
 """Controller and settings of each row that does not learn.

@@ -181,6 +181,7 @@ class Training:
             "observation": self.observation,
             "min_green": self.min_green,
             "num_seconds": self.seconds,
+            "max_red": None,  # As the kept rows were made: the paper sets no limit.
         }
         if self.observation in IMAGES:
             keywords |= {"height": self.height, "width": self.width, "show_links": True}
