@@ -12,6 +12,9 @@ from dojo_maps.command import Parser, add_command, run_command
 from dojo_maps.progress import Progress
 from dojo_maps.whole_file import write_json
 
+_MISSED = 0.02
+"""The share of vehicles from which on it matters that they have not arrived."""
+
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run a command and return its exit status; see `dojo_maps.command`.
@@ -124,7 +127,7 @@ def _yellow(text: str) -> float | str:
 
 
 def _run(options: argparse.Namespace) -> int:
-    from dojo_env.runs import run_controller, summarize
+    from dojo_env.runs import JAMMED, run_controller, summarize
 
     if options.seeds < 1:
         raise ConfigError("--seeds: expected a number above 0")
@@ -158,8 +161,11 @@ def _run(options: argparse.Namespace) -> int:
         sumo_outputs=options.sumo_outputs,
     )
     summary = summarize(figures)
+    print(f"{'figure':24}{'mean':>12} {'± deviation':12}{'median':>12}")
     for name, value in summary.items():
-        print(f"{name:24}{value['mean']:12.2f} ± {value['std']:.2f}")
+        print(f"{name:24}{value['mean']:12.2f} ± {value['std']:<10.2f}{value['median']:12.2f}")
+    jammed = sum(episode["missing"] > JAMMED for episode in figures)
+    print(f"{'episodes that jammed':24}{jammed:12d}")
     violations = sum((Counter(episode["violations"]) for episode in figures), Counter[str]())
     print(f"{'safety violations':24}{violations.total():12d}")
     if options.json:
@@ -170,6 +176,13 @@ def _run(options: argparse.Namespace) -> int:
             "episodes": figures,
         }
         write_json(options.json, content)
+    missing = max(episode["missing"] for episode in figures)
+    if missing > _MISSED:
+        print(
+            f"dojo-env: warning: {options.scenario}: up to {missing:.1%} of the vehicles had not arrived at "
+            "the end, and travel_time leaves them out; compare travel_time_all",
+            file=sys.stderr,
+        )
     if violations:
         found = ", ".join(f"{count} {rule}" for rule, count in violations.most_common())
         print(f"dojo-env: warning: {options.scenario}: signals were unsafe: {found}", file=sys.stderr)

@@ -179,9 +179,9 @@ class LocalWorld(World):
             return self._figures
         simulation = self.traffic.simulation
         with self._guarded():
-            pending = simulation.read_pending_delays()
+            pending, losses = simulation.read_pending_delays(), simulation.read_time_losses()
         return {
-            **self._metrics.compute(simulation.trips, pending),
+            **self._metrics.compute(simulation.trips, pending, losses),
             "longest_red": self.control.longest_red,
             "violations": dict(self.control.safety.counts),
             "seed": self._seed,

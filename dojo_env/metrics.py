@@ -44,23 +44,39 @@ class Metrics:
         self._pedestrians[0] += instant.traffic.pedestrians
         self._pedestrians[1] += instant.traffic.pedestrian_waiting
 
-    def compute(self, trips: Mapping[str, Trip], pending_delays: Figures) -> dict[str, Any]:
-        """Compute all figures up to now.
+    def compute(
+        self, trips: Mapping[str, Trip], pending_delays: Figures, losses: tuple[float, int]
+    ) -> dict[str, Any]:
+        """Compute all figures up to now; times in seconds.
 
-        `travel_time` is the mean over decisions of the mean trip duration of all vehicles arrived so far.
-        `mean_trip_duration` is the plain mean over arrived vehicles, `mean_trip_duration_all` the mean over
-        all vehicles whose time to depart has come, with their departure delay and up to now.
+        `travel_time` is the mean over decisions of the mean trip duration of all vehicles arrived so far, as
+        the paper has it. It leaves out who has not arrived, so a jam makes it better: `missing` is their
+        share, and `travel_time_all` the mean over all vehicles whose time to depart has come, with the wait
+        for a place to depart and up to now. `depart_delay` is that wait alone, `time_loss` what driving
+        slower than one may has cost those on the road, as SUMO and RESCO have both. `mean_trip_duration` is
+        the plain mean over arrived vehicles; `mean_trip_duration_all` another name of `travel_time_all`.
+
+        Args:
+            trips: every vehicle that has departed.
+            pending_delays: (n,) how long those wait that have not.
+            losses: the sum of SUMO's time losses, and of how many vehicles.
         """
         decisions = max(self._decisions, 1)
         durations = [t.arrival - t.depart for t in trips.values() if t.arrival is not None]
         every = [(t.arrival or self._time) - t.depart + t.depart_delay for t in trips.values()]
+        travel_time_all = _mean([*every, *pending_delays.tolist()])
+        wanted = len(trips) + len(pending_delays)
         hours = (self._time - self._begin) / 3600.0
         return {
             "travel_time": _mean(self._mean_trips),
             "throughput": len(durations) / hours if hours else 0.0,
             **{name: value / decisions for name, value in self._sums.items()},
             "mean_trip_duration": _mean(durations),
-            "mean_trip_duration_all": _mean([*every, *pending_delays.tolist()]),
+            "mean_trip_duration_all": travel_time_all,
+            "travel_time_all": travel_time_all,
+            "time_loss": losses[0] / losses[1] if losses[1] else 0.0,
+            "depart_delay": _mean([*(t.depart_delay for t in trips.values()), *pending_delays.tolist()]),
+            "missing": 1.0 - len(durations) / wanted if wanted else 0.0,
             "arrived": len(durations),
             "departed": len(trips),
             "backlogged": len(pending_delays),

@@ -66,13 +66,23 @@ def run_controller(
     return figures
 
 
+FIGURES = (
+    *SIX,
+    *("travel_time_all", "time_loss", "depart_delay", "mean_trip_duration", "arrived", "missing"),
+    *("longest_red", "pedestrian_waiting"),
+)
+"""What is told of episodes, beside the six figures of the paper's table."""
+JAMMED = 0.1
+"""An episode has jammed where more than this share of its vehicles has not arrived at its end."""
+
+
 def summarize(figures: Sequence[dict[str, Any]]) -> dict[str, dict[str, float]]:
-    """Give mean and standard deviation over episodes of every figure that is a number."""
-    numbers = [*SIX, "mean_trip_duration", "mean_trip_duration_all", "arrived", "pedestrian_waiting"]
+    """Give mean, standard deviation and median over episodes of every figure that is a number."""
     return {
         name: {
             "mean": float(np.mean([f[name] for f in figures])),
             "std": float(np.std([f[name] for f in figures], ddof=1)) if len(figures) > 1 else 0.0,
+            "median": float(np.median([f[name] for f in figures])),
         }
-        for name in numbers
+        for name in FIGURES
     }

@@ -292,6 +292,14 @@ class Simulation:
         self._running()
         return _floats(map(self._get.vehicle_getDepartDelay, self._get.simulation_getPendingVehicles()))
 
+    def read_time_losses(self) -> tuple[float, int]:
+        """Add up what vehicles have lost by driving slower than they may, seconds, and count them."""
+        get = self._get
+        arrived = int(float(get.simulation_getParameter("", "device.tripinfo.count")))
+        running = list(map(get.vehicle_getTimeLoss, get.vehicle_getIDList()))
+        mean = float(get.simulation_getParameter("", "device.tripinfo.timeLoss"))
+        return mean * arrived + sum(running), arrived + len(running)
+
     def read_snapshot(self) -> Snapshot:
         """Picture every road user and every signal."""
         self._running()

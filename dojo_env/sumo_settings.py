@@ -19,6 +19,7 @@ DEFAULTS = {
     "waiting-time-memory": "1000",
     "time-to-teleport": "-1",
     "step-length": "1",
+    "device.tripinfo.probability": "1",
     "no-step-log": "true",
     "xml-validation": "never",
     "xml-validation.net": "never",

@@ -36,7 +36,7 @@ def test_rows_are_run_once_and_stand_beside_published_figures(tmp_path: Path) ->
     assert "80.00 ± 1.00" in done.stdout
     with (tmp_path / "results" / "table.csv").open() as file:
         rows = {(row["row"], row["figure"]): row for row in csv.DictReader(file)}
-    wanted = run_controller("max-pressure", range(2), scenario="two-way", num_seconds=300)
+    wanted = run_controller("max-pressure-paper", range(2), scenario="two-way", num_seconds=300)
     mean = sum(episode["queue"] for episode in wanted) / 2
     assert float(rows["MaxPressure", "queue"]["mean"]) == mean
     assert rows["SOTL", "queue"]["mean"] == ""

@@ -70,7 +70,13 @@ def test_trips_agree_with_tripinfo(episode) -> None:
     assert len(trips) == figures["departed"]
     if not figures["backlogged"]:
         # SUMO counts unfinished trips to the last step's begin, we to its end.
-        assert figures["mean_trip_duration_all"] == pytest.approx(np.mean(present), abs=1.0)
+        assert figures["travel_time_all"] == pytest.approx(np.mean(present), abs=1.0)
+        delays = [float(t["departDelay"]) for t in trips]
+        assert figures["depart_delay"] == pytest.approx(np.mean(delays), abs=0.01)
+    assert figures["mean_trip_duration_all"] == figures["travel_time_all"]
+    assert figures["missing"] == 1 - len(arrived) / (len(trips) + figures["backlogged"])
+    losses = [float(t["timeLoss"]) for t in trips]
+    assert figures["time_loss"] == pytest.approx(np.mean(losses), abs=0.1)
     mode = figures["modes"]["passenger"]
     assert (mode["arrived"], mode["departed"]) == (figures["arrived"], figures["departed"])
     movements = next(iter(figures["movements"].values()))

@@ -124,7 +124,10 @@ def test_the_command_says_once_what_is_left_out_and_prints_figures_alone(folder:
         check=True,
     )
     assert contents(folder.parent) == before
-    assert all(" ± " in line or line.startswith("safety") for line in done.stdout.splitlines())
+    assert all(
+        " ± " in line or line.startswith(("figure", "episodes", "safety"))
+        for line in done.stdout.splitlines()
+    )
     (said,) = [line for line in done.stderr.splitlines() if "x.sumocfg" in line]
     for name in ("remote-port", "log", "tripinfo-output", "save-state.files", "verbose", "--sumo-outputs"):
         assert name in said

@@ -55,7 +55,7 @@ def test_curves_are_the_mean_of_the_last_decisions() -> None:
 
 def test_rows_that_jam_are_not_chosen(results: Path) -> None:
     def row(name: str, travel: float, trips: float) -> Any:
-        figures = {"travel_time": {"mean": travel}, "mean_trip_duration_all": {"mean": trips}}
+        figures = {"travel_time": {"mean": travel}, "travel_time_all": {"mean": trips}}
         return kept.KeptRow(results, {"row": name, "training": {}, "figures": figures})
 
     rows = {f"PPO-{k}": row(f"PPO-{k}", 40 + k, 50 + k) for k in range(4)} | {"jam": row("jam", 20, 900)}

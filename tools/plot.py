@@ -25,7 +25,7 @@ from learning.kept import KeptRow, read_kept
 from learning.outcomes import Numbers, Published, read_published
 
 REFERENCE = "MaxPressure"
-ALL_TRIPS = "mean_trip_duration_all"
+ALL_TRIPS = "travel_time_all"
 """What tells good policies: unlike travel time it counts vehicles that have not arrived."""
 WINDOW = 50
 """Decisions that a curve is averaged over, as in the paper's figures 4 and 5."""

@@ -19,7 +19,7 @@ from .evaluation import evaluate
 from .models import save_checkpoint, save_policy
 from .settings import CHECKPOINT, CURVE, POLICY, Training
 
-CHOSEN_BY = "mean_trip_duration_all"
+CHOSEN_BY = "travel_time_all"
 """The figure that chooses the best policy: unfinished trips and those that wait outside count, too."""
 COLUMNS = ("steps", "part", "reward", *SIX, CHOSEN_BY)
 

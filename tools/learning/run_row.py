@@ -15,7 +15,7 @@ from .rows import CONTROLLERS, find_settings, find_training, learns
 from .settings import Training, list_versions
 
 FIGURES, SERIES = "figures.json", "series.csv"
-KEPT = (*SIX, "mean_trip_duration", "mean_trip_duration_all", "arrived", "departed", "violations", "seed")
+KEPT = (*SIX, "mean_trip_duration", "travel_time_all", "arrived", "departed", "violations", "seed")
 CURVES = {
     "co2": "agents_total_co2", "delay": "agents_total_delay",
     "accumulated_waiting": "agents_total_accumulated_waiting_time", "queue": "agents_total_stopped",
