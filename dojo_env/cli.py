@@ -101,7 +101,10 @@ def _parser() -> argparse.ArgumentParser:
         "--phases", choices=["program", "computed"], default="program", help="which to choose from"
     )
 
-    add_command(commands, "scenarios", _list_scenarios, "list the packaged scenarios")
+    listed = add_command(commands, "scenarios", _list_scenarios, "list the packaged scenarios, or signals")
+    listed.add_argument(
+        "scenarios", nargs="*", metavar="SCENARIO", help="show the signals of these, phase by phase"
+    )
     return parser
 
 
@@ -266,9 +269,36 @@ def _prove(options: argparse.Namespace) -> int:
     return int(proved < len(plans))
 
 
-def _list_scenarios(_options: argparse.Namespace) -> int:
+def _show_signals(name: str) -> None:
+    """Print each signal of a scenario with its phases, and what of it cannot be controlled."""
+    from dojo_env.config import SignalConfig
+    from dojo_env.managers.map import MapManager
+    from dojo_env.scenario import find_map, open_map
+    from dojo_env.signals.diagram import draw_phases, list_oddities
+    from dojo_maps.index import MapIndex
+
+    found = find_map(name)
+    manager = MapManager(open_map(found), SignalConfig(fixed_ts=True), additional=found.additional)
+    index = MapIndex(manager.bundle.road_map)
+    print(f"{found.name}: {len(manager.plans)} signals to control")
+    for signal, plan in manager.plans.items():
+        links = len({link for link, _, _ in plan.links} | {link for link, _ in plan.walks})
+        print(f"\nsignal {signal}: {len(plan.phases)} phases, {links} links, {len(plan.lanes)} lanes")
+        for line in draw_phases(plan, index):
+            print(line)
+        for words in list_oddities(plan):
+            print(f"  note: {words}")
+    for signal in manager.left_out:
+        print(f"\nsignal {signal}: left out, for it controls no vehicles or guards a railway")
+
+
+def _list_scenarios(options: argparse.Namespace) -> int:
     from dojo_env.scenario import PACKAGED, packaged_scenario
 
+    for name in options.scenarios:
+        _show_signals(name)
+    if options.scenarios:
+        return 0
     print(f"{'name':14}{'signals':>8}{'demand':>8}{'begin':>8}  licence")
     for name in PACKAGED:
         found = packaged_scenario(name)

@@ -20,6 +20,7 @@ from dojo_env.managers.signals import SignalManager
 from dojo_env.managers.traffic import TrafficManager
 from dojo_env.managers.watcher import WatchManager
 from dojo_env.metrics import Metrics
+from dojo_env.notes import say_once
 from dojo_env.observations import build_observer
 from dojo_env.reading import LaneGroups, TrafficReading
 from dojo_env.rewards import build_rewards, is_own
@@ -57,6 +58,9 @@ class LocalWorld(World):
         bundle = open_map(config.scenario)
         self.map = MapManager(bundle, config.signals, additional=config.additional)
         self.signals = tuple(self.map.plans)
+        if not config.signals.fixed_ts:
+            for words in self.map.list_warnings():
+                say_once(words)
         self.traffic = TrafficManager(bundle.network, config)
         self.control = SignalManager(
             self.traffic.simulation,

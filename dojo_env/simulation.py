@@ -5,12 +5,10 @@ Whatever SUMO refuses or breaks off is a `SimulationError` in SUMO's own words. 
 while it loads would end this process, too, so SUMO's program loads it once before libsumo does.
 """
 
-import logging
 import os
 import subprocess
 import weakref
 from collections.abc import Iterable, Mapping, Sequence
-from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +17,7 @@ import numpy as np
 from dojo_env.config import EnvConfig
 from dojo_env.errors import SimulationBusyError, SimulationError
 from dojo_env.forks import must_return_within
+from dojo_env.notes import say_once
 from dojo_env.reading import HALTING, Figures, TrafficReading, Trip
 from dojo_env.road_users import RoadUsers
 from dojo_env.signals.cycle import CycleStep
@@ -27,7 +26,6 @@ from dojo_env.sumo_files import SumoFiles
 from dojo_env.sumo_messages import SumoMessages
 from dojo_maps.sumo_programs import find_program, signal_name
 
-_LOG = logging.getLogger(__name__)
 _LOGICS = {"fixed": 0, "actuated": 3, "delay_based": 5}
 """SUMO's numbers of its logics."""
 _USUAL_CAR = "DEFAULT_VEHTYPE"
@@ -133,7 +131,7 @@ class Simulation:
             self.close()
             raise
         for note in (*self._files.notes, *self._settings.notes):
-            _say_once(note)
+            say_once(note)
 
     def fail(self, error: Exception, what: str | None = None) -> SimulationError:
         """End the simulation after one of `failures`, and make the error that tells it.
@@ -438,12 +436,6 @@ class _TraciGetters:
         found = getattr(getattr(self._connection, domain), getter)
         setattr(self, name, found)
         return found
-
-
-@cache
-def _say_once(note: str) -> None:
-    """Log a warning, once in a process."""
-    _LOG.warning(" ".join(note.split()))
 
 
 def _floats(values: Iterable[float]) -> Figures:

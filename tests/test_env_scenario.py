@@ -1,8 +1,10 @@
 """Scenarios by name, and the cache of converted maps when several processes want one at once."""
 
+import re
 import subprocess
 import sys
 import xml.etree.ElementTree as ET
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -10,9 +12,11 @@ from conftest import command_environment
 from networks import build_rail_crossing
 
 import dojo_maps
-from dojo_env.config import SignalConfig
+from dojo_env.cli import main
+from dojo_env.config import SignalConfig, build_config
 from dojo_env.demand import build_two_way_demand
 from dojo_env.errors import ConfigError
+from dojo_env.local_world import LocalWorld
 from dojo_env.managers.map import MapManager
 from dojo_env.scenario import PACKAGED, Scenario, find_scenario, open_map, packaged_scenario
 from dojo_maps.description import RoadMap
@@ -125,3 +129,37 @@ def test_right_of_way_is_the_networks_own(name: str) -> None:
         for link, request in zip(links, requests[junction], strict=True):
             assert sum(1 << foe for foe in link.foes) == int(request.get("foes", "0"), 2)
             assert sum(1 << foe for foe in link.response) == int(request.get("response", "0"), 2)
+
+
+def test_signals_are_shown_phase_by_phase(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["scenarios", "cologne1"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[0] == "cologne1: 1 signals to control"
+    assert "  -32038056#3 left         .   .   g   G" in lines
+    assert not [line for line in lines if "note:" in line]
+
+
+def test_what_cannot_be_controlled_is_said(
+    network_path: Callable[[str], Path],
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    network = network_path("bare").read_text()
+    (program,) = re.findall(r"<tlLogic.*?</tlLogic>", network, re.DOTALL)
+    states = re.findall(r'state="(\w+)"', program)
+    one_green = program
+    for state in states[1:]:
+        one_green = one_green.replace(state, "r" * len(state))
+    path = tmp_path / "one.net.xml"
+    path.write_text(network.replace(program, one_green))
+    assert main(["scenarios", str(path)]) == 0
+    said = capsys.readouterr().out
+    assert "note: has one green phase, so there is nothing to choose" in said
+    assert "note: has no phase for the links" in said
+    LocalWorld(build_config(net_file=path, route_file=()))
+    assert sum("has one green phase" in record.message for record in caplog.records) == 1
+    off = one_green.replace(states[0], "o" * len(states[0]))
+    path.write_text(network.replace(program, off))
+    assert main(["scenarios", str(path)]) == 0
+    assert "note: has no green phase of its own" in capsys.readouterr().out

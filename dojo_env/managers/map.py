@@ -1,11 +1,12 @@
 """The map of the episode: the bundle, and what there is to control on it."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 from dojo_env.config import SignalConfig
 from dojo_env.errors import ConfigError
 from dojo_env.managers.base import Manager
+from dojo_env.signals.diagram import list_oddities
 from dojo_env.signals.plan import SignalPlan, build_plan
 from dojo_env.signals.programs import add_programs, refuse_switching
 from dojo_maps.bundle import Bundle
@@ -19,6 +20,7 @@ class MapManager(Manager):
     Attributes:
         bundle: the map.
         plans: by signal, in the map's order.
+        left_out: signals of the map that no agent can control.
     """
 
     def __init__(self, bundle: Bundle, config: SignalConfig, *, additional: Sequence[Path] = ()) -> None:
@@ -34,7 +36,9 @@ class MapManager(Manager):
                 programs of one by the clock while something else should control it.
         """
         self.bundle = bundle
-        chosen = _choose_signals(bundle, config.ts_ids)
+        usable = _usable_signals(bundle)
+        self.left_out = tuple(s.id for s in bundle.road_map.signals if s.id not in usable)
+        chosen = _choose_signals(bundle, usable, config.ts_ids)
         if not config.fixed_ts or config.program != "network":
             refuse_switching((signal.id for signal in chosen), additional)
         wanted = add_programs(chosen, additional)
@@ -42,13 +46,29 @@ class MapManager(Manager):
             signal.id: build_plan(bundle.road_map, signal, config) for signal in wanted
         }
 
+    def list_warnings(self) -> Iterator[str]:
+        """Tell which signals cannot be controlled as one may think, in a line for each kind of oddity."""
+        by_words: dict[str, list[str]] = {}
+        for signal, plan in self.plans.items():
+            for words in list_oddities(plan):
+                by_words.setdefault(words, []).append(signal)
+        name = self.bundle.road_map.name
+        for words, signals in by_words.items():
+            more = f" (as do {len(signals) - 1} more)" if len(signals) > 1 else ""
+            yield f"{name}: signal {signals[0]} {words}{more}"
 
-def _choose_signals(bundle: Bundle, ids: tuple[str, ...] | None) -> list[Signal]:
-    usable = {
+
+def _usable_signals(bundle: Bundle) -> dict[str, Signal]:
+    return {
         signal.id: signal
         for signal in street_signals(bundle.road_map)
         if any(link.kind is LinkKind.VEHICLE for link in signal.links)
     }
+
+
+def _choose_signals(
+    bundle: Bundle, usable: Mapping[str, Signal], ids: tuple[str, ...] | None
+) -> list[Signal]:
     name = bundle.road_map.name
     if not usable:
         raise ConfigError(f"map {name} has no signals to control; choose a map with traffic lights")

@@ -56,7 +56,8 @@ class SignalPlan:
         room: how many standing vehicles each of `out_lanes` holds.
         limits: (lanes,) speed limits, m/s.
         lengths: (lanes,) metres.
-        greens: those of the network's own program, in its order.
+        is_of_program: the phases are those of the network's own program, not computed.
+        greens: those of that program, in its order.
         starts: for each phase of that program, the seconds from the begin of its first green.
         changes: what differs from the network's own program, for people to read.
     """
@@ -76,6 +77,7 @@ class SignalPlan:
     room: tuple[float, ...]
     limits: NDArray[np.float64]
     lengths: NDArray[np.float64]
+    is_of_program: bool = True
     greens: tuple[Green, ...] = ()
     starts: tuple[float, ...] = ()
     changes: tuple[str, ...] = ()
@@ -130,6 +132,7 @@ def build_plan(road_map: RoadMap, signal: Signal, config: SignalConfig) -> Signa
         room=tuple(max(lane_of[lane].length / ROOM_OF_A_VEHICLE - 1.0, 1.0) for lane in out_lanes),
         limits=np.array([max(lane_of[lane].speed, 0.1) for lane in lanes]),
         lengths=np.array([max(lane_of[lane].length, 0.1) for lane in lanes]),
+        is_of_program=bool(own),
         greens=greens,
         starts=starts,
         changes=tuple(
