@@ -9,7 +9,7 @@ from dojo_env.config import EnvConfig, build_config
 from dojo_env.errors import ConfigError, SimulationBusyError
 from dojo_env.instant import Instant
 from dojo_env.watching.viewer import Viewer
-from dojo_env.world import World
+from dojo_env.world import Beginning, World
 from dojo_env.world_process import open_world
 
 _LARGEST_SEED = 2**31 - 2
@@ -44,6 +44,7 @@ class TrafficSignalEnv(gymnasium.Env[Any, Any]):
         if render_mode is not None and render_mode not in self.metadata["render_modes"]:
             raise ConfigError(f"render_mode={render_mode!r}: expected one of {self.metadata['render_modes']}")
         self.render_mode = render_mode
+        self._made_with = {"render_mode": render_mode, "render_port": render_port, "own_process": own_process}
         self.config = one_config(config, keywords)
         self.world: World = open_world(self.config, own_process=own_process)
         if len(self.world.signals) != 1:
@@ -62,19 +63,11 @@ class TrafficSignalEnv(gymnasium.Env[Any, Any]):
     ) -> tuple[Any, dict[str, Any]]:
         """Begin an episode; without a seed, one follows from the seed before.
 
-        With a render mode, it moves into a process of its own where another environment of this one runs.
+        It moves into a process of its own where another environment of this one runs.
         """
         super().reset(seed=seed, options=options)
         chosen = choose_seed(seed, self.config, self.np_random)
-        try:
-            observations, info = self.world.reset(chosen)
-        except SimulationBusyError:
-            # Gymnasium's checker opens a rendered environment beside the one that it checks.
-            if self.render_mode is None:
-                raise
-            self.world.close()
-            self.world = open_world(self.config, own_process=True)
-            observations, info = self.world.reset(chosen)
+        self.world, (observations, info) = begin_episode(self.world, self.config, chosen)
         self._viewer.follow(self.world.draw)
         return observations[self.signal], info
 
@@ -111,6 +104,36 @@ class TrafficSignalEnv(gymnasium.Env[Any, Any]):
         for part in (getattr(self, "_viewer", None), getattr(self, "world", None)):
             if part is not None:
                 part.close()
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Pickle it as it was made: what it is in the middle of stays behind, `save` tells that."""
+        return make_again, (type(self), self.config, self._made_with), {"spec": self.spec}
+
+
+def make_again(kind: Any, config: EnvConfig, made_with: dict[str, Any]) -> Any:
+    """Make an environment of a kind as another one was made."""
+    return kind(config, **made_with)
+
+
+def begin_episode(world: World, config: EnvConfig, seed: int) -> tuple[World, Beginning]:
+    """Begin an episode in a world, or, where another simulation of this process is running, in one apart.
+
+    Returns:
+        The world that it has begun in, and what it begins with.
+
+    Raises:
+        SimulationBusyError: the settings cannot be handed to a process of its own.
+        SimulationError: SUMO refuses the input.
+    """
+    try:
+        return world, world.reset(seed)
+    except SimulationBusyError as busy:
+        try:
+            apart = open_world(config, own_process=True)
+        except ConfigError as error:
+            raise SimulationBusyError(f"{busy}; it gets none by itself, for {error}") from None
+    world.close()
+    return apart, apart.reset(seed)
 
 
 def open_viewer(world: World, config: EnvConfig, mode: str | None, port: int) -> Viewer:

@@ -8,7 +8,7 @@ from gymnasium import spaces
 from pettingzoo import ParallelEnv
 
 from dojo_env.config import EnvConfig
-from dojo_env.env import choose_seed, one_config, open_viewer, read_action
+from dojo_env.env import begin_episode, choose_seed, make_again, one_config, open_viewer, read_action
 from dojo_env.errors import ConfigError, EpisodeOverError
 from dojo_env.instant import Instant
 from dojo_env.local_world import SIGNAL_FIGURES
@@ -46,6 +46,7 @@ class TrafficSignalsEnv(ParallelEnv):  # type: ignore[misc]
         if render_mode is not None and render_mode not in self.metadata["render_modes"]:
             raise ConfigError(f"render_mode={render_mode!r}: expected one of {self.metadata['render_modes']}")
         self.render_mode = render_mode
+        self._made_with = {"render_mode": render_mode, "render_port": render_port, "own_process": own_process}
         self.config = one_config(config, keywords)
         self.world: World = open_world(self.config, own_process=own_process)
         self.possible_agents = list(self.world.signals)
@@ -65,10 +66,14 @@ class TrafficSignalsEnv(ParallelEnv):  # type: ignore[misc]
     def reset(
         self, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[dict[str, Any], dict[str, dict[str, Any]]]:
-        """Begin an episode; without a seed, one follows from the seed before."""
+        """Begin an episode; without a seed, one follows from the seed before.
+
+        It moves into a process of its own where another environment of this one runs.
+        """
         if seed is not None:
             self._generator = np.random.default_rng(seed)
-        observations, info = self.world.reset(choose_seed(seed, self.config, self._generator))
+        chosen = choose_seed(seed, self.config, self._generator)
+        self.world, (observations, info) = begin_episode(self.world, self.config, chosen)
         self.agents = list(self.possible_agents)
         self._viewer.follow(self.world.draw)
         return observations, self._infos(info)
@@ -126,6 +131,10 @@ class TrafficSignalsEnv(ParallelEnv):  # type: ignore[misc]
         for part in (getattr(self, "_viewer", None), getattr(self, "world", None)):
             if part is not None:
                 part.close()
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Pickle it as it was made; see `TrafficSignalEnv`."""
+        return make_again, (type(self), self.config, self._made_with)
 
     def _infos(self, info: dict[str, Any]) -> dict[str, dict[str, Any]]:
         """Give each agent the figures of all and its own."""

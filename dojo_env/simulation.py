@@ -9,6 +9,7 @@ import os
 import subprocess
 import weakref
 from collections.abc import Iterable, Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -320,6 +321,12 @@ class Simulation:
                 sumo.close()
             except self.failures:
                 return  # It is gone already.
+
+    def __del__(self) -> None:
+        """End SUMO with who held it last, so that a notebook's cell can be run again."""
+        if getattr(self, "_sumo", None) is not None:
+            with suppress(Exception):  # The interpreter may be ending.
+                self.close()
 
     def _running(self) -> Any:
         if self._sumo is None:

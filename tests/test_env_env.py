@@ -198,16 +198,6 @@ def test_an_own_process_refuses_what_it_cannot_get(make: Make) -> None:
         make("two-way", own_process=True, reward_fn=lambda _signal, _before, _now: 1.0)
 
 
-def test_a_second_simulation_in_the_process_is_refused(make: Make) -> None:
-    first, second = make("two-way"), make("cologne1")
-    first.reset(seed=1)
-    with pytest.raises(SimulationError, match="own_process=True"):
-        second.reset(seed=1)
-    first.step(0)
-    first.close()
-    second.reset(seed=1)
-
-
 def test_traci_gives_the_same_as_libsumo(make: Make) -> None:
     assert digest(make("two-way", backend="traci", num_seconds=50), 2) == digest(
         make("two-way", num_seconds=50), 2
