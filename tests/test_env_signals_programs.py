@@ -88,7 +88,7 @@ def test_nema_runs_as_the_network_s_own_program(folder: Path, capsys: pytest.Cap
     assert main(["run", "--scenario", scenario, "--controller", "fixed-time", "--seconds", "300"]) == 0
     said = capsys.readouterr()
     assert re.search(r"safety violations +0\n", said.out)
-    assert "warning" not in said.err
+    assert "unsafe" not in said.err
 
 
 def test_a_run_that_was_unsafe_ends_with_a_warning(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -128,7 +128,7 @@ def test_the_command_says_once_what_is_left_out_and_prints_figures_alone(folder:
         " ± " in line or line.startswith(("figure", "episodes", "safety"))
         for line in done.stdout.splitlines()
     )
-    (said,) = [line for line in done.stderr.splitlines() if "x.sumocfg" in line]
+    (said,) = [line for line in done.stderr.splitlines() if "x.sumocfg: left out" in line]
     for name in ("remote-port", "log", "tripinfo-output", "save-state.files", "verbose", "--sumo-outputs"):
         assert name in said
     for name in ("x.rou.xml", "x.add.xml", "more.add.xml"):
