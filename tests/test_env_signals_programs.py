@@ -7,11 +7,14 @@ import networks
 import pytest
 
 from dojo_env.cli import main
-from dojo_env.config import SignalConfig
+from dojo_env.config import SignalConfig, build_config
+from dojo_env.controllers import make_controller
 from dojo_env.errors import ConfigError
+from dojo_env.local_world import LocalWorld
 from dojo_env.managers.map import MapManager
 from dojo_env.runs import run_controller
 from dojo_env.scenario import find_map, open_map
+from dojo_env.signals.cycle import build_cycle, find_step
 from dojo_env.signals.plan import SignalPlan
 from dojo_env.signals.proof import prove
 
@@ -103,3 +106,46 @@ def test_signals_that_sumo_switches_by_the_clock_are_refused_or_left_to_it(folde
     with pytest.raises(ConfigError, match="WAUT switches the programs of signal A0"):
         plan_of(scenario, SignalConfig())
     assert plan_of(scenario, SignalConfig(fixed_ts=True)).phases
+
+
+CLEARED = """<additional><tlLogic id="A0" type="static" programID="x" offset="0">
+    <phase duration="20" state="GGGgrrrrGGGgrrrr"/><phase duration="3" state="Gyyyrrrryyyyrrrr"/>
+    <phase duration="3" state="Grrrrrrrrrrrrrrr"/><phase duration="20" state="GrrrGGGgrrrrGGGg"/>
+    <phase duration="3" state="Grrryyyyrrrryyyy"/><phase duration="3" state="Grrrrrrrrrrrrrrr"/>
+</tlLogic></additional>"""
+
+
+def test_a_clearance_beside_a_link_that_stays_green_is_no_phase(folder: Path) -> None:
+    """A program's greens keep their places in its cycle, and the changes between them are those of all."""
+    config = SignalConfig(fixed_ts=True, program="fixed", yellow_time=2, all_red=1)
+    plan = plan_of(write_scenario(folder, "cleared", CLEARED), config)
+    assert len(plan.phases) == 2
+    assert [(green.seconds, green.change) for green in plan.greens] == [(20, 6), (20, 6)]
+    steps = build_cycle(plan, config)
+    assert [step.seconds for step in steps] == [23, 2, 1, 23, 2, 1]
+    assert [step.varies for step in steps] == [True, False, False] * 2
+    assert find_step(steps, 52 + 24) == (1, 1)
+
+
+@pytest.mark.parametrize("controller", ["pretimed", "actuated", "delay-based"])
+def test_sumo_s_logics_have_the_changes_of_agents(folder: Path, controller: str) -> None:
+    """Who loses green sees two seconds of yellow, and a second later others have green."""
+    settings = make_controller(controller).settings
+    scenario = write_scenario(folder, f"same-{controller}", CLEARED)
+    world = LocalWorld(build_config(scenario=scenario, num_seconds=300, all_red=1, delta_time=1, **settings))
+    world.reset(1)
+    states, ended = [], False
+    while not ended:
+        _, _, ended, _ = world.step({})
+        states.append(world.instant.signals["A0"].state)
+    world.close()
+    link = "".join(state[2] for state in states)
+    other = "".join(state[5] for state in states)
+    yellows = re.findall(r"G(y+)r", link)
+    assert len(yellows) > 2
+    assert {len(yellow) for yellow in yellows} == {2}
+    apart = re.findall(
+        r"y(r+)$", "\n".join(link[: m.start()] for m in re.finditer(r"(?<=r)g", other)), re.MULTILINE
+    )
+    assert apart
+    assert {len(red) for red in apart} == {1}

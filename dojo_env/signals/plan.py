@@ -17,6 +17,8 @@ from dojo_maps.signals.timing import walking_time, whole, yellow_time
 
 REACH = 150.0
 """Metres before the stop line within which vehicles are on their way to a signal: 10 s at 50 km/h."""
+_LONGEST_CLEARANCE = 6.0
+"""Seconds of all-red that a program may have; no green is as short."""
 ROOM_OF_A_VEHICLE = 7.5
 """Metres: SUMO's usual car and the gap before it."""
 
@@ -147,13 +149,18 @@ def _program_phases(program: Program, crossings: NDArray[np.bool_]) -> list[str]
     """Take the phases of the network's program that are green and no passage to another; NEMA's pairs.
 
     A phase in which walkers already have red while vehicles go on is the end of the phase before it. One that
-    is for walkers alone counts where some of them have no other.
+    is for walkers alone counts where some of them have no other. A short one in which nobody goes but those
+    who may go in another as well is a clearance for the rest.
     """
     if program.rings:
-        states = [show(program, pair) for pair in list_pairs(program)]
+        green = [show(program, pair) for pair in list_pairs(program)]
     else:
-        states = [phase.state for phase in program.phases]
-    green = [state for state in states if is_green(state)]
+        shown = [phase for phase in program.phases if is_green(phase.state)]
+        green = [
+            phase.state
+            for phase in shown
+            if phase.duration > _LONGEST_CLEARANCE or not any(_has_more(o.state, phase.state) for o in shown)
+        ]
 
     def vehicles(state: str) -> str:
         return "".join(letter for letter, walk in zip(state, crossings, strict=False) if not walk)
@@ -169,6 +176,14 @@ def _program_phases(program: Program, crossings: NDArray[np.bool_]) -> list[str]
         if (state in driven or walkers(state) - beside)
         and not any(vehicles(o) == vehicles(state) and walkers(o) > walkers(state) for o in green)
     ]
+
+
+def _has_more(state: str, other: str) -> bool:
+    """Tell whether all that is green in another state is so in this one, with the same right, and more."""
+    pairs = list(zip(state, other, strict=False))
+    return all(a == "G" or b not in GREEN or a == b for a, b in pairs) and any(
+        a in GREEN and b not in GREEN for a, b in pairs
+    )
 
 
 def _computed_phases(
