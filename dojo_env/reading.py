@@ -47,6 +47,11 @@ class LaneReading:
         return np.array(self.rows[_HALTING])
 
     @property
+    def halting_row(self) -> list[float]:
+        """The same as a plain list."""
+        return self.rows[_HALTING]
+
+    @property
     def mean_speed(self) -> Figures:
         """In m/s; the speed limit where the lane is empty."""
         return np.array(self.rows[_MEAN_SPEED])

@@ -134,14 +134,16 @@ class SignalManager(Manager):
         """Look at every signal, and judge how long greens have lasted."""
         self._look()
         time = self._simulation.time
-        for signal, watch in self._watches.items():
+        for watch in self._watches.values():
             watch.look_back(time)
-            red = self._reds[signal].decide(time, partial(self._list_waiting, signal))
-            self.longest_red = max(self.longest_red, red)
 
     def view(self, signal: str, lanes: LaneReading) -> SignalView:
-        """Describe a signal as it is now."""
+        """Describe a signal as it is at a decision, and note who waits there."""
         switch, plan = self._switches[signal], self._plans[signal]
+        red = self._reds[signal].decide(
+            self._simulation.time, lanes.halting_row, partial(self._list_waiting, signal)
+        )
+        self.longest_red = max(self.longest_red, red)
         if not self._config.fixed_ts:
             return SignalView(
                 plan=plan,

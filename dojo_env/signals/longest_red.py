@@ -4,7 +4,7 @@ It only ever asks for a phase, as agents do. So the rules of `switching` hold, a
 """
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 
 from dojo_env.config import SignalConfig
 from dojo_env.signals.plan import SignalPlan
@@ -12,6 +12,8 @@ from dojo_env.signals.switching import SignalSwitch
 from dojo_maps.signals.programs import GREEN
 
 _USUAL_LIMIT = 120.0
+_LOOKS = 3
+"""How often one looks who waits in the time after which a red is old."""
 _CYCLES = 1.5
 """A limit shorter than this many of the shortest cycles would leave nothing to choose."""
 
@@ -32,12 +34,21 @@ class LongestRed:
         self._state = "r" * len(plan.phases[0])
         self._since = [time] * len(self._state)
         self._wanted: dict[int, float] = {}
+        places = {lane: number for number, lane in enumerate(plan.lanes)}
+        walked = {link for link, _ in plan.walks}
+        self._lanes = {
+            link: tuple({places[lane] for other, lane, _ in plan.links if other == link})
+            for link, _, _ in plan.links
+            if link not in walked
+        }
         self._greens = [{k for k, letter in enumerate(state) if letter in GREEN} for state in plan.phases]
         changes = [self._longest_change(greens, config) for greens in self._greens]
         self._slots = [_whole(config.min_green + change, interval) for change in changes]
         self._change = max(changes)
+        self._cycle = self._change + sum(self._slots)
         shortest = _CYCLES * sum(self._slots)
         self.limit = math.inf if config.max_red is None else max(config.max_red, shortest)
+        self._next_look = time
         self._early = (_USUAL_LIMIT if self.limit == math.inf else self.limit) / 3
 
     def look(self, time: float, state: str) -> float:
@@ -53,25 +64,44 @@ class LongestRed:
         self._state = state
         return longest
 
-    def decide(self, time: float, list_waiting: Callable[[set[int]], set[int]]) -> float:
+    def decide(
+        self, time: float, halting: Sequence[float], list_waiting: Callable[[set[int]], set[int]]
+    ) -> float:
         """Note at a decision who waits.
 
         Args:
             time: simulated seconds.
-            list_waiting: lists, of some links, those at which somebody stands.
+            halting: (lanes,) standing vehicles on the plan's lanes.
+            list_waiting: lists, of some links, those at which somebody stands; asked only where it is not
+                known: who waits at a red stays there.
 
         Returns:
             For how many seconds somebody has seen no green at the most.
         """
-        reds = {k for k, letter in enumerate(self._state) if letter not in GREEN}
-        old = {link for link in reds if time - self._since[link] >= self._early}
-        waiting = list_waiting(old) if old else old
-        for link in old - waiting:
-            self._wanted.pop(link, None)
-        for link in waiting:
-            is_new = time - self._since[link] < self._early + self._interval
-            self._wanted.setdefault(link, self._since[link] if is_new else time)
-        return max((time - since for since in self._wanted.values()), default=0.0)
+        if time >= self._next_look:
+            self._next_look = time + self._early / _LOOKS
+            self._find_who_waits(time, halting, list_waiting)
+        return time - min(self._wanted.values()) if self._wanted else 0.0
+
+    def _find_who_waits(
+        self, time: float, halting: Sequence[float], list_waiting: Callable[[set[int]], set[int]]
+    ) -> None:
+        limit = time - self._early
+        old = [
+            link
+            for link, letter in enumerate(self._state)
+            if letter not in GREEN and self._since[link] <= limit and self._is_busy(link, halting)
+        ]
+        wanted = self._wanted = {link: self._wanted[link] for link in old if link in self._wanted}
+        unknown = {link for link in old if link not in wanted}
+        for link in list_waiting(unknown) if unknown else ():
+            is_new = time - self._since[link] <= self._early + self._early / _LOOKS + self._interval
+            wanted[link] = self._since[link] if is_new else time
+
+    def _is_busy(self, link: int, halting: Sequence[float]) -> bool:
+        """Tell whether somebody may wait at a link; of walkers that is not known."""
+        lanes = self._lanes.get(link)
+        return lanes is None or any(halting[lane] for lane in lanes)
 
     def find_due(self, time: float, switch: SignalSwitch, *, is_asked: bool) -> int | None:
         """Find the phase that must come now, so that those who wait longest get green in time.
@@ -86,8 +116,10 @@ class LongestRed:
         Returns:
             The phase, or None where there is time left.
         """
-        if self.limit == math.inf or not switch.may_change:
+        if not self._wanted or not switch.may_change:
             return None
+        if time - min(self._wanted.values()) + self._cycle < self.limit:
+            return None  # Even a whole cycle would not be too long.
         red = {link: time - since for link, since in self._wanted.items()}
         until = self._change + (max(self._slots) if is_asked else self._interval)
         first, served = None, set[int]()
