@@ -113,7 +113,7 @@ class LocalWorld(World):
 
         It begins one, and ends it.
         """
-        self.reset(seed=0)
+        self.reset(seed=self.config.seed or 0)
         self.traffic.simulation.close()
         self._instant, self._episode = None, 0
 

@@ -54,7 +54,7 @@ class Simulation:
         Raises:
             ScenarioError: a file cannot be read, or is unsafe.
         """
-        self._config, self._settings = config.traffic, config.sumo
+        self._config, self._settings, self._scenario = config.traffic, config.sumo, config.scenario
         self._files = SumoFiles(network, config.scenario, config.traffic.sumo_outputs, config.sumo.options)
         self._sumo: Any = None
         self._get: Any = None
@@ -131,7 +131,7 @@ class Simulation:
         except BaseException:
             self.close()
             raise
-        for note in (*self._files.notes, *self._settings.notes):
+        for note in (*self._files.notes, *self._settings.notes, *self._note_seed(seed)):
             say_once(note)
 
     def fail(self, error: Exception, what: str | None = None) -> SimulationError:
@@ -389,6 +389,13 @@ class Simulation:
                 f"SUMO crashes ({name}) when it loads {network} with its demand; try dojo-maps validate on it"
             )
         _loadable.append(asked)  # What SUMO refuses, libsumo will tell in SUMO's own words.
+
+    def _note_seed(self, seed: int) -> list[str]:
+        """Tell that the configuration's own seed does not hold, if so."""
+        own, path = self._settings.seed, self._scenario.config
+        if path is None or own in (None, seed) or "seed" in self._settings.options:
+            return []
+        return [f"{path.name}: seed {own} gives way to the episodes' own, as you ask"]
 
     def _options(self, seed: int) -> list[str]:
         """Write SUMO's command line; a value stands in one word with its name, or it could be an option."""

@@ -25,7 +25,7 @@ DEFAULTS = {
     "xml-validation.net": "never",
 }
 """What holds where nobody says otherwise; some differ from SUMO's own."""
-_LONGEST_EPISODE = 3600.0
+_USUAL_DURATION = 3600.0
 """Seconds, where the scenario tells no end."""
 _USUAL_INTERVAL = 5.0
 """Seconds from decision to decision, where nobody says otherwise."""
@@ -39,7 +39,8 @@ class SumoSettings:
     """SUMO's options and the times of an episode, all in seconds.
 
     Attributes:
-        options: by SUMO's full names, without the scenario's files.
+        options: by SUMO's full names, without the scenario's files, and without a seed unless the user names
+            one on SUMO's command line.
         begin: of the episode.
         end: of the episode.
         step: the length of SUMO's steps.
@@ -86,14 +87,16 @@ def settle(
     merged = {**DEFAULTS, **own, **asked}
     times = {name: _time(merged[name], name, scenario, asked) for name in _TIMES if name in merged}
     begin, step = times["begin"], times["step-length"]
-    if not _SHORTEST_STEP <= step <= _LONGEST_EPISODE:
-        raise ConfigError(f"step-length {merged['step-length']}: expected 0.001 s or more, as SUMO's own 1")
+    if not _SHORTEST_STEP <= step <= _USUAL_DURATION:
+        raise ConfigError(f"step-length {merged['step-length']}: expected 0.001 to 3,600 s; SUMO's own is 1")
     end = _find_end(scenario, asked, times.get("end", -1.0), begin, seconds)
     if seconds is not None and "end" in merged:
         merged["end"] = asked["end"] = f"{end:.3f}".rstrip("0").rstrip(".")
     seed = merged.get("seed", "")
     if seed and not seed.isdecimal():
         raise _unusable("seed", seed, scenario, asked)
+    if "seed" not in typed:
+        merged.pop("seed", None)  # Each episode has its own.
     settled_interval = _settle_interval(interval, step)
     if seconds is not None and not _is_whole(seconds / settled_interval):
         raise ConfigError(
@@ -170,7 +173,7 @@ def _find_end(
     if "end" not in asked:
         end = -1.0 if scenario.end is None else scenario.end
     if end < 0:
-        return begin + _LONGEST_EPISODE
+        return begin + _USUAL_DURATION
     if end <= begin:
         raise ConfigError(
             f"scenario {scenario.name}: it ends at {end:g} s, before it begins at {begin:g} s; "

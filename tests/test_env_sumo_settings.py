@@ -12,6 +12,7 @@ from conftest import command_environment
 
 from dojo_env.config import build_config
 from dojo_env.elements import read_elements
+from dojo_env.env import TrafficSignalEnv
 from dojo_env.errors import ConfigError, ScenarioError
 from dojo_env.local_world import LocalWorld
 from dojo_env.sumo_settings import read_words
@@ -91,7 +92,7 @@ def test_arguments_win_over_a_configuration_and_that_is_said(write: Callable[[st
     ("own", "keywords", "words"),
     [
         ("<time><step-length value='0.4'/></time>", {"delta_time": 5}, "no multiple of SUMO's step of 0.4 s"),
-        ("<time><step-length value='-1'/></time>", {}, "step-length -1: expected 0.001 s or more"),
+        ("<time><step-length value='-1'/></time>", {}, "step-length -1: expected 0.001 to 3,600 s"),
         ("<time><step-length value='half'/></time>", {}, "step-length 'half': expected a number of seconds"),
         ("<time><end value='50'/></time>", {"begin_time": 60}, "ends at 50 s, before it begins at 60 s"),
         ("<random_number><seed value='x'/></random_number>", {}, "expected a whole number from 0"),
@@ -121,6 +122,23 @@ def test_words_are_read_as_on_sumos_command_line() -> None:
         "sloppy-insert": "true",
         "eager-insert": "false",
     }
+
+
+def test_a_configurations_seed_is_that_of_the_first_episode(
+    write: Callable[[str], Path], caplog: pytest.LogCaptureFixture
+) -> None:
+    said = "x.sumocfg: seed 7 gives way to the episodes' own, as you ask"
+    random = "<random_number><seed value='7'/></random_number><routing><scale value='0.5'/></routing>"
+    env = TrafficSignalEnv(scenario=write(random + "<time><begin value='100'/></time>"), num_seconds=100)
+    departed = {}
+    for seed in (None, 7, 8):
+        env.reset(seed=seed)
+        for _ in range(20):
+            _, _, _, _, info = env.step(0)
+        departed[seed] = (info["system_total_departed"], info["system_mean_speed"])
+        assert (said in caplog.text) == (seed == 8)
+    env.close()
+    assert departed[None] == departed[7] != departed[8]
 
 
 @pytest.mark.parametrize("step", ["0.1", "0.4", "0.5", "1", "2"])
@@ -191,5 +209,6 @@ def test_the_command_takes_the_configuration_at_its_word(write: Callable[[str], 
     assert whole.stdout == named.stdout
     assert "random" in whole.stderr
     assert "gives way" not in whole.stderr
+    assert "seed" not in whole.stderr
     other = run("--scenario", path, "--seconds", 300)
     assert other.stderr.count("x.sumocfg: end 0:11:40 gives way to 400") == 1
