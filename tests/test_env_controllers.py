@@ -83,7 +83,7 @@ def flows(network: Path) -> Iterator[str]:
         )
 
 
-@pytest.mark.sampled(14)
+@pytest.mark.sampled(9)
 @pytest.mark.parametrize("controller", OWN)
 @pytest.mark.parametrize("shape", SHAPES)
 def test_every_link_with_demand_is_served(
@@ -96,11 +96,11 @@ def test_every_link_with_demand_is_served(
     assert not figures["violations"]
 
 
-@pytest.mark.sampled(6)
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize("controller", OWN)
 @pytest.mark.parametrize("scenario", PACKAGED)
 def test_nobody_waits_longer_than_the_longest_red(scenario: str, controller: str) -> None:
-    (figures,) = run_controller(controller, [1], scenario=scenario, num_seconds=900)
+    (figures,) = run_controller(controller, [1], scenario=scenario, num_seconds=600)
     config = SignalConfig()
     plans = MapManager(open_map(find_map(scenario)), config).plans.values()
     limits = [LongestRed(plan, config, interval=5, time=0).limit for plan in plans]
