@@ -23,7 +23,7 @@ from scene_reader import read_gltf_json
 
 from dojo_maps.cli import main
 
-pytestmark = pytest.mark.sampled(2)
+pytestmark = pytest.mark.sampled(1)
 
 BUNDLE = {"map.json", "scene.glb", "network.net.xml", "report.json", "report.html", "overview.png"}
 TIME_LIMIT = 60.0

@@ -20,7 +20,7 @@ from conftest import NO_GENERATED, REPOSITORY, Conversion, command_environment, 
 from oracle import ExpectedCrossing, ExpectedProgram, floor
 from shapely import LineString, Polygon
 
-pytestmark = pytest.mark.sampled(7)
+pytestmark = pytest.mark.sampled(5)
 
 FILES = {"map.json", "scene.glb", "network.net.xml", "report.json", "report.html", "overview.png"}
 SEVERITIES = {"error", "warning", "note"}

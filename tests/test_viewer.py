@@ -12,7 +12,7 @@ from browser import CHROMIUM, ONE_LOOK, needs_browser
 from dojo_maps.errors import SourceError
 from dojo_maps.viewer import write_view
 
-pytestmark = pytest.mark.sampled(2)
+pytestmark = pytest.mark.sampled(1)
 
 _GROUND, _EAST, _NORTH = (0.05, 0.2, 0.05), (0.6, 0.02, 0.02), (0.02, 0.05, 0.6)
 
