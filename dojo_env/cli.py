@@ -167,7 +167,7 @@ def _run(options: argparse.Namespace) -> int:
     print(f"{'figure':24}{'mean':>12} {'± deviation':12}{'median':>12}")
     for name, value in summary.items():
         print(f"{name:24}{value['mean']:12.2f} ± {value['std']:<10.2f}{value['median']:12.2f}")
-    jammed = sum(episode["missing"] > JAMMED for episode in figures)
+    jammed = sum(episode["late"] > JAMMED for episode in figures)
     print(f"{'episodes that jammed':24}{jammed:12d}")
     violations = sum((Counter(episode["violations"]) for episode in figures), Counter[str]())
     print(f"{'safety violations':24}{violations.total():12d}")

@@ -15,6 +15,8 @@ from dojo_env.signals.plan import SignalPlan
 
 SIX = ("travel_time", "throughput", "delay", "accumulated_waiting", "queue", "co2")
 """The six figures of the paper's table."""
+_LATE = 600.0
+"""Seconds after which who has not arrived is late."""
 
 
 class Metrics:
@@ -53,7 +55,8 @@ class Metrics:
         the paper has it. It leaves out who has not arrived, so a jam makes it better: `missing` is their
         share, and `travel_time_all` the mean over all vehicles whose time to depart has come, with the wait
         for a place to depart and up to now. `depart_delay` is that wait alone, `time_loss` what driving
-        slower than one may has cost those on the road, as SUMO and RESCO have both. `mean_trip_duration` is
+        slower than one may has cost those on the road, as SUMO and RESCO have both. `late` is the share of
+        vehicles that have not arrived ten minutes after their time to depart. `mean_trip_duration` is
         the plain mean over arrived vehicles; `mean_trip_duration_all` another name of `travel_time_all`.
 
         Args:
@@ -77,6 +80,7 @@ class Metrics:
             "time_loss": losses[0] / losses[1] if losses[1] else 0.0,
             "depart_delay": _mean([*(t.depart_delay for t in trips.values()), *pending_delays.tolist()]),
             "missing": 1.0 - len(durations) / wanted if wanted else 0.0,
+            "late": self._count_late(trips, pending_delays) / wanted if wanted else 0.0,
             "arrived": len(durations),
             "departed": len(trips),
             "backlogged": len(pending_delays),
@@ -85,6 +89,11 @@ class Metrics:
             "modes": _group(trips, lambda trip: [trip.mode]),
             "movements": self._movements(trips),
         }
+
+    def _count_late(self, trips: Mapping[str, Trip], pending_delays: Figures) -> int:
+        under_way = (t for t in trips.values() if t.arrival is None)
+        late = sum(self._time - t.depart + t.depart_delay > _LATE for t in under_way)
+        return late + int((pending_delays > _LATE).sum())
 
     def _movements(self, trips: Mapping[str, Trip]) -> dict[str, dict[str, dict[str, float]]]:
         """Group trips by the movements of each signal that they take."""

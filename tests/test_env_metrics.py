@@ -75,6 +75,9 @@ def test_trips_agree_with_tripinfo(episode) -> None:
         assert figures["depart_delay"] == pytest.approx(np.mean(delays), abs=0.01)
     assert figures["mean_trip_duration_all"] == figures["travel_time_all"]
     assert figures["missing"] == 1 - len(arrived) / (len(trips) + figures["backlogged"])
+    late = [float(t["duration"]) + float(t["departDelay"]) > 600 and float(t["arrival"]) < 0 for t in trips]
+    if not figures["backlogged"]:
+        assert figures["late"] == pytest.approx(sum(late) / len(trips), abs=0.002)
     losses = [float(t["timeLoss"]) for t in trips]
     assert figures["time_loss"] == pytest.approx(np.mean(losses), abs=0.1)
     mode = figures["modes"]["passenger"]
