@@ -167,11 +167,11 @@ def _read_approach(simulation: Simulation, plan: SignalPlan) -> Approach:
     near = [vehicle for vehicle in coming if vehicle[1] <= REACH]
     standing = dict(zip(plan.out_lanes, simulation.count_halting(plan.out_lanes), strict=True))
     full = {lane for lane, room in zip(plan.out_lanes, plan.room, strict=True) if standing[lane] >= room}
-    beyond = {link: dict.fromkeys(b for k, _, b in plan.links if k == link) for link, _, _ in plan.links}
     return Approach(
         links=tuple(link for link, _, _ in near),
         halting=tuple(speed < HALTING for _, _, speed in near),
-        distances=tuple(metres for _, metres, _ in near),
-        blocked=frozenset(link for link, lanes in beyond.items() if full.issuperset(lanes)),
-        beyond={link: sum(standing[lane] for lane in lanes) / len(lanes) for link, lanes in beyond.items()},
+        blocked=frozenset(link for link, lanes in plan.exits.items() if full.issuperset(lanes)),
+        beyond={
+            link: sum(standing[lane] for lane in lanes) / len(lanes) for link, lanes in plan.exits.items()
+        },
     )

@@ -168,14 +168,12 @@ class Approach:
     Attributes:
         links: the link that each vehicle will take, by its place in the state.
         halting: whether it is slower than 0.1 m/s.
-        distances: metres to the stop line.
         blocked: the links behind which every lane is full of standing vehicles.
         beyond: standing vehicles on the lanes behind each link, as many as one of these has in the mean.
     """
 
     links: tuple[int, ...]
     halting: tuple[bool, ...]
-    distances: tuple[float, ...]
     blocked: frozenset[int]
     beyond: Mapping[int, float]
 

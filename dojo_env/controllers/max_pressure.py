@@ -13,6 +13,7 @@ from dojo_env.controllers.ranking import choose_best
 from dojo_env.instant import Instant
 from dojo_env.reading import Approach
 from dojo_env.signals.plan import SignalPlan
+from dojo_maps.signals.programs import green_links
 
 
 class MaxPressure(Controller):
@@ -38,7 +39,7 @@ class MaxPressure(Controller):
 def _relief(plan: SignalPlan, state: str, approach: Approach, waiting: Counter[int]) -> float:
     total = 0.0
     for link, count in waiting.items():
-        if link < len(state) and state[link] in "Gg" and link not in approach.blocked:
+        if link in green_links(state) and link not in approach.blocked:
             pressure = max(count - approach.beyond.get(link, 0.0), 0.0)
             total += pressure * share_of_green(plan, state, link, waiting)
     return total
@@ -56,9 +57,7 @@ def share_of_green(plan: SignalPlan, state: str, link: int, waiting: Counter[int
     if state[link] == "G":
         return 1.0
     first = plan.conflicts.yields[link]
-    opposing = sum(
-        n for other, n in waiting.items() if other < len(state) and first[other] and state[other] in "Gg"
-    )
+    opposing = sum(n for other, n in waiting.items() if other in green_links(state) and first[other])
     return 1.0 / (1.0 + opposing)
 
 

@@ -9,6 +9,7 @@ from dojo_env.controllers.base import Controller
 from dojo_env.controllers.max_pressure import share_of_green
 from dojo_env.controllers.ranking import choose_best
 from dojo_env.instant import Instant
+from dojo_maps.signals.programs import green_links
 
 
 class QueuePressure(Controller):
@@ -25,7 +26,7 @@ class QueuePressure(Controller):
         votes = [0.0] * len(view.plan.phases)
         for link, halting in zip(approach.links, approach.halting, strict=True):
             for phase, state in enumerate(view.plan.phases):
-                if link < len(state) and state[link] in "Gg" and link not in approach.blocked:
+                if link in green_links(state) and link not in approach.blocked:
                     votes[phase] += (1.0 if halting else 0.5) * share_of_green(
                         view.plan, state, link, waiting
                     )

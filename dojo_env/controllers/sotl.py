@@ -5,6 +5,7 @@ Source: Cools, Gershenson, D'Hooghe, Self-organizing traffic lights: a realistic
 
 from dojo_env.controllers.base import Controller
 from dojo_env.instant import Instant, SignalView
+from dojo_maps.signals.programs import green_links
 
 
 class Sotl(Controller):
@@ -22,9 +23,7 @@ class Sotl(Controller):
         """Compare who moves with who waits."""
         view, approach = instant.signals[signal], instant.approach(signal)
         phases = view.plan.phases
-        served = [
-            sum(link < len(state) and state[link] in "Gg" for link in approach.links) for state in phases
-        ]
+        served = [sum(link in green_links(state) for link in approach.links) for state in phases]
         green = served[view.phase]
         if not _goes_on(green, len(approach.links) - green, self._few, self._many):
             return view.phase

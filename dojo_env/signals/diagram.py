@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 from dojo_env.signals.plan import SignalPlan
 from dojo_maps.index import MapIndex
-from dojo_maps.signals.programs import GREEN
+from dojo_maps.signals.programs import GREEN, green_links
 
 _TURNS = {"s": "straight", "l": "left", "r": "right", "L": "half left", "R": "half right", "t": "turn round"}
 _WALK = "walk"
@@ -44,7 +44,7 @@ def list_oddities(plan: SignalPlan) -> Iterator[str]:
         yield "has one green phase, so there is nothing to choose"
     if not plan.is_of_program:
         yield "has no green phase of its own; its phases are computed from its links"
-    served = {k for state in plan.phases for k, letter in enumerate(state) if letter in GREEN}
+    served = frozenset[int]().union(*map(green_links, plan.phases))
     dark = sorted({link for link, _, _ in plan.links} - served)
     if dark:
         more = f" and {len(dark) - _MOST_NAMED} more" if len(dark) > _MOST_NAMED else ""

@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dojo_env.config import SignalConfig
 from dojo_env.signals.plan import SignalPlan
 from dojo_env.signals.switching import SignalSwitch
-from dojo_maps.signals.programs import GREEN
+from dojo_maps.signals.programs import GREEN, green_links
 
 _USUAL_LIMIT = 120.0
 _LOOKS = 3
@@ -41,7 +41,7 @@ class LongestRed:
             for link, _, _ in plan.links
             if link not in walked
         }
-        self._greens = [{k for k, letter in enumerate(state) if letter in GREEN} for state in plan.phases]
+        self._greens = [green_links(state) for state in plan.phases]
         changes = [self._longest_change(greens, config) for greens in self._greens]
         self._slots = [_whole(config.min_green + change, interval) for change in changes]
         self._change = max(changes)
@@ -146,7 +146,7 @@ class LongestRed:
         nearest = min((k - switch.phase) % count for k in having)
         yield from ((switch.phase + k) % count for k in range(1, nearest + 1))
 
-    def _longest_change(self, greens: set[int], config: SignalConfig) -> float:
+    def _longest_change(self, greens: frozenset[int], config: SignalConfig) -> float:
         """Compute how long it takes to leave a phase: yellow and red, or until its walkers are across."""
         plan = self._plan
         vehicles = [float(plan.yellow[k]) + max(float(plan.red[k]), config.all_red) for k in greens]

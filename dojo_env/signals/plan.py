@@ -55,6 +55,7 @@ class SignalPlan:
         links: (index, from lane, to lane) of each vehicle link, with multiplicity.
         upstream: lanes by which vehicles come to `lanes` within 150 m, no other signal between.
         walks: (index, crossing) of each way across on foot.
+        exits: the lanes behind each vehicle link, each once.
         room: how many standing vehicles each of `out_lanes` holds.
         limits: (lanes,) speed limits, m/s.
         lengths: (lanes,) metres.
@@ -76,6 +77,7 @@ class SignalPlan:
     links: tuple[tuple[int, str, str], ...]
     upstream: tuple[str, ...]
     walks: tuple[tuple[int, str], ...]
+    exits: Mapping[int, tuple[str, ...]]
     room: tuple[float, ...]
     limits: NDArray[np.float64]
     lengths: NDArray[np.float64]
@@ -131,6 +133,9 @@ def build_plan(road_map: RoadMap, signal: Signal, config: SignalConfig) -> Signa
         links=links,
         upstream=_find_upstream(index, lanes),
         walks=tuple((link, way) for link, way in list_walks(signal) if way in index.crossings),
+        exits={
+            link: tuple(dict.fromkeys(b for other, _, b in links if other == link)) for link, _, _ in links
+        },
         room=tuple(max(lane_of[lane].length / ROOM_OF_A_VEHICLE - 1.0, 1.0) for lane in out_lanes),
         limits=np.array([max(lane_of[lane].speed, 0.1) for lane in lanes]),
         lengths=np.array([max(lane_of[lane].length, 0.1) for lane in lanes]),

@@ -5,6 +5,7 @@ A NEMA program is written as single movements; `nema` turns it into the phases t
 
 import math
 from collections.abc import Mapping, Sequence
+from functools import lru_cache
 
 from dojo_maps.description import Phase, Program
 from dojo_maps.signals.nema import NEMA, read_rings
@@ -110,6 +111,12 @@ def starts(program: Program, letters: str, wanted: frozenset[str]) -> list[int]:
         if letters[after] in wanted
     }
     return sorted(begun)
+
+
+@lru_cache(maxsize=4096)
+def green_links(state: str) -> frozenset[int]:
+    """List the links that a state lets go, with priority or without, by their places in it."""
+    return frozenset(link for link, letter in enumerate(state) if letter in GREEN)
 
 
 def is_green(state: str) -> bool:

@@ -68,9 +68,7 @@ def check_warned(facts: Facts, _limits: Limits) -> Iterator[Finding]:
         yield Finding(
             elements=(), at=facts.map.origin, message="SUMO has not come to an end with the network in time"
         )
-    for words, count in verdict.warnings.items() if verdict else ():
-        if _NO_DETECTOR not in words:
-            yield _quote(facts, words, count)
+    yield from _quote_warnings(facts, of_detectors=False)
 
 
 @check(
@@ -85,9 +83,13 @@ def check_warned(facts: Facts, _limits: Limits) -> Iterator[Finding]:
 )
 def check_no_detector(facts: Facts, _limits: Limits) -> Iterator[Finding]:
     """Find greens of actuated programs that no vehicle can lengthen, in SUMO's words."""
+    yield from _quote_warnings(facts, of_detectors=True)
+
+
+def _quote_warnings(facts: Facts, *, of_detectors: bool) -> Iterator[Finding]:
     verdict = facts.sumo.verdict if facts.sumo else None
     for words, count in verdict.warnings.items() if verdict else ():
-        if _NO_DETECTOR in words:
+        if (_NO_DETECTOR in words) == of_detectors:
             yield _quote(facts, words, count)
 
 
