@@ -133,7 +133,11 @@ def begin_episode(world: World, config: EnvConfig, seed: int) -> tuple[World, Be
         except ConfigError as error:
             raise SimulationBusyError(f"{busy}; it gets none by itself, for {error}") from None
     world.close()
-    return apart, apart.reset(seed)
+    try:
+        return apart, apart.reset(seed)
+    except BaseException:
+        apart.close()
+        raise
 
 
 def open_viewer(world: World, config: EnvConfig, mode: str | None, port: int) -> Viewer:
