@@ -59,6 +59,8 @@ class SignalConfig:
         max_red: seconds after which who waits, on wheels or on foot, gets green, whatever agents ask for; or
             one and a half of the signal's shortest cycles, where that is longer. None sets no limit.
         enforce_max_green: as SUMO-RL has it; True without `max_green` means 60 s.
+        always_transition: a change that only adds green takes the time of a yellow, too, its letters staying as
+            they are; as SUMO-RL has it.
         walking_speed: m/s, of the slowest walker who must get across before traffic does.
         phases: `program` takes the green phases of the network's own program, `computed` builds sets of
             movements without conflicts.
@@ -75,6 +77,7 @@ class SignalConfig:
     max_green: float | None = None
     max_red: float | None = 120
     enforce_max_green: bool | None = None
+    always_transition: bool = False
     walking_speed: float = 1.2
     phases: str = "program"
     fixed_ts: bool = False

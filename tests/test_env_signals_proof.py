@@ -133,6 +133,11 @@ class PriorityAtOnce(SignalSwitch):
         return super()._walking_time(turned, walk_ended)
 
 
+class SuddenYield(SignalSwitch):
+    def _list_yielding(self, new: str, gained: list[int]) -> list[int]:
+        return []
+
+
 class BlindToSharedLinks(SignalSwitch):
     def __init__(self, plan: SignalPlan, config: SignalConfig) -> None:
         super().__init__(replace(plan, clearance=plan.clearance * plan.is_crossing), config)
@@ -146,6 +151,7 @@ BROKEN = (
     (ShortGreenAfterDuration, TWO_WAY, {"action_mode": "set_duration", "max_green": 15}, "short_green"),
     (LongGreen, TWO_WAY, {"max_green": 20}, "long_green"),
     (NoAllRed, TWO_WAY, {"all_red": 2}, "short_red"),
+    (SuddenYield, "cologne1", {}, "sudden_yield"),
     (NoClearance, "cologne1+", {}, "walker_cut_off"),
     (ShortClearance, "cologne1+", {}, "walker_cut_off"),
     (PriorityAtOnce, "RiLSA1-rilsa1", {}, "walker_cut_off"),

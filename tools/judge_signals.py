@@ -23,7 +23,8 @@ from dojo_env.scenario import PACKAGED, find_map
 from dojo_maps.errors import DojoError
 
 RULES = (
-    "conflict", "skipped_yellow", "short_yellow", "short_green", "long_green", "short_red", "walker_cut_off",
+    "conflict", "skipped_yellow", "short_yellow", "short_green", "long_green", "short_red", "sudden_yield",
+    "walker_cut_off",
 )  # fmt: skip
 MODES = ("choose_phase", "next_or_keep", "set_duration")
 SECONDS = 1200
@@ -154,8 +155,10 @@ class Judge:
         """Judge a link that turns green, or gets priority."""
         for foe in self._known.foes.get(link, ()):
             stopped = 0 if letters[foe] == "y" else second - self._since[foe]
-            if _is_green(letters[foe]):
-                continue  # A conflict, or one waits for the other.
+            if _is_green(letters[foe]):  # A conflict, or one waits for the other.
+                if (self._letters[foe], letters[foe]) == ("G", "g") and foe in self._known.speeds:
+                    yield "sudden_yield"
+                continue
             if foe in self._known.speeds and (letters[foe] == "y" or stopped < self._settings["all_red"]):
                 yield "short_red"
             way = self._known.crossings.get(foe, 0.0)

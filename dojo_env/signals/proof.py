@@ -34,6 +34,8 @@ them, yellow or a clearance:
   all-red before it not counted;
 - `short_red`: a link turns green, or gets priority, while vehicles that are its foes show yellow, or less
   than their red after it;
+- `sudden_yield`: a link turns green, or gets priority, in the second in which vehicles that are its foes, and
+  stay green, lose theirs (not asked for with `always_transition`);
 - `walker_cut_off`: a link turns green, or gets priority, before walkers who lost green and are its foes can
   be across.
 """
@@ -239,6 +241,7 @@ class _Judge:
         )
         self._max_green = int(config.max_green or 0) if len(plan.phases) > 1 else 0
         self._phases = frozenset(plan.phases)
+        self._sudden = config.always_transition
         self._bounds = {
             "green": [self._min_green] * len(self._foes),
             "yellow": self._yellow,
@@ -307,8 +310,10 @@ class _Judge:
         for foe in self._foes[link]:
             kind = _kind(letters[foe])
             stopped = ages[foe] if _kind(before[foe]) == kind == "stopped" else 0
-            if kind == "green":
-                continue  # Together they are a conflict, or one waits for the other.
+            if kind == "green":  # Together they are a conflict, or one waits for the other.
+                if (before[foe], letters[foe]) == ("G", "g") and self._yellow[foe] and not self._sudden:
+                    yield "sudden_yield", (link, foe)
+                continue
             if self._yellow[foe] and (kind == "yellow" or stopped < self._red[foe]):
                 yield "short_red", (link, foe)
             if stopped < self._clearance[foe]:

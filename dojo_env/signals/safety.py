@@ -42,8 +42,8 @@ class SignalWatch:
     """Looks at one signal's letters whenever they may have changed, and at every decision.
 
     Rules: `unknown_state`, `conflict` (two links green that must not be), `skipped_yellow`, `short_yellow`,
-    `short_green`, `long_green`, `short_red` (green before all-red is over) and `walker_cut_off` (green
-    before walkers are across). To get priority while green counts as a start of green. A program that no
+    `short_green`, `long_green`, `short_red` (green before all-red is over), `sudden_yield` (green in the second
+    in which a foe loses its priority) and `walker_cut_off` (green before walkers are across). To get priority while green counts as a start of green. A program that no
     agent controls has its own greens; there only conflicts and skipped yellows count.
     """
 
@@ -59,6 +59,7 @@ class SignalWatch:
         self._foes = [np.flatnonzero(row).tolist() for row in plan.conflicts.foes]
         self._walks, self._yellow = plan.is_crossing.tolist(), plan.yellow.tolist()
         self._red = np.maximum(plan.red, config.all_red).tolist()
+        self._may_be_sudden = [config.always_transition or walk for walk in self._walks]
 
     def look(self, time: float, state: str) -> None:
         """Judge the letters that are shown from `time` on."""
@@ -120,6 +121,8 @@ class SignalWatch:
             if state[foe] in GREEN | YELLOW:
                 if state[foe] in YELLOW:
                     self._report("short_red", time, (link, foe))
+                elif (self._state[foe], state[foe]) == ("G", "g") and not self._may_be_sudden[foe]:
+                    self._report("sudden_yield", time, (link, foe))
                 continue
             stopped = time if self._state[foe] in GREEN | YELLOW else self._stopped[foe]
             if time - stopped < self._plan.clearance[foe]:

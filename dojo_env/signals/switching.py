@@ -1,5 +1,8 @@
 """How a signal goes from one green phase to another: walkers first, then yellow, then all-red, then green.
 
+Who keeps green but loses priority, as a left turn whose arrow ends, yields for the time of a yellow before the
+traffic starts that it must yield to.
+
 No SUMO here: a clock, the plan and the rules. What a switch remembers is one value, so that `proof` can put
 the very code that runs episodes into every state that it can reach.
 """
@@ -113,13 +116,15 @@ class SignalSwitch:
         cars = [link for link in lost if not self._plan.is_crossing[link]]
         shared = [link for link in cars if self._plan.clearance[link]]
         walk_ended = dict(self.now.walk_ended) | dict.fromkeys(walks, self.clock)
-        yellow = max((float(self._plan.yellow[link]) for link in cars), default=0.0)
+        yielding = self._list_yielding(new, gained)
+        slowing = range(len(old)) if self._config.always_transition else (*cars, *yielding)
+        yellow = max((float(self._plan.yellow[link]) for link in slowing), default=0.0)
         own = (float(self._plan.red[link]) for link in cars)
         all_red = max(self._config.all_red, *own) if cars else 0.0
         red = max(all_red, self._walking_time(gained, dict.fromkeys(shared, self.clock)))
         hold = max(0.0, self._walking_time(gained, walk_ended) - yellow - red)
         walk_ended |= dict.fromkeys(shared, self.clock + hold + yellow)
-        stopped = _replace(old, walks, "r")
+        stopped = _replace(_replace(old, walks, "r"), yielding, "g")
         stages = (
             (hold, stopped),
             (yellow, _replace(stopped, cars, "y")),
@@ -127,6 +132,15 @@ class SignalSwitch:
         )
         lasting = tuple(stage for stage in stages if stage[0] > 0)
         self.now = self._enter(phase, lasting, tuple(sorted(walk_ended.items())))
+
+    def _list_yielding(self, new: str, gained: list[int]) -> list[int]:
+        """List the vehicle links that lose priority to links that gain green: they yield as soon as they may."""
+        if self._config.always_transition:
+            return []
+        foes, is_crossing = self._plan.conflicts.foes, self._plan.is_crossing
+        changed = enumerate(zip(self.now.letters, new, strict=True))
+        demoted = (link for link, (a, b) in changed if (a, b) == ("G", "g") and not is_crossing[link])
+        return [link for link in demoted if foes[link, gained].any()]
 
     def _walking_time(self, gained: list[int], walk_ended: Mapping[int, float]) -> float:
         """Compute how long walkers must still be kept from the links that are about to turn green."""
