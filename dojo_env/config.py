@@ -58,9 +58,9 @@ class SignalConfig:
         max_green: seconds of green after which the next phase follows; None sets no limit.
         max_red: seconds after which who waits, on wheels or on foot, gets green, whatever agents ask for; or
             one and a half of the signal's shortest cycles, where that is longer. None sets no limit.
-        enforce_max_green: as SUMO-RL has it; True without `max_green` means 60 s.
-        always_transition: a change that only adds green takes the time of a yellow, too, its letters staying as
-            they are; as SUMO-RL has it.
+        enforce_max_green: as SUMO-RL has it: with False `max_green` is no limit; True alone means 60 s.
+        always_transition: a change that only adds green takes the time of a yellow, too, and its letters stay
+            as they are meanwhile; as SUMO-RL has it.
         walking_speed: m/s, of the slowest walker who must get across before traffic does.
         phases: `program` takes the green phases of the network's own program, `computed` builds sets of
             movements without conflicts.
@@ -105,13 +105,13 @@ class SignalConfig:
 
     def _settle_max_green(self) -> None:
         needed = self.enforce_max_green or self.action_mode == "set_duration" or self.program in PROGRAMS[2:]
-        if self.max_green is None and needed:
+        if not needed and self.enforce_max_green is False:
+            object.__setattr__(self, "max_green", None)
+        elif needed and self.max_green is None:
             object.__setattr__(self, "max_green", _DEFAULT_MAX_GREEN)
         if self.max_green is None:
             return
         _refuse_fraction("max_green", self.max_green)
-        if self.enforce_max_green is False:
-            raise ConfigError("max_green is set and enforce_max_green is False; leave one of them out")
         if self.max_green < self.min_green:
             raise ConfigError(f"max_green={self.max_green} is below min_green={self.min_green}; change one")
 
@@ -258,6 +258,8 @@ _GROUPS = {
     "sensing": SensingConfig,
 }
 _PLACES = {f.name: group for group, cls in _GROUPS.items() for f in fields(cls)}
+_SUMO_RL = ("single_agent", "add_system_info", "add_per_agent_info", "virtual_display", "reward_weights")
+"""Keywords of SUMO-RL's that mean nothing here."""
 _OTHERS = ("scenario", "net_file", "route_file", "observation", "observation_class", "reward_fn")
 
 
@@ -303,6 +305,8 @@ def _build_group(cls: Any, named: dict[str, Any]) -> Any:
 
 
 def _unknown(name: str) -> str:
+    if name in _SUMO_RL:
+        return f"{name} is SUMO-RL's: dojo_env.compat.sumo_rl.SumoEnvironment takes it"
     known = (*_PLACES, *_OTHERS)
     near = difflib.get_close_matches(name, known, n=1)
     hint = f"did you mean {near[0]!r}?" if near else f"known are {', '.join(known)}"

@@ -1,5 +1,9 @@
 """The environment's errors; each says what is wrong, where, and what to do about it."""
 
+import inspect
+from collections.abc import Callable
+from typing import Any
+
 from dojo_maps.errors import DojoError, SourceError
 
 
@@ -47,3 +51,21 @@ class EpisodeOverError(DojoError):
 
 class RecordingError(SourceError):
     """A recording cannot be read, or does not hold what its format promises."""
+
+
+def refuse_other_arguments(setting: str, function: Callable[..., Any], names: tuple[str, ...]) -> None:
+    """Refuse a user's function that cannot be called with these arguments.
+
+    Raises:
+        ConfigError: it takes others.
+    """
+    try:
+        inspect.signature(function).bind(*names)
+    except ValueError:
+        return  # Functions of C do not tell what they take.
+    except TypeError:
+        name = getattr(function, "__name__", function)
+        raise ConfigError(
+            f"{setting}: {name} must take ({', '.join(names)}); functions of SUMO-RL's TrafficSignal run in "
+            "dojo_env.compat.sumo_rl"
+        ) from None

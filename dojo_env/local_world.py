@@ -22,7 +22,7 @@ from dojo_env.managers.watcher import WatchManager
 from dojo_env.metrics import Metrics
 from dojo_env.notes import say_once
 from dojo_env.observations import build_observer
-from dojo_env.reading import LaneGroups, TrafficReading
+from dojo_env.reading import LaneGroups
 from dojo_env.rewards import build_rewards, is_own
 from dojo_env.scenario import open_map
 from dojo_env.snapshot import Snapshot
@@ -272,7 +272,7 @@ class LocalWorld(World):
 
     def _info(self, instant: Instant) -> dict[str, Any]:
         """Name the figures as SUMO-RL does; the keys are the same at every step."""
-        info: dict[str, Any] = {"step": instant.time, **_system_figures(instant.traffic)}
+        info: dict[str, Any] = {"step": instant.time, **instant.traffic.figures}
         stopped = waiting = delay = co2 = 0.0
         for signal, view in instant.signals.items():
             lanes = view.lanes
@@ -290,17 +290,3 @@ class LocalWorld(World):
         if self._files.has_rows:
             known = self._figures is not None or self.traffic.simulation.is_running
             self._files.finish(self.metrics() if known else {}, episode=self._episode)
-
-
-def _system_figures(traffic: TrafficReading) -> dict[str, float]:
-    return {
-        "system_total_running": traffic.running,
-        "system_total_backlogged": traffic.backlogged,
-        "system_total_stopped": traffic.stopped,
-        "system_total_arrived": traffic.arrived,
-        "system_total_departed": traffic.departed,
-        "system_total_teleported": traffic.teleported,
-        "system_total_waiting_time": traffic.waiting_time,
-        "system_mean_waiting_time": traffic.waiting_time / traffic.running if traffic.running else 0.0,
-        "system_mean_speed": traffic.mean_speed,
-    }

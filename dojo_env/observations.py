@@ -7,7 +7,7 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
-from dojo_env.errors import ConfigError
+from dojo_env.errors import ConfigError, refuse_other_arguments
 from dojo_env.eyes import Eyes
 from dojo_env.instant import Instant
 from dojo_env.signals.plan import SignalPlan
@@ -78,6 +78,7 @@ def build_observer(wanted: Any, eyes: Eyes, plans: Mapping[str, SignalPlan]) -> 
     if isinstance(wanted, Observer) and not isinstance(wanted, type):
         return wanted
     if callable(wanted):
+        refuse_other_arguments("observation", wanted, ("eyes", "plans"))
         built: Observer = wanted(eyes, plans)
         return built
     known = ", ".join((*OBSERVERS, *_SEEING))

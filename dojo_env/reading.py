@@ -57,6 +57,11 @@ class LaneReading:
         return np.array(self.rows[_MEAN_SPEED])
 
     @property
+    def mean_length(self) -> Figures:
+        """In metres, of the vehicles; 0 where the lane is empty."""
+        return np.array(self.rows[_MEAN_LENGTH])
+
+    @property
     def accumulated_waiting(self) -> Figures:
         """The sum of SUMO's accumulated waiting times, seconds."""
         return np.array(self.rows[_WAITING])
@@ -159,6 +164,21 @@ class TrafficReading:
     teleported: int
     pedestrians: int
     pedestrian_waiting: float
+
+    @property
+    def figures(self) -> dict[str, float]:
+        """The figures of vehicles by the names that SUMO-RL gives them."""
+        return {
+            "system_total_running": self.running,
+            "system_total_backlogged": self.backlogged,
+            "system_total_stopped": self.stopped,
+            "system_total_arrived": self.arrived,
+            "system_total_departed": self.departed,
+            "system_total_teleported": self.teleported,
+            "system_total_waiting_time": self.waiting_time,
+            "system_mean_waiting_time": self.waiting_time / self.running if self.running else 0.0,
+            "system_mean_speed": self.mean_speed,
+        }
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

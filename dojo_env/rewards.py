@@ -7,7 +7,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
-from dojo_env.errors import ConfigError
+from dojo_env.errors import ConfigError, refuse_other_arguments
 from dojo_env.instant import Instant
 
 Reward = Callable[[str, Instant, Instant], float]
@@ -84,6 +84,7 @@ def _build_reward(wanted: Any) -> Reward:
     if isinstance(wanted, Mapping) and wanted and set(wanted) <= set(REWARDS):
         return _Weighted({name: _read_weight(name, weight) for name, weight in wanted.items()})
     if callable(wanted):
+        refuse_other_arguments("reward_fn", wanted, ("signal", "before", "now"))
         return wanted
     raise ConfigError(
         f"reward_fn={wanted!r}: expected one of {known}, a callable, or a dict of these and weights"

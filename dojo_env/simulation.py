@@ -9,7 +9,8 @@ import os
 import subprocess
 import weakref
 from collections.abc import Iterable, Mapping, Sequence
-from contextlib import suppress
+from contextlib import redirect_stdout, suppress
+from io import StringIO
 from pathlib import Path
 from typing import Any
 
@@ -82,6 +83,11 @@ class Simulation:
         """Vehicles arrived since the start."""
         self.travelled = 0.0
         """The seconds that these were on their way, together."""
+
+    @property
+    def interface(self) -> Any:
+        """SUMO's own interface, as `traci` has it; None while no simulation runs."""
+        return self._sumo
 
     @property
     def is_running(self) -> bool:
@@ -433,7 +439,9 @@ class Simulation:
         if self._config.use_gui:
             command = [*command, "--start", "--quit-on-end"]
         label = f"dojo-{os.getpid()}-{next(_labels)}"
-        traci.start([str(find_program(program)), *command], label=label, numRetries=20)
+        # What SUMO and traci print is no output of ours; 2 is the number of standard error.
+        with redirect_stdout(StringIO()):
+            traci.start([str(find_program(program)), *command], label=label, numRetries=20, stdout=2)
         self._sumo = traci.getConnection(label)
         self._get = _TraciGetters(self._sumo)
 

@@ -201,7 +201,6 @@ def test_watch_counts_what_breaks_a_rule(states: tuple[tuple[str, int], ...], ru
     "keywords",
     [
         {"min_green": 20, "max_green": 10},
-        {"max_green": 60, "enforce_max_green": False},
         {"yellow_time": 0},
         {"yellow_time": "fast"},
         {"yellow_time": 2.5},

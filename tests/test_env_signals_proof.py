@@ -135,7 +135,7 @@ class PriorityAtOnce(SignalSwitch):
 
 class SuddenYield(SignalSwitch):
     def _list_yielding(self, new: str, gained: list[int]) -> list[int]:
-        return []
+        return super()._list_yielding(new, gained)[:0]
 
 
 class BlindToSharedLinks(SignalSwitch):

@@ -25,7 +25,7 @@ from dojo_maps.interruption import begin
 from learning import cluster_rows
 from learning.cluster import LOCAL
 from learning.outcomes import read_published
-from learning.rows import GROUPS, ROWS
+from learning.rows import CONSTRAINTS, GROUPS, ROWS, learns
 from learning.run_row import describe, is_done, run_row
 from learning.scenarios import check_scenario
 from learning.settings import Training
@@ -83,6 +83,9 @@ def build_parser() -> Parser:
     parser.add_argument("--controllers", action="append_const", const="controllers", dest="rows",
                         help="short for --rows controllers")  # fmt: skip
     parser.add_argument("--scenarios", nargs="+", default=["two-way", "cologne1"], metavar="NAME")
+    parser.add_argument("--constraints", choices=CONSTRAINTS, default="paper", help="of signal changes: 2 s "
+                        "as published, or an intergreen by speed with all-red, for rows that do not learn; "
+                        "kept in a folder of that name (default: paper)")  # fmt: skip
     parser.add_argument("--seeds", type=int, default=5, help="episodes a row, seeds 0 to N-1")
     parser.add_argument("--seconds", type=int, default=3600, help="simulated seconds an episode")
     parser.add_argument("--jobs", type=int, default=2, help="rows at once")
@@ -102,18 +105,26 @@ def run(options: argparse.Namespace) -> int:
         open_map(find_scenario(scenario))
     if options.seeds < 1:
         raise ConfigError(f"--seeds {options.seeds}: expected a number above 0")
+    learned = ", ".join(filter(learns, rows))
+    if learned and options.constraints != "paper":
+        raise ConfigError(
+            f"--constraints {options.constraints}: {learned} learn under the paper's; leave out"
+        )
+    results = options.results / ("" if options.constraints == "paper" else options.constraints)
     tasks = [
-        describe(row, name, options.seeds, options.seconds) for name in options.scenarios for row in rows
+        describe(row, name, options.seeds, options.seconds, options.constraints)
+        for name in options.scenarios
+        for row in rows
     ]
-    left = [task for task in tasks if not is_done(task, options.results)]
+    left = [task for task in tasks if not is_done(task, results)]
     for task in left:
         if "training" in task:
             check_scenario(Training(**task["training"]))
     if left and options.ray:
-        cluster_rows.run_rows(left, options.results, options.ray, options.jobs)
+        cluster_rows.run_rows(left, results, options.ray, options.jobs)
     else:
-        run_rows(left, options.results, options.jobs)
-    print(write_tables(options.results, ROWS, published))
+        run_rows(left, results, options.jobs)
+    print(write_tables(results, ROWS, published if options.constraints == "paper" else {}))
     return 0
 
 

@@ -74,6 +74,13 @@ deviation. The best policy of a training is chosen on yet other seeds.
 
 More is better for throughput, less for all others.
 """
+_PAPER = """All rows but *FixedTime*, the network's own program, change in the same way: 2 s of yellow, no \
+all-red, and the same time where green is only added; minimum greens are below, under *Settings*. *SOTL* and \
+*MaxPressure* as published and the learned rows have no longest red, the other rows 120 s or one and a half \
+of the signal's shortest cycles. The learned rows of cologne1 and cologne3 add green at once."""
+_STREET = """The same controllers with a yellow of 3 to 6 s by each approach's speed limit (ITE's formula) \
+and 2 s of red for all; who loses priority to traffic that starts yields for the time of the yellow. \
+*FixedTime* is the network's own program as it stands."""
 _HOURS = """Of each learned row: how far its mean is from {rival}'s, and in how many of the same hours it is \
 better. A few percent with some hours won and some lost is no difference that so few hours can tell; where \
 throughput falls by percents, travel time is of those who got through."""
@@ -106,8 +113,9 @@ def write_report(results: Path, paper: Path | None) -> Path:
     parts = [
         _opening(),
         "## The table\n\nThe best figure of ours is bold, the second best underlined; *published* is the "
-        "TrafficDojo paper's.\n",
+        f"TrafficDojo paper's. {_PAPER}\n",
         table.replace("\n### ", "\n\n### "),
+        *_intergreen(results),
         _beside_rival(kept),
         *([_differences(kept, published)] if published else []),
         _show(results, pictures),
@@ -118,6 +126,15 @@ def write_report(results: Path, paper: Path | None) -> Path:
     path = results / "README.md"
     write_text(path, "\n".join(parts))
     return path
+
+
+def _intergreen(results: Path) -> list[str]:
+    """Show the rows that were run with the changes of a street, where there are any."""
+    folder = results / "intergreen"
+    if not read_kept(folder):
+        return []
+    table = write_tables(folder, ROWS, {})
+    return [f"## With the changes of a street\n\n{_STREET}\n", table.replace("\n### ", "\n\n### ")]
 
 
 def _opening() -> str:

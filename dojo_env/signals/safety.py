@@ -42,9 +42,10 @@ class SignalWatch:
     """Looks at one signal's letters whenever they may have changed, and at every decision.
 
     Rules: `unknown_state`, `conflict` (two links green that must not be), `skipped_yellow`, `short_yellow`,
-    `short_green`, `long_green`, `short_red` (green before all-red is over), `sudden_yield` (green in the second
-    in which a foe loses its priority) and `walker_cut_off` (green before walkers are across). To get priority while green counts as a start of green. A program that no
-    agent controls has its own greens; there only conflicts and skipped yellows count.
+    `short_green`, `long_green`, `short_red` (green before all-red is over), `sudden_yield` (green in the
+    second in which a foe loses its priority) and `walker_cut_off` (green before walkers are across). To get
+    priority while green counts as a start of green. A program that no agent controls has its own greens;
+    there only conflicts and skipped yellows count.
     """
 
     def __init__(self, plan: SignalPlan, config: SignalConfig, log: SafetyLog, *, time: float) -> None:

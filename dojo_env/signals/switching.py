@@ -1,7 +1,7 @@
 """How a signal goes from one green phase to another: walkers first, then yellow, then all-red, then green.
 
-Who keeps green but loses priority, as a left turn whose arrow ends, yields for the time of a yellow before the
-traffic starts that it must yield to.
+Who keeps green but loses priority, as a left turn whose arrow ends, yields for the time of a yellow before
+the traffic starts that it must yield to.
 
 No SUMO here: a clock, the plan and the rules. What a switch remembers is one value, so that `proof` can put
 the very code that runs episodes into every state that it can reach.
@@ -134,7 +134,7 @@ class SignalSwitch:
         self.now = self._enter(phase, lasting, tuple(sorted(walk_ended.items())))
 
     def _list_yielding(self, new: str, gained: list[int]) -> list[int]:
-        """List the vehicle links that lose priority to links that gain green: they yield as soon as they may."""
+        """List the vehicle links that lose priority to links that gain green."""
         if self._config.always_transition:
             return []
         foes, is_crossing = self._plan.conflicts.foes, self._plan.is_crossing

@@ -23,6 +23,12 @@ CONTROLLERS: dict[str, tuple[str, dict[str, Any]]] = {
 `min_green` is green alone: 8 where the paper's figures come from changing 10 s after the last change, its 2 s
 of yellow included.
 """
+CONSTRAINTS: dict[str, dict[str, Any]] = {
+    "paper": {"yellow_time": 2, "all_red": 0, "always_transition": True},
+    "intergreen": {"yellow_time": "speed", "all_red": 2},
+}
+"""What holds for all rows of a table but the network's own program: the published figures' changes of 2 s, or
+those of a street, with a yellow after each approach's speed limit and a red for all."""
 GENTLE = {name: weight / 10 for name, weight in REWARD.items()}
 """A reward whose worst jams do not drown, in the errors of the value, what the policy is to learn."""
 PATIENT = {**GENTLE, "diff-waiting-time": 0.01}

@@ -11,7 +11,7 @@ from dojo_env.runs import run_controller, summarize
 from dojo_maps.whole_file import write_json, write_table
 
 from .outcomes import read_result
-from .rows import CONTROLLERS, find_settings, find_training, learns
+from .rows import CONSTRAINTS, CONTROLLERS, find_settings, find_training, learns
 from .settings import Training, list_versions
 
 FIGURES, SERIES = "figures.json", "series.csv"
@@ -28,12 +28,13 @@ def find_folder(row: str, scenario: str, results: Path) -> Path:
     return results / scenario / row.replace("*", "-encoder")
 
 
-def describe(row: str, scenario: str, seeds: int, seconds: int) -> dict[str, Any]:
+def describe(row: str, scenario: str, seeds: int, seconds: int, constraints: str = "paper") -> dict[str, Any]:
     """Tell everything that a row's figures depend on."""
     task: dict[str, Any] = {"row": row, "scenario": scenario, "seeds": seeds, "seconds": seconds}
     if learns(row):
         return {**task, "training": asdict(find_training(row, scenario))}
-    return {**task, "controller": CONTROLLERS[row][0], "settings": find_settings(row, scenario)}
+    settings = {**CONSTRAINTS[constraints], **find_settings(row, scenario)}
+    return {**task, "controller": CONTROLLERS[row][0], "constraints": constraints, "settings": settings}
 
 
 def is_done(task: Mapping[str, Any], results: Path) -> bool:
@@ -54,6 +55,8 @@ def run_row(task: Mapping[str, Any], results: Path) -> None:
     write_table(folder / SERIES, ["second", *CURVES], series)
     words = ["python", "tools/benchmark.py", "--rows", task["row"], "--scenarios", task["scenario"],
              "--seeds", str(task["seeds"]), "--seconds", str(task["seconds"])]  # fmt: skip
+    if task.get("constraints", "paper") != "paper":
+        words += ["--constraints", task["constraints"]]
     result = {
         **task,
         "command": shlex.join(words),

@@ -181,7 +181,8 @@ class Training:
             "observation": self.observation,
             "min_green": self.min_green,
             "num_seconds": self.seconds,
-            "max_red": None,  # As the kept rows were made: the paper sets no limit.
+            "max_red": None,  # The paper sets no limit, and has a change of 2 s even where green is only added.
+            "always_transition": True,
         }
         if self.observation in IMAGES:
             keywords |= {"height": self.height, "width": self.width, "show_links": True}

@@ -1,0 +1,1 @@
+"""Other projects' interfaces over this environment, for scripts that were written for them."""

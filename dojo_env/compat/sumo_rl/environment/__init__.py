@@ -1,0 +1,1 @@
+"""SUMO-RL's environment, its signals, observations and scenarios."""

@@ -1,0 +1,1 @@
+"""SUMO-RL's helpers."""
