@@ -1,12 +1,16 @@
 """Where things are kept that can be made again: converted maps, compiled kernels."""
 
 import contextlib
-from collections.abc import Iterator
+import fcntl
+import hashlib
+from collections.abc import Callable, Iterator, Sequence
+from functools import cache
 from pathlib import Path
 
 import dojo_maps.cache
-from dojo_env.errors import ConfigError
+from dojo_env.errors import ConfigError, ScenarioError
 from dojo_maps.errors import UsageError
+from dojo_maps.input_files import sha256_of
 
 
 def cache_folder() -> Path:
@@ -31,3 +35,46 @@ def writing_cache() -> Iterator[None]:
             yield
     except UsageError as error:
         raise ConfigError(str(error)) from error
+
+
+def convert_once(
+    source: Path, files: Sequence[Path], *, on_stage: Callable[[str], None] = lambda _stage: None
+) -> Path:
+    """Convert a map into the cache, where the same one is not there yet.
+
+    Args:
+        source: what is converted.
+        files: all that it is made of.
+        on_stage: told what begins.
+
+    Returns:
+        The bundle's folder.
+
+    Raises:
+        SourceError: a file cannot be read, or is no map.
+        ConfigError: the cache cannot be written.
+    """
+    digests = "".join(sha256_of(file, error=ScenarioError) for file in files)
+    digest = hashlib.sha256(digests.encode() + _converter_fingerprint()).hexdigest()[:16]
+    folder = cache_folder() / f"{files[0].name.split('.')[0][:80]}-{digest}.dojo"
+    if not folder.is_dir():
+        with writing_cache(), _locked(folder.with_suffix(".lock")):
+            if not folder.is_dir():
+                dojo_maps.convert(str(source), folder, on_stage=on_stage)
+    return folder
+
+
+@contextlib.contextmanager
+def _locked(path: Path) -> Iterator[None]:
+    with path.open("w") as handle:
+        fcntl.flock(handle, fcntl.LOCK_EX)
+        yield
+
+
+@cache
+def _converter_fingerprint() -> bytes:
+    """Hash the converter's own code: a bundle made by another one is made again."""
+    code = hashlib.sha256()
+    for path in sorted(Path(dojo_maps.__file__).parent.rglob("*.py")):
+        code.update(path.read_bytes())
+    return code.digest()

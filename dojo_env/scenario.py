@@ -3,23 +3,20 @@
 A network that is not yet a bundle is converted on first use, into a cache of the user's.
 """
 
-import fcntl
-import hashlib
 import importlib.util
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cache
 from pathlib import Path
 
-import dojo_maps
-from dojo_env.cache import cache_folder, writing_cache
+from dojo_env.cache import cache_folder, convert_once, writing_cache
 from dojo_env.demand import write_two_way_demand
 from dojo_env.elements import read_elements
 from dojo_env.errors import ConfigError, ScenarioError
+from dojo_env.notes import say_once
+from dojo_env.scenario_folders import find_start, first_departure, is_other_project_s
 from dojo_env.sumo_options import ROOTS, Configuration, read_configuration
 from dojo_maps.bundle import DEMAND, Bundle, open_bundle
-from dojo_maps.input_files import is_there, sha256_of
+from dojo_maps.input_files import is_there
 from dojo_maps.signals.programs import read_seconds
 
 Files = str | Path | Sequence[str | Path]
@@ -136,10 +133,16 @@ PACKAGED = {
 }
 """Scenarios by name, inside the installed `sumo_rl` package; each lasts 3,600 s."""
 _DURATION = 3600
+_LATE = 600.0
+"""Seconds; whose first vehicle departs later begins in the minute in which it does."""
 
 
 def find_scenario(value: str | Path | Scenario) -> Scenario:
-    """Find a scenario: itself, a packaged one by name, a .sumocfg by path, or a bundle that holds its demand.
+    """Find a scenario.
+
+    Args:
+        value: a scenario; a packaged one's name; or the path of a .sumocfg, of a bundle that holds its
+            demand, of RESCO's or LibSignal's folder, or of CityFlow's files.
 
     Raises:
         ConfigError: there is none of that name, or the path alone names no demand.
@@ -153,6 +156,8 @@ def find_scenario(value: str | Path | Scenario) -> Scenario:
         return _read_sumocfg(path)
     if is_there(path / DEMAND):
         return Scenario(map=path, routes=(path / DEMAND,), end=float(_DURATION))
+    if is_there(path) and is_other_project_s(path):
+        return _read_folder(path)
     if is_there(path):
         raise ConfigError(
             f"{path}: a map alone has no demand; give scenario=Scenario(map={str(path)!r}, routes=...)"
@@ -205,15 +210,7 @@ def open_map(scenario: Scenario, *, on_stage: Callable[[str], None] = lambda _st
     """
     if scenario.map.is_dir():
         return open_bundle(scenario.map)
-    source = sha256_of(scenario.map, error=ScenarioError).encode()
-    digest = hashlib.sha256(source + _converter_fingerprint()).hexdigest()[:16]
-    stem = scenario.map.name.split(".")[0][:80]
-    folder = cache_folder() / f"{stem}-{digest}.dojo"
-    if not folder.is_dir():
-        with writing_cache(), _locked(folder.with_suffix(".lock")):
-            if not folder.is_dir():
-                dojo_maps.convert(str(scenario.map), folder, on_stage=on_stage)
-    return open_bundle(folder)
+    return open_bundle(convert_once(scenario.map, [scenario.map], on_stage=on_stage))
 
 
 def with_files(
@@ -224,27 +221,24 @@ def with_files(
     return changed if route_file is None else replace(changed, routes=_paths(route_file))
 
 
-@contextmanager
-def _locked(path: Path) -> Iterator[None]:
-    with path.open("w") as handle:
-        fcntl.flock(handle, fcntl.LOCK_EX)
-        yield
-
-
-@cache
-def _converter_fingerprint() -> bytes:
-    """Hash the converter's own code: a bundle made by another one is made again."""
-    code = hashlib.sha256()
-    for path in sorted(Path(dojo_maps.__file__).parent.rglob("*.py")):
-        code.update(path.read_bytes())
-    return code.digest()
-
-
 def _paths(files: Files) -> tuple[Path, ...]:
     """List files given as one path, as SUMO's comma-separated text, or as a sequence."""
     if isinstance(files, str):
         return tuple(Path(name.strip()) for name in files.split(",") if name.strip())
     return (files,) if isinstance(files, Path) else tuple(Path(file) for file in files)
+
+
+def _read_folder(path: Path) -> Scenario:
+    """Make a scenario of another project's folder or file."""
+    start, routes = find_start(path)
+    if not routes:
+        return _read_sumocfg(start)
+    first = first_departure(routes[0])
+    begin = first // 60 * 60 if first >= _LATE else 0.0
+    if begin:
+        say_once(f"{path.name}: begins at {begin:g} s, as its first vehicle departs at {first:g} s")
+    name = path.name.split(".")[0]
+    return Scenario(map=start, routes=routes, begin=begin, end=begin + _DURATION, name=name)
 
 
 def _is_configuration(path: Path) -> bool:

@@ -24,9 +24,12 @@ from dojo_maps.meshes.mesh import Mesh
 from dojo_maps.report.overview import draw_overview
 from dojo_maps.report.page import write_page
 from dojo_maps.serialization import to_json
-from dojo_maps.sources import opendrive
+from dojo_maps.sources import cityflow, opendrive
+from dojo_maps.sources.cityflow import CityFlowNetwork
+from dojo_maps.sources.cityflow_files import find_files, is_cityflow
 from dojo_maps.sources.enrich_net import enrich_network
 from dojo_maps.sources.files import find_network
+from dojo_maps.sources.opendrive import OpenDriveNetwork
 from dojo_maps.sources.osm import is_osm, read_osm
 from dojo_maps.sources.osm.context import read_context
 from dojo_maps.sources.osm.network import build_network
@@ -34,6 +37,7 @@ from dojo_maps.sources.osm.score import score_network
 from dojo_maps.sources.sumo_net import read_network
 from dojo_maps.sumo_loading import Loading, loading
 from dojo_maps.validation.runner import run_checks
+from dojo_maps.whole_file import write_text
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -62,10 +66,11 @@ def convert(
     *,
     on_stage: Callable[[str], None] = lambda _stage: None,
 ) -> tuple[bundle.Bundle, dict[str, Any]]:
-    """Convert a SUMO network, an OpenStreetMap extract or an OpenDRIVE file into a bundle.
+    """Convert a SUMO network, an OpenStreetMap extract, an OpenDRIVE or a CityFlow file into a bundle.
 
     Args:
-        source: a path (.net.xml, .osm, .osm.pbf, .xodr and so on) or the name of a packaged scenario.
+        source: a path (.net.xml, .osm, .osm.pbf, .xodr, CityFlow's .json and so on) or the name of a packaged
+            scenario.
         folder: the bundle to write; by default the map's name with .dojo, in the current folder.
         options: how to convert.
         on_stage: told what begins.
@@ -95,7 +100,7 @@ def _convert(
     path: Path, name: str, folder: Path, options: ConvertOptions, on_stage: Callable[[str], None]
 ) -> tuple[bundle.Bundle, dict[str, Any]]:
     on_stage("Reading")
-    changes, quality, base = None, None, None
+    changes, quality, base, routes = None, None, None, ""
     if is_osm(path):
         base, described, issues, quality = _import_osm(path, name, on_stage)
         data, lost = reapply_edits(base, folder, (*described.origin, 0.0))
@@ -104,19 +109,19 @@ def _convert(
             described = replace(edited, source=described.source, props=described.props)
         issues += lost
     else:
-        data, sha256 = read_bytes(path), sha256_of(path)
-        drawn = None
-        if opendrive.is_opendrive(path):
-            on_stage("Building the network")
-            drawn = opendrive.build_network(data, path=path)
-            data = drawn.data
+        drawn, kind = _import_other(path, on_stage)
+        data = read_bytes(path) if drawn is None else drawn.data
+        sha256 = sha256_of(path if drawn is None else drawn.path)
         if options.enrich_net:
             on_stage("Adding sidewalks and crossings to the network")
             data, changes = enrich_network(data, path=path)
-        described, issues = read_network(data, path=path, name=name, sha256=sha256)
+        described, issues = read_network(
+            data, path=path if drawn is None else drawn.path, name=name, sha256=sha256
+        )
         if drawn is not None:
-            described = replace(described, source=replace(described.source, kind="opendrive"))
+            described = replace(described, source=replace(described.source, kind=kind))
             issues += drawn.issues(described)
+            routes = drawn.routes
     source = replace(described.source, network_sha256=hashlib.sha256(data).hexdigest())
     described = replace(described, source=source)
     with ExitStack() as stack:
@@ -138,10 +143,26 @@ def _convert(
         extra = {} if quality is None else {"osm": quality}
         if options.demand != 0:
             extra |= _add_demand(fresh, road_map, options.demand)
+        if routes:
+            write_text(fresh / bundle.DEMAND, routes)
         if options.exports:
             extra["exports"] = _export(fresh, road_map, options.exports, on_stage)
         report = _write(fresh, road_map, meshes, issues, extra, sumo)
     return bundle.Bundle(folder=folder, road_map=road_map), report
+
+
+def _import_other(
+    path: Path, on_stage: Callable[[str], None]
+) -> tuple[OpenDriveNetwork | CityFlowNetwork | None, str]:
+    """Build the network of a file that is neither SUMO's nor OpenStreetMap's, and name what it is."""
+    if opendrive.is_opendrive(path):
+        on_stage("Building the network")
+        return opendrive.build_network(read_bytes(path), path=path), "opendrive"
+    if is_cityflow(path):
+        on_stage("Building the network")
+        roads, traffic = find_files(path)
+        return cityflow.build_network(roads, traffic=traffic), "cityflow"
+    return None, ""
 
 
 def _import_osm(

@@ -18,7 +18,7 @@ from stable_baselines3.common.buffers import NStepReplayBuffer
 
 from learning.buffers import NStepDictReplayBuffer
 from learning.evaluation import run_policy
-from learning.rows import LEARNED, find_training
+from learning.rows import CONSTRAINTS, LEARNED, find_training
 from learning.run_row import describe, find_folder, is_done, run_row
 from learning.settings import Training
 
@@ -83,7 +83,7 @@ def test_settings_that_fewer_rows_share_win(monkeypatch: pytest.MonkeyPatch) -> 
     }  # fmt: skip
     used = found["DQN-MV"].hyperparameters
     assert [used[name] for name in ("batch_size", "n_steps", "buffer_size")] == [3, 4, 20_000]
-    assert describe("SOTL", "two-way", 5, 3600)["settings"] == {"min_green": 8}
+    assert describe("SOTL", "two-way", 5, 3600)["settings"] == {**CONSTRAINTS["paper"], "min_green": 8}
 
 
 def sample_from(buffer: Any) -> Any:

@@ -20,7 +20,7 @@ SCENARIO_NETWORKS = {
 
 _SUFFIXES = (
     *(".net.xml.gz", ".net.xml", ".osm.pbf", ".osm.xml", ".osm.gz", ".osm.bz2", ".osm", ".pbf"),
-    *(".xodr.gz", ".xodr", ".xml.gz", ".xml"),
+    *(".xodr.gz", ".xodr", ".xml.gz", ".xml", ".json"),
 )
 
 

@@ -7,7 +7,7 @@ limit each become one clear error.
 import itertools
 import re
 import subprocess
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -65,6 +65,36 @@ def run_netconvert(
     return NetconvertResult(
         warnings=tuple(line.removeprefix(_WARNING) for line in lines if line.startswith(_WARNING))
     )
+
+
+def build_from_files(
+    files: Mapping[str, str | bytes], options: Sequence[str], *, timeout: float = 600
+) -> tuple[bytes, tuple[str, ...]]:
+    """Let netconvert build a network.
+
+    Args:
+        files: what its files are to hold, by the options that take them.
+        options: further ones.
+        timeout: seconds.
+
+    Returns:
+        The network's bytes, without the time and the options that stand before it, and netconvert's warnings.
+
+    Raises:
+        ToolMissingError: netconvert is not installed.
+        NetconvertError: as `run_netconvert`, or it writes nothing.
+    """
+    arguments = ["-o", _OUTPUT, *options]
+    with scratch_folder() as folder:
+        for number, (option, text) in enumerate(files.items()):
+            data = text.encode() if isinstance(text, str) else text
+            (folder / f"input_{number}.xml").write_bytes(data)
+            arguments += [option, f"input_{number}.xml"]
+        result = run_netconvert(arguments, folder=folder, timeout=timeout)
+        if not (folder / _OUTPUT).is_file():
+            raise NetconvertError("it has no roads")
+        built = (folder / _OUTPUT).read_bytes()
+    return b'<?xml version="1.0" encoding="UTF-8"?>\n\n' + built[built.find(b"<net ") :], result.warnings
 
 
 def build_again(

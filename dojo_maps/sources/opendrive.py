@@ -14,15 +14,10 @@ from dojo_maps.errors import SourceError
 from dojo_maps.index import MapIndex
 from dojo_maps.issue import Element, Issue, Severity
 from dojo_maps.safe_xml import Attributes, parse_xml
-from dojo_maps.sources.netconvert import NetconvertError, run_netconvert, warning_issue
-from dojo_maps.whole_file import scratch_folder
+from dojo_maps.sources.netconvert import NetconvertError, build_from_files, warning_issue
 
 SUFFIXES = (".xodr", ".xodr.gz")
-_INPUT, _OUTPUT = "input.xodr", "output.net.xml"
-_OPTIONS = (
-    *("--opendrive-files", _INPUT, "-o", _OUTPUT, "--opendrive.import-all-lanes"),
-    *("--offset.disable-normalization", "--output.street-names"),
-)
+_OPTIONS = ("--opendrive.import-all-lanes", "--offset.disable-normalization", "--output.street-names")
 _TIMEOUT = 240.0
 _LONGEST = 1e6
 """Metres of one piece of a reference line, and km of all together; netconvert draws each metre by metre."""
@@ -34,18 +29,22 @@ class OpenDriveNetwork:
     """A network as netconvert built it, and what the file held.
 
     Attributes:
+        path: of the file.
         data: the network's bytes.
         warnings: netconvert's own.
         roads: the ids of the file's roads that lie in no junction.
         objects: how many objects of each type the file has.
         signals: how many signals it has.
+        routes: of traffic: OpenDRIVE has none.
     """
 
+    path: Path
     data: bytes
     warnings: tuple[str, ...]
     roads: tuple[str, ...]
     objects: dict[str, int]
     signals: int
+    routes: str = ""
 
     def issues(self, road_map: RoadMap) -> tuple[Issue, ...]:
         """List what netconvert warned of, and what of the file is not in the network.
@@ -96,20 +95,14 @@ def build_network(data: bytes, *, path: Path) -> OpenDriveNetwork:
     reader = _Reader(path)
     parse_xml(data, path, root="OpenDRIVE", kind="OpenDRIVE file", start=reader.start)
     options = [*_OPTIONS, "--lefthand"] if reader.rules["LHT"] > reader.rules["RHT"] else list(_OPTIONS)
-    with scratch_folder() as folder:
-        (folder / _INPUT).write_bytes(data)
-        try:
-            result = run_netconvert(options, folder=folder, timeout=_TIMEOUT)
-        except NetconvertError as error:
-            raise SourceError(path, f"netconvert makes no network of it: {error}") from error
-        if not (folder / _OUTPUT).is_file():
-            raise SourceError(path, "netconvert makes no network of it: it has no roads")
-        built = (folder / _OUTPUT).read_bytes()
-    start = built.find(b"<net ")
+    try:
+        built, warnings = build_from_files({"--opendrive-files": data}, options, timeout=_TIMEOUT)
+    except NetconvertError as error:
+        raise SourceError(path, f"netconvert makes no network of it: {error}") from error
     return OpenDriveNetwork(
-        # Without the time and the options that stand before it.
-        data=b'<?xml version="1.0" encoding="UTF-8"?>\n\n' + built[start:],
-        warnings=result.warnings,
+        path=path,
+        data=built,
+        warnings=warnings,
         roads=tuple(reader.roads),
         objects=dict(reader.objects),
         signals=reader.signals,

@@ -42,7 +42,7 @@ class Need(StrEnum):
 
     NOTHING = ""
     MESHES = "the scene's meshes, which a bundle has: convert the map first"
-    IMPORT = "an import from OpenStreetMap or OpenDRIVE, which counts what it could not build"
+    IMPORT = "an import from OpenStreetMap, OpenDRIVE or CityFlow, which counts what it could not build"
     SUMO = "SUMO's program, and a network that makes it read and write nothing else"
     OSM = "the OpenStreetMap data that the network was made from, which no network holds"
 

@@ -42,6 +42,10 @@ _OPENDRIVE = (
     ("IMP014", "sumo.opendrive_warning", "netconvert has nothing to object", NOTE, "none"),
     ("IMP015", "sumo.opendrive_lost", "All of an OpenDRIVE file is in the network", WARNING, "none"),
 )
+_CITYFLOW = (
+    ("IMP016", "sumo.cityflow_warning", "netconvert has nothing to object", NOTE, "none"),
+    ("IMP017", "sumo.cityflow_lost", "All of a CityFlow file is in the network", NOTE, "none"),
+)
 
 
 def _list_checks(
@@ -65,4 +69,5 @@ CHECKS = (
     *_list_checks(_ROWS, "OpenStreetMap wiki", "correct the tags in OpenStreetMap", Need.OSM),
     *_list_checks(_LOSSES, "OpenStreetMap", _LOOK.format("OpenStreetMap", "netedit"), Need.IMPORT),
     *_list_checks(_OPENDRIVE, "ASAM OpenDRIVE", _LOOK.format("netedit", "the OpenDRIVE file"), Need.IMPORT),
+    *_list_checks(_CITYFLOW, "CityFlow", _LOOK.format("netedit", "the CityFlow file"), Need.IMPORT),
 )

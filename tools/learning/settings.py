@@ -181,8 +181,8 @@ class Training:
             "observation": self.observation,
             "min_green": self.min_green,
             "num_seconds": self.seconds,
-            "max_red": None,  # The paper sets no limit, and has a change of 2 s even where green is only added.
-            "always_transition": True,
+            "max_red": None,  # The paper sets no limit.
+            "always_transition": True,  # As the table's other rows.
         }
         if self.observation in IMAGES:
             keywords |= {"height": self.height, "width": self.width, "show_links": True}
