@@ -3,10 +3,11 @@
 import contextlib
 import fcntl
 import hashlib
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from functools import cache
 from pathlib import Path
 
+import dojo_maps
 import dojo_maps.cache
 from dojo_env.errors import ConfigError, ScenarioError
 from dojo_maps.errors import UsageError
@@ -37,14 +38,11 @@ def writing_cache() -> Iterator[None]:
         raise ConfigError(str(error)) from error
 
 
-def convert_once(
-    source: Path, files: Sequence[Path], *, on_stage: Callable[[str], None] = lambda _stage: None
-) -> Path:
+def convert_once(source: Path, *, on_stage: Callable[[str], None] = lambda _stage: None) -> Path:
     """Convert a map into the cache, where the same one is not there yet.
 
     Args:
         source: what is converted.
-        files: all that it is made of.
         on_stage: told what begins.
 
     Returns:
@@ -54,6 +52,7 @@ def convert_once(
         SourceError: a file cannot be read, or is no map.
         ConfigError: the cache cannot be written.
     """
+    files = dojo_maps.list_files(source)
     digests = "".join(sha256_of(file, error=ScenarioError) for file in files)
     digest = hashlib.sha256(digests.encode() + _converter_fingerprint()).hexdigest()[:16]
     folder = cache_folder() / f"{files[0].name.split('.')[0][:80]}-{digest}.dojo"

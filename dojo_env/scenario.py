@@ -210,7 +210,7 @@ def open_map(scenario: Scenario, *, on_stage: Callable[[str], None] = lambda _st
     """
     if scenario.map.is_dir():
         return open_bundle(scenario.map)
-    return open_bundle(convert_once(scenario.map, [scenario.map], on_stage=on_stage))
+    return open_bundle(convert_once(scenario.map, on_stage=on_stage))
 
 
 def with_files(

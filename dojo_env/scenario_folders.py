@@ -7,15 +7,16 @@ network with its routes; one road network of CityFlow's with its flows. LibSigna
 
 from pathlib import Path
 
+import dojo_maps
 from dojo_env.cache import convert_once
 from dojo_env.elements import read_elements
 from dojo_env.errors import ScenarioError
 from dojo_env.notes import say_once
 from dojo_maps.bundle import DEMAND, REPORT
+from dojo_maps.input_files import find_named
 from dojo_maps.safe_json import read_json
 from dojo_maps.safe_xml import Attributes
 from dojo_maps.signals.programs import read_seconds
-from dojo_maps.sources.cityflow_files import find_files, find_named, is_cityflow
 
 _CONFIGURATIONS = (".sumocfg", ".sumocfg.xml")
 _NETWORKS = (".net.xml", ".net.xml.gz")
@@ -25,8 +26,8 @@ _ROUTES = (".rou.xml", ".rou.xml.gz")
 def is_other_project_s(path: Path) -> bool:
     """Tell whether this is a folder of a scenario, or a file of settings of CityFlow's or LibSignal's."""
     if path.is_dir():
-        return bool(_list(path, _CONFIGURATIONS) or _list(path, _NETWORKS)) or is_cityflow(path)
-    return is_cityflow(path)
+        return bool(_list(path, _CONFIGURATIONS) or _list(path, _NETWORKS)) or _is_cityflow(path)
+    return _is_cityflow(path)
 
 
 def find_start(path: Path) -> tuple[Path, tuple[Path, ...]]:
@@ -111,12 +112,16 @@ def _first_routes(folder: Path) -> Path:
 
 
 def _convert(path: Path) -> Path:
-    """Convert CityFlow's files into the cache, once."""
-    roads, traffic = find_files(path)
-    if traffic is None:
+    """Convert CityFlow's files into the cache, once, and tell what is lost."""
+    roads, *traffic = dojo_maps.list_files(path)
+    if not traffic:
         raise ScenarioError(path, "a road network alone has no traffic; name both in a configuration")
-    folder = convert_once(path, [roads, traffic])
+    folder = convert_once(path)
     for issue in read_json(folder / REPORT)["issues"]:
         if issue["check"] == "sumo.cityflow_lost":
             say_once(f"{roads.name}: {issue['message']}")
     return folder
+
+
+def _is_cityflow(path: Path) -> bool:
+    return path.name.endswith((".json", ".cfg")) or (path.is_dir() and any(path.glob("*roadnet*.json")))

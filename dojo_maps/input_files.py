@@ -196,3 +196,21 @@ def _bunzip2(file: io.BufferedReader, path: Path, error: ErrorClass) -> Iterator
         raise error(path, f"broken bzip2 data ({problem}); copy or download the file again") from problem
     if begun:
         raise error(path, "the bzip2 data ends early; copy or download the file again")
+
+
+def find_named(path: Path, folder: str, name: str) -> Path:
+    """Find a file that a configuration names: from its own folder, or from one above it.
+
+    Args:
+        path: of the configuration.
+        folder: that it names beside, where the program that it is for is started; "" for none.
+        name: of the file.
+
+    Raises:
+        SourceError: it is not there.
+    """
+    for above in path.absolute().parents:
+        for found in (above / folder / name, above / name):
+            if found.is_file():
+                return found
+    raise SourceError(path, f"names {folder}{name}, which is not there")

@@ -35,7 +35,6 @@ EXPLAINED = {
     # What netconvert has just written into a scratch folder.
     "dojo_maps/repair/splicing.py": {"fromstring"},
     "dojo_maps/sources/netconvert.py": {"read_bytes"},
-    "dojo_maps/sources/opendrive.py": {"read_bytes"},
     "dojo_maps/sources/osm/network.py": {"read_bytes", "read_text"},
     # What is written, not read; what a process of ours says; what a user types; a web server's answer.
     "dojo_env/sumo_files.py": {"fdopen"},
@@ -60,7 +59,7 @@ EXPLAINED = {
     "dojo_maps/report/page.py": {"read_text"},
     "dojo_maps/viewer.py": {"read_bytes", "ZipFile"},
     "dojo_env/demand.py": {"read_bytes"},
-    "dojo_env/scenario.py": {"read_bytes", "open"},
+    "dojo_env/cache.py": {"read_bytes", "open"},
     "dojo_env/encoders/efficientnet.py": {"load"},
     "dojo_env/encoders/onnx_file.py": {"load"},
     "dojo_env/rendering/compiling.py": {"read_bytes"},

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from dojo_maps.errors import SourceError
+from dojo_maps.input_files import find_named
 from dojo_maps.safe_json import read_json
 
 _LARGEST = 1e7
@@ -279,16 +280,3 @@ def _find_in_folder(folder: Path) -> tuple[Path, Path | None]:
             'configuration: {"roadnetFile": ..., "flowFile": ...}',
         )
     return networks[0], flows[0] if flows else None
-
-
-def find_named(path: Path, folder: str, name: str) -> Path:
-    """Find a file that a configuration names: from its own folder, or from one above it.
-
-    Raises:
-        SourceError: it is not there.
-    """
-    for above in path.absolute().parents:
-        for found in (above / folder / name, above / name):
-            if found.is_file():
-                return found
-    raise SourceError(path, f"names {folder}{name}, which is not there")
