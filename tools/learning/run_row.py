@@ -51,11 +51,11 @@ def run_row(task: Mapping[str, Any], results: Path) -> None:
     folder = find_folder(task["row"], task["scenario"], results)
     folder.mkdir(parents=True, exist_ok=True)
     episodes, infos = _run_policy(task, folder) if "training" in task else _run_controller(task)
-    series = ([int(info["step"]), *(round(info[name], 3) for name in CURVES.values())] for info in infos)
-    write_table(folder / SERIES, ["second", *CURVES], series)
     words = ["python", "tools/benchmark.py", "--rows", task["row"], "--scenarios", task["scenario"],
              "--seeds", str(task["seeds"]), "--seconds", str(task["seconds"])]  # fmt: skip
-    if task.get("constraints", "paper") != "paper":
+    if task.get("constraints", "paper") == "paper":
+        _write_series(folder / SERIES, infos)
+    else:
         words += ["--constraints", task["constraints"]]
     result = {
         **task,
@@ -65,6 +65,12 @@ def run_row(task: Mapping[str, Any], results: Path) -> None:
         "episodes": [{name: episode[name] for name in KEPT} for episode in episodes],
     }
     write_json(folder / FIGURES, result)
+
+
+def _write_series(path: Path, infos: list[dict[str, Any]]) -> None:
+    """Write the curves of an hour; those that pictures show are the paper's."""
+    series = ([int(info["step"]), *(round(info[name], 3) for name in CURVES.values())] for info in infos)
+    write_table(path, ["second", *CURVES], series)
 
 
 Outcome = tuple[list[dict[str, Any]], list[dict[str, Any]]]
