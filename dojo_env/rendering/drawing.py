@@ -13,7 +13,7 @@ from dojo_env.snapshot import Lights
 
 _FINEST, _FINE, _MIDDLE = 90.0, 27.0, 12.0
 """Pixels from which a road user is drawn at each level of detail but the coarsest."""
-_MOST_VERTICES = 1024
+_MOST_VERTICES = 4096
 _LOW_SUN = 0.12
 _SHADOW_WIDTH, _SHADOW_HEIGHT = 0.96, 0.9
 """Shares of a road user's box that throw its shadow."""
@@ -35,6 +35,7 @@ _PALETTE = to_linear(
         [
             (0, 0, 0), (38, 46, 54), (20, 20, 22), (44, 46, 50), (236, 238, 228), (120, 16, 14),
             (190, 110, 30), (190, 110, 30), (40, 80, 230), (205, 160, 130), (46, 52, 76), (232, 232, 230),
+            (150, 154, 160),
         ],
         dtype=np.uint8,
     )

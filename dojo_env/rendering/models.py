@@ -11,6 +11,7 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
+from dojo_env.rendering.car_bodies import COARSE, CarShape, build_car
 from dojo_env.rendering.shapes import Face, Part, box, lights, loft, moved, screen, section, wheels, windows
 from dojo_env.snapshot import Kind
 
@@ -31,41 +32,49 @@ class Model:
     parts: NDArray[np.uint8]
 
 
-def _car(
-    length: float, width: float, height: float, cabin: tuple[float, float, float, float], detail: int
-) -> list[Face]:
-    """A car from its size and where its cabin begins and ends at the belt and at the roof (from the nose)."""
-    half, belt = width / 2, 0.6 * height
-    foot, roof_front, roof_rear, heel = cabin
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Car:
+    """Builds a car: as `car_bodies` has it where it is near, and from a few boxes where it is far.
+
+    Attributes:
+        shape: its measures.
+        on_roof: what stands there.
+    """
+
+    shape: CarShape
+    on_roof: tuple[Face, ...] = ()
+
+    @property
+    def size(self) -> tuple[float, float, float]:
+        """Length, width and height of the body, metres; mirrors stand out."""
+        high = max([self.shape.height, *(float(corners[:, 2].max()) for corners, _ in self.on_roof)])
+        return self.shape.length, self.shape.width, high
+
+    def __call__(self, detail: int) -> list[Face]:
+        """Build a level of detail."""
+        near = build_car(self.shape, detail) if detail <= COARSE else _far_car(self.shape, detail)
+        return near + list(self.on_roof)
+
+
+def _far_car(shape: CarShape, detail: int) -> list[Face]:
+    """Build a car of a dozen pixels."""
+    length, half, height = shape.length, shape.width / 2, shape.height
+    belt, foot, heel = 0.62 * height, shape.cowl, shape.foot
     tail = -length
-    if detail <= _FLAT_WHEELS:
-        outline = (
-            (0.0, 0.76, 0.25, 0.44, 0.34), (-0.06 * length, 0.96, 0.16, 0.5, 0.36),
-            (-foot, 1.0, 0.14, 0.6, 0.4), (-heel, 1.0, 0.14, 0.64, 0.42),
-            (tail + 0.04 * length, 0.96, 0.18, 0.62, 0.42), (tail, 0.82, 0.28, 0.56, 0.42),
-        )  # fmt: skip
+    if detail < _COARSEST:
         body = loft(
             [
-                section(x, wide * half, low * height, high * height, waist * height if detail == 0 else None)
-                for x, wide, low, high, waist in outline
-            ],
-            Part.BODY,
-        )
-        body += wheels((-0.19 * length, -0.8 * length), half + 0.005, 0.22 * height, detail)
-    elif detail < _COARSEST:
-        body = loft(
-            [
-                section(0.0, 0.86 * half, 0.12 * height, 0.46 * height),
-                section(-foot, half, 0.04 * height, belt),
-                section(-heel, half, 0.04 * height, 0.64 * height),
-                section(tail, 0.92 * half, 0.16 * height, 0.6 * height),
+                section(0.0, 0.86 * half, 0.14 * height, 0.5 * height),
+                section(-foot, half, 0.08 * height, belt),
+                section(-heel, half, 0.08 * height, 0.66 * height),
+                section(tail, 0.92 * half, 0.16 * height, 0.62 * height),
             ],
             Part.BODY,
         )
     else:
-        body = box(0.0, tail, 0.95 * half, 0.04 * height, belt, Part.BODY)
-    lower = np.array([(-foot, 0.92 * half), (-heel, 0.92 * half)])
-    upper = np.array([(-roof_front, 0.72 * half), (-roof_rear, 0.72 * half)])
+        body = box(0.0, tail, 0.95 * half, 0.08 * height, belt, Part.BODY)
+    lower = np.array([(-foot, 0.9 * half), (-heel, 0.9 * half)])
+    upper = np.array([(-place, 0.66 * half) for place in shape.roof])
     (a, wide), (b, _), (c, slim), (d, _) = *lower, *upper
     z = 0.99 * belt
     glass = Part.GLASS if detail < _COARSEST else Part.BODY
@@ -77,32 +86,28 @@ def _car(
         (np.array([(b, -wide, z), (a, -wide, z), (c, -slim, height), (d, -slim, height)]), glass),
     ]
     if detail < _COARSEST:
-        body += lights(tail, half, (0.33 * height, 0.43 * height), (0.46 * height, 0.55 * height))
+        body += lights(tail, half, (0.36 * height, 0.45 * height), (0.46 * height, 0.56 * height))
     return body
 
 
-def _sedan(detail: int) -> list[Face]:
-    return _car(4.6, 1.8, 1.46, (1.25, 2.0, 3.35, 4.1), detail)
-
-
-def _hatchback(detail: int) -> list[Face]:
-    return _car(4.0, 1.75, 1.5, (0.95, 1.65, 3.35, 3.9), detail)
-
-
-def _wagon(detail: int) -> list[Face]:
-    return _car(4.7, 1.82, 1.5, (1.25, 1.95, 4.2, 4.6), detail)
-
-
-def _suv(detail: int) -> list[Face]:
-    return _car(4.6, 1.9, 1.7, (1.15, 1.7, 4.0, 4.45), detail)
-
-
-def _taxi(detail: int) -> list[Face]:
-    return _sedan(detail) + box(-2.4, -2.6, 0.3, 1.45, 1.62, Part.WHITE)
-
-
-def _police(detail: int) -> list[Face]:
-    return _wagon(detail) + box(-2.4, -2.65, 0.55, 1.49, 1.62, Part.BLUE)
+_HATCHBACK = CarShape(
+    length=4.1, width=1.77, height=1.48, cowl=0.98, roof=(1.78, 3.35), foot=3.92, axles=(0.8, 3.36)
+)
+_SALOON = CarShape(
+    length=4.65, width=1.81, height=1.45, cowl=1.25, roof=(2.1, 3.2), foot=4.0, deck=0.7, axles=(0.86, 3.6),
+    bonnet=0.52, belt=(0.645, 0.7),
+)  # fmt: skip
+_ESTATE = CarShape(
+    length=4.7, width=1.82, height=1.48, cowl=1.25, roof=(2.08, 4.1), foot=4.58, axles=(0.87, 3.62),
+    panes=((0.07, 0.36), (0.39, 0.66), (0.7, 0.92)),
+)  # fmt: skip
+_SUV = CarShape(
+    length=4.5, width=1.86, height=1.68, cowl=1.12, roof=(1.86, 3.95), foot=4.36, axles=(0.86, 3.5), wheel=0.37,
+    clearance=0.24, bonnet=0.54, belt=(0.64, 0.66), panes=((0.07, 0.4), (0.43, 0.72), (0.76, 0.92)),
+)  # fmt: skip
+_MINI = CarShape(
+    length=3.6, width=1.66, height=1.5, cowl=0.8, roof=(1.45, 2.95), foot=3.42, axles=(0.68, 3.0), wheel=0.3
+)
 
 
 def _van(detail: int) -> list[Face]:
@@ -272,8 +277,8 @@ def _ship(_detail: int) -> list[Face]:
 
 
 _BUILDERS: dict[Kind, tuple[Callable[[int], list[Face]], ...]] = {
-    Kind.CAR: (_sedan, _hatchback, _wagon, _suv),
-    Kind.TAXI: (_taxi,),
+    Kind.CAR: tuple(_Car(shape=shape) for shape in (_SALOON, _HATCHBACK, _ESTATE, _SUV, _MINI, _HATCHBACK)),
+    Kind.TAXI: (_Car(shape=_ESTATE, on_roof=tuple(box(-2.4, -2.6, 0.3, 1.47, 1.6, Part.WHITE))),),
     Kind.VAN: (_van,),
     Kind.BUS: (_coach_of(12.0, 3.1, (-2.7, -8.9), doors=True),),
     Kind.COACH: (_coach_of(13.0, 3.7, (-2.9, -9.0, -10.3), doors=False),),
@@ -285,7 +290,7 @@ _BUILDERS: dict[Kind, tuple[Callable[[int], list[Face]], ...]] = {
     Kind.BICYCLE: (_two_wheeler(1.75, 0.34, Part.BODY, motor=False),),
     Kind.SCOOTER: (_two_wheeler(1.8, 0.25, Part.WHITE, motor=True),),
     Kind.AMBULANCE: (_ambulance,),
-    Kind.POLICE: (_police,),
+    Kind.POLICE: (_Car(shape=_ESTATE, on_roof=tuple(box(-2.4, -2.65, 0.55, 1.47, 1.6, Part.BLUE))),),
     Kind.FIRE_ENGINE: (_fire_engine,),
     Kind.PEDESTRIAN: (_pedestrian,),
     Kind.SHIP: (_ship,),
@@ -299,11 +304,14 @@ def build_models() -> tuple[tuple[tuple[Model, ...], ...], ...]:
 
 
 def _levels(build: Callable[[int], list[Face]]) -> tuple[Model, ...]:
-    """Build a model at every level of detail, all in the box of the finest."""
-    corners = np.concatenate([polygon for polygon, _ in build(0)])
-    low, high = corners.min(axis=0), corners.max(axis=0)
-    foot = np.array([high[0], (low[1] + high[1]) / 2, low[2]])
-    return tuple(_triangulated(build(detail), foot, high - low) for detail in range(DETAILS))
+    """Build a model at every level of detail, all in the box of the finest; a car's is that of its body."""
+    if isinstance(build, _Car):
+        foot, size = np.zeros(3), np.array(build.size)
+    else:
+        corners = np.concatenate([polygon for polygon, _ in build(0)])
+        low, high = corners.min(axis=0), corners.max(axis=0)
+        foot, size = np.array([high[0], (low[1] + high[1]) / 2, low[2]]), high - low
+    return tuple(_triangulated(build(detail), foot, size) for detail in range(DETAILS))
 
 
 def _triangulated(polygons: list[Face], foot: Floats, size: Floats) -> Model:

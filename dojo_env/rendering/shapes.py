@@ -28,6 +28,7 @@ class Part(IntEnum):
     SKIN = 9
     LEGS = 10
     WHITE = 11
+    CHROME = 12
 
 
 Face = tuple[Floats, Part]
@@ -63,6 +64,15 @@ def box(nose: float, tail: float, half: float, low: float, high: float, part: Pa
 def moved(faces: Iterable[Face], y: float) -> list[Face]:
     """Move faces to the left."""
     return [(corners + np.array([0.0, y, 0.0]), part) for corners, part in faces]
+
+
+def mirrored(faces: Iterable[Face]) -> list[Face]:
+    """Put the same faces on the other side, too."""
+    return [
+        each
+        for corners, part in faces
+        for each in ((corners, part), ((corners * [1.0, -1.0, 1.0])[::-1], part))
+    ]
 
 
 def wheels(places: Iterable[float], half: float, radius: float, detail: int, tyre: float = 0.2) -> list[Face]:

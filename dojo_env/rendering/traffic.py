@@ -74,7 +74,7 @@ class Library(NamedTuple):
     spans: Ints
 
 
-MOST_FACES = 400
+MOST_FACES = 2000
 """No model has more faces."""
 
 
