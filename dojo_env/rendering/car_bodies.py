@@ -27,6 +27,10 @@ _TAIL: Curve = ((0.0, 0.74), (0.03, 0.84), (0.09, 0.92), (0.22, 0.965), (0.6, 1.
 """The same, by metres before the tail."""
 _LOW, _SHOULDER, _EDGE = 0.93, 0.97, 0.9
 """Half widths of the lower edge, the shoulder and the belt, as shares of the widest."""
+_LONGEST_PANE = 0.25
+"""Share of the way along the windows that is drawn straight."""
+_OPEN_DECK = 0.4
+"""Metres before the rear window's foot where the shell is closed under the windows, as it narrows there."""
 _GAP = 0.012
 """Metres from the shell to what is painted on it."""
 
@@ -48,6 +52,7 @@ class CarShape:
         clearance: height of the sills.
         wheel: radius of a wheel.
         axles: places of the axles.
+        lean: half width at the roof's edge, as a share of the widest.
         panes: side windows: begin and end of each, as shares of the way along the greenhouse.
     """
 
@@ -63,6 +68,7 @@ class CarShape:
     clearance: float = 0.17
     wheel: float = 0.32
     axles: tuple[float, float] = (0.85, 3.45)
+    lean: float = 0.66
     panes: tuple[tuple[float, float], ...] = ((0.08, 0.47), (0.51, 0.86))
 
     def half_width(self, place: float) -> float:
@@ -155,9 +161,11 @@ def _shell(shape: CarShape, detail: int) -> list[Face]:
     rings = [_ring(shape, place) for place in places]
     left: list[Face] = []
     for (front, ahead), (rear, behind) in pairwise(zip(places, rings, strict=True)):
-        covered = front >= shape.cowl and rear <= shape.foot
-        for k in range(4 if covered else 5):
-            left.append((np.array([ahead[k + 1], ahead[k], behind[k], behind[k + 1]]), Part.BODY))
+        is_covered = front >= shape.cowl and rear <= shape.foot - _OPEN_DECK
+        left += [
+            (np.array([ahead[k + 1], ahead[k], behind[k], behind[k + 1]]), Part.BODY)
+            for k in range(4 if is_covered else 5)
+        ]
     faces = mirrored(left)
     for ring, turn in ((rings[0], 1), (rings[-1], -1)):
         outline = np.concatenate([ring * [1.0, -1.0, 1.0], ring[-2::-1]])
@@ -168,9 +176,9 @@ def _shell(shape: CarShape, detail: int) -> list[Face]:
 def _greenhouse(shape: CarShape, detail: int) -> list[Face]:
     """Build roof, pillars and windows; the side windows stand on the belt and lean inwards."""
     front, rear = shape.roof
-    edge, crown = shape.height - 0.06, shape.height
+    edge, crown = shape.height - 0.07, shape.height
     half = 0.5 * shape.width
-    slim = 0.66 * half
+    slim = shape.lean * half
 
     def belt(place: float) -> tuple[float, float, float]:
         return -place, _EDGE * shape.half_width(place), shape.top(place)
@@ -181,7 +189,8 @@ def _greenhouse(shape: CarShape, detail: int) -> list[Face]:
     )
 
     def along(share: float, up: float) -> Floats:
-        low, high = foot[0] + share * (foot[1] - foot[0]), head[0] + share * (head[1] - head[0])
+        low = np.array(belt(shape.cowl + share * (shape.foot - shape.cowl)))
+        high = head[0] + share * (head[1] - head[0])
         return low + up * (high - low)
 
     def pane(a: float, b: float, low: float, high: float, part: Part) -> Face:
@@ -190,44 +199,47 @@ def _greenhouse(shape: CarShape, detail: int) -> list[Face]:
     cuts = [0.0, *(place for each in shape.panes for place in each), 1.0]
     left: list[Face] = []
     for number, (a, b) in enumerate(pairwise(cuts)):
-        is_glass = number % 2 == 1
         pillar = Part.TRIM if 0 < number < len(cuts) - 2 else Part.BODY
-        if is_glass:
-            left += [
-                pane(a, b, 0.0, 0.05, Part.BODY),
-                pane(a, b, 0.05, 0.9, Part.GLASS),
-                pane(a, b, 0.9, 1.0, Part.BODY),
-            ]
-        else:
-            left.append(pane(a, b, 0.0, 1.0, pillar))
-    stations = (front, 0.5 * (front + rear), rear) if detail == FINE else (front, rear)
-    rows = [np.array([(-x, slim, edge), (-x, 0.8 * slim, edge + 0.04), (-x, 0.0, crown)]) for x in stations]
+        rows = ((0.0, 0.05, Part.BODY), (0.05, 0.9, Part.GLASS), (0.9, 1.0, Part.BODY))
+        for start, end in pairwise(np.linspace(a, b, 1 + int(np.ceil((b - a) / _LONGEST_PANE)))):
+            for low, high, part in rows if number % 2 else ((0.0, 1.0, pillar),):
+                left.append(pane(start, end, low, high, part))
+    screen, window = (foot[0], head[0], 0.1), (foot[1], head[1], -0.06)
+    rows = [_across(*screen, crown, 1.0), _across(*window, crown, 1.0)]
+    if detail == FINE:
+        rows.insert(1, 0.5 * (rows[0] + rows[1]))
     for ahead, behind in pairwise(rows):
-        left += [(np.array([ahead[k + 1], ahead[k], behind[k], behind[k + 1]]), Part.BODY) for k in range(2)]
-    left += _pane_across(foot[0], head[0], 0.1, crown)
-    left += _pane_across(foot[1], head[1], -0.06, crown, tail=True)
+        left += [(np.array([ahead[k + 1], ahead[k], behind[k], behind[k + 1]]), Part.BODY) for k in range(3)]
+    left += _pane_across(*screen, crown)
+    left += _pane_across(*window, crown, tail=True)
     return mirrored(left)
+
+
+_SHARES = (1.0, 0.91, 0.5, 0.0)
+"""Where windscreen, rear window and roof bend on their way from the side to the middle."""
+
+
+def _across(low: Floats, high: Floats, bend: float, crown: float, up: float) -> Floats:
+    """Go over the car at a height between the belt and the roof: (4, 3), from the left side to the middle."""
+    side = low + up * (high - low)
+    rise = (crown - high[2]) * up
+    return np.array(
+        [
+            (side[0] + bend * (1.0 - s**2) * (1.0 - 0.6 * up), s * side[1], side[2] + rise * (1.0 - s**2))
+            for s in _SHARES
+        ]
+    )
 
 
 def _pane_across(low: Floats, high: Floats, bend: float, crown: float, *, tail: bool = False) -> list[Face]:
     """Build the left half of windscreen or rear window: a pillar, two panes, and a strip under the roof."""
-
-    def across(share: float, up: float) -> Floats:
-        side = low + up * (high - low)
-        rise = (crown - high[2]) * up * (1.0 - share**2)
-        return np.array(
-            [side[0] + bend * (1.0 - share**2) * (1.0 - 0.6 * up), share * side[1], side[2] + rise]
-        )
-
-    strips = ((1.0, 0.91, Part.BODY), (0.91, 0.5, Part.GLASS), (0.5, 0.0, Part.GLASS))
+    heights = (0.0, 0.05, 0.93, 1.0)
+    rows = [_across(low, high, bend, crown, up) for up in heights]
     faces: list[Face] = []
-    for a, b, part in strips:
-        rows = ((0.0, 1.0, part),) if part is Part.BODY else (
-            (0.0, 0.05, Part.TRIM), (0.05, 0.93, part), (0.93, 1.0, Part.BODY),
-        )  # fmt: skip
-        for bottom, top, shown in rows:
-            quad = np.array([across(a, top), across(a, bottom), across(b, bottom), across(b, top)])
-            faces.append((quad if tail else quad[::-1], shown))
+    for (below, above), part in zip(pairwise(rows), (Part.TRIM, Part.GLASS, Part.BODY), strict=True):
+        for k in range(3):
+            quad = np.array([below[k], above[k], above[k + 1], below[k + 1]])
+            faces.append((quad[::-1] if tail else quad, Part.BODY if k == 0 else part))
     return faces
 
 
@@ -361,7 +373,7 @@ def _side_lines(shape: CarShape) -> list[Face]:
     for place in doors:
         a, b = _ring(shape, place), _ring(shape, place + 0.018)
         for k in range(1, 4):
-            quad = np.array([a[k + 1], a[k], b[k], b[k + 1]]) + [0.0, 0.006, 0.0]
+            quad = np.array([a[k + 1], a[k], b[k], b[k + 1]]) + np.array([0.0, 0.006, 0.0])
             left.append((quad, Part.TRIM))
     for place in (doors[1] - 0.28, doors[2] - 0.2):
         y, z = shape.half_width(place) + 0.004, shape.top(place) - 0.17
@@ -383,7 +395,7 @@ def _side_lines(shape: CarShape) -> list[Face]:
 
 def _wheels(x: float, half: float, radius: float, sides: int) -> list[Face]:
     """Set a wheel on each side: tread, wall of the tyre, and a bright rim with dark gaps."""
-    angles = np.arange(sides) * 2 * np.pi / sides
+    angles = np.arange(sides) * 2 * np.pi / sides - np.pi / 2
 
     def circle(share: float, y: float) -> Floats:
         return np.column_stack([

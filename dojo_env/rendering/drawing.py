@@ -11,7 +11,7 @@ from dojo_env.rendering.shapes import Part
 from dojo_env.rendering.target import project, touch, turn
 from dojo_env.snapshot import Lights
 
-_FINEST, _FINE, _MIDDLE = 90.0, 27.0, 12.0
+_FINEST, _FINE, _MIDDLE = 100.0, 36.0, 12.0
 """Pixels from which a road user is drawn at each level of detail but the coarsest."""
 _MOST_VERTICES = 4096
 _LOW_SUN = 0.12
@@ -33,7 +33,7 @@ _LIT_BRAKE, _LIT_LEFT, _LIT_RIGHT, _LIT_BLUE = (
 _PALETTE = to_linear(
     np.array(
         [
-            (0, 0, 0), (38, 46, 54), (20, 20, 22), (44, 46, 50), (236, 238, 228), (120, 16, 14),
+            (0, 0, 0), (22, 27, 32), (20, 20, 22), (44, 46, 50), (236, 238, 228), (120, 16, 14),
             (190, 110, 30), (190, 110, 30), (40, 80, 230), (205, 160, 130), (46, 52, 76), (232, 232, 230),
             (150, 154, 160),
         ],
@@ -265,7 +265,7 @@ def _shade_face(users, k, models, face, inside, veil, light, shades, row):
     length = sqrt(square)
     facing, level = max(0.0, facing / length), level / length
     share = 0.5 + 0.5 * level
-    gloss = max(0.0, level) * (0.22 if part == _GLASS else (0.05 if part == _BODY else 0.0))
+    gloss = max(0.0, level) * (0.12 if part == _GLASS else (0.05 if part == _BODY else 0.0))
     for c in range(3):
         if glow >= 0.0:
             value = glow * _EMITTED[part, c]

@@ -74,7 +74,7 @@ def _far_car(shape: CarShape, detail: int) -> list[Face]:
     else:
         body = box(0.0, tail, 0.95 * half, 0.08 * height, belt, Part.BODY)
     lower = np.array([(-foot, 0.9 * half), (-heel, 0.9 * half)])
-    upper = np.array([(-place, 0.66 * half) for place in shape.roof])
+    upper = np.array([(-place, shape.lean * half) for place in shape.roof])
     (a, wide), (b, _), (c, slim), (d, _) = *lower, *upper
     z = 0.99 * belt
     glass = Part.GLASS if detail < _COARSEST else Part.BODY
@@ -102,36 +102,16 @@ _ESTATE = CarShape(
     panes=((0.07, 0.36), (0.39, 0.66), (0.7, 0.92)),
 )  # fmt: skip
 _SUV = CarShape(
-    length=4.5, width=1.86, height=1.68, cowl=1.12, roof=(1.86, 3.95), foot=4.36, axles=(0.86, 3.5), wheel=0.37,
-    clearance=0.24, bonnet=0.54, belt=(0.64, 0.66), panes=((0.07, 0.4), (0.43, 0.72), (0.76, 0.92)),
+    length=4.5, width=1.86, height=1.68, cowl=1.12, roof=(1.86, 3.95), foot=4.36, axles=(0.86, 3.5),
+    wheel=0.37, clearance=0.24, bonnet=0.54, belt=(0.64, 0.66), panes=((0.07, 0.4), (0.43, 0.72), (0.76, 0.92)),
 )  # fmt: skip
 _MINI = CarShape(
     length=3.6, width=1.66, height=1.5, cowl=0.8, roof=(1.45, 2.95), foot=3.42, axles=(0.68, 3.0), wheel=0.3
 )
-
-
-def _van(detail: int) -> list[Face]:
-    half, height, tail = 0.98, 2.3, -5.4
-    faces = loft(
-        [
-            section(0.0, 0.86 * half, 0.35, 0.95),
-            section(-0.75, half, 0.25, 1.25),
-            section(-1.35, 0.95 * half, 0.25, height - 0.08),
-            section(-1.7, 0.95 * half, 0.25, height),
-            section(tail, 0.95 * half, 0.3, height),
-        ],
-        Part.BODY,
-    )
-    if detail < _COARSEST:
-        faces += screen(-0.77, -1.32, 0.86 * half, 1.3, height - 0.2)
-        faces += lights(tail, half, (0.6, 0.8), (0.8, 1.1))
-    if detail <= _FLAT_WHEELS:
-        faces += wheels((-0.95, -4.3), half, 0.35, detail)
-    return faces
-
-
-def _ambulance(detail: int) -> list[Face]:
-    return _van(detail) + box(-1.5, -1.75, 0.7, 2.29, 2.45, Part.BLUE)
+_VAN = CarShape(
+    length=5.2, width=1.95, height=2.2, cowl=0.85, roof=(1.55, 5.12), foot=5.17, axles=(0.95, 4.2),
+    wheel=0.34, clearance=0.24, bonnet=0.43, belt=(0.52, 0.52), deck=0.52, lean=0.86, panes=((0.04, 0.2),),
+)  # fmt: skip
 
 
 def _coach_of(
@@ -279,7 +259,7 @@ def _ship(_detail: int) -> list[Face]:
 _BUILDERS: dict[Kind, tuple[Callable[[int], list[Face]], ...]] = {
     Kind.CAR: tuple(_Car(shape=shape) for shape in (_SALOON, _HATCHBACK, _ESTATE, _SUV, _MINI, _HATCHBACK)),
     Kind.TAXI: (_Car(shape=_ESTATE, on_roof=tuple(box(-2.4, -2.6, 0.3, 1.47, 1.6, Part.WHITE))),),
-    Kind.VAN: (_van,),
+    Kind.VAN: (_Car(shape=_VAN),),
     Kind.BUS: (_coach_of(12.0, 3.1, (-2.7, -8.9), doors=True),),
     Kind.COACH: (_coach_of(13.0, 3.7, (-2.9, -9.0, -10.3), doors=False),),
     Kind.TRUCK: (_truck,),
@@ -289,7 +269,7 @@ _BUILDERS: dict[Kind, tuple[Callable[[int], list[Face]], ...]] = {
     Kind.MOTORCYCLE: (_two_wheeler(2.1, 0.32, Part.TRIM, motor=True),),
     Kind.BICYCLE: (_two_wheeler(1.75, 0.34, Part.BODY, motor=False),),
     Kind.SCOOTER: (_two_wheeler(1.8, 0.25, Part.WHITE, motor=True),),
-    Kind.AMBULANCE: (_ambulance,),
+    Kind.AMBULANCE: (_Car(shape=_VAN, on_roof=tuple(box(-1.7, -1.95, 0.6, 2.19, 2.35, Part.BLUE))),),
     Kind.POLICE: (_Car(shape=_ESTATE, on_roof=tuple(box(-2.4, -2.65, 0.55, 1.47, 1.6, Part.BLUE))),),
     Kind.FIRE_ENGINE: (_fire_engine,),
     Kind.PEDESTRIAN: (_pedestrian,),

@@ -35,15 +35,9 @@ Face = tuple[Floats, Part]
 """A flat convex polygon, (n, 3), and its part."""
 
 
-def section(x: float, half: float, low: float, high: float, waist: float | None = None) -> Floats:
-    """Cut across a body: four corners, or six with a waist, counter-clockwise seen from the front."""
-    if waist is None:
-        return np.array([(x, -half, low), (x, half, low), (x, half, high), (x, -half, high)])
-    narrow = 0.94 * half
-    return np.array(
-        [(x, -narrow, low), (x, narrow, low), (x, half, waist), (x, narrow, high),
-         (x, -narrow, high), (x, -half, waist)]
-    )  # fmt: skip
+def section(x: float, half: float, low: float, high: float) -> Floats:
+    """Cut across a body: four corners, counter-clockwise seen from the front."""
+    return np.array([(x, -half, low), (x, half, low), (x, half, high), (x, -half, high)])
 
 
 def loft(sections: Sequence[Floats], part: Part) -> list[Face]:
