@@ -114,7 +114,7 @@ def build_car(shape: CarShape, detail: int) -> list[Face]:
         Its faces.
     """
     faces = _shell(shape, detail) + _greenhouse(shape, detail)
-    faces += _face_of_car(shape, detail) + _back_of_car(shape, detail)
+    faces += _front_details(shape, detail) + _rear_details(shape, detail)
     for axle in shape.axles:
         half = shape.half_width(axle)
         faces += _wheels(-axle, half, shape.wheel, 14 if detail == FINE else 8)
@@ -200,9 +200,9 @@ def _greenhouse(shape: CarShape, detail: int) -> list[Face]:
     left: list[Face] = []
     for number, (a, b) in enumerate(pairwise(cuts)):
         pillar = Part.TRIM if 0 < number < len(cuts) - 2 else Part.BODY
-        rows = ((0.0, 0.05, Part.BODY), (0.05, 0.9, Part.GLASS), (0.9, 1.0, Part.BODY))
+        bands = ((0.0, 0.05, Part.BODY), (0.05, 0.9, Part.GLASS), (0.9, 1.0, Part.BODY))
         for start, end in pairwise(np.linspace(a, b, 1 + int(np.ceil((b - a) / _LONGEST_PANE)))):
-            for low, high, part in rows if number % 2 else ((0.0, 1.0, pillar),):
+            for low, high, part in bands if number % 2 else ((0.0, 1.0, pillar),):
                 left.append(pane(start, end, low, high, part))
     screen, window = (foot[0], head[0], 0.1), (foot[1], head[1], -0.06)
     rows = [_across(*screen, crown, 1.0), _across(*window, crown, 1.0)]
@@ -251,7 +251,17 @@ def _patch(
     *,
     columns: int = 1,
     ahead: bool = True,
-) -> Face | list[Face]:
+) -> list[Face]:
+    """Paint a strip on the nose or the tail.
+
+    Args:
+        place: how far ahead the strip lies at each distance from the middle, metres.
+        ends: where it begins and ends, metres to the left.
+        heights: its lower and upper edge, metres.
+        part: what it shows.
+        columns: flat pieces that it is made of.
+        ahead: it is seen from before the car, or else from behind.
+    """
     ys = np.linspace(*ends, columns + 1)
     low, high = heights
     faces: list[Face] = []
@@ -261,8 +271,8 @@ def _patch(
     return faces
 
 
-def _front(shape: CarShape, curve: Curve, gap: float) -> Callable[[float], float]:
-    """Tell how far the nose or the tail stands back at a distance from the middle."""
+def _bumper(shape: CarShape, curve: Curve, gap: float) -> Callable[[float], float]:
+    """Tell how far ahead the nose lies, or the tail behind, at a distance from the middle, and `gap` more."""
     shares = [share for _, share in curve]
     backs = [back for back, _ in curve]
     half = 0.5 * shape.width
@@ -273,11 +283,11 @@ def _front(shape: CarShape, curve: Curve, gap: float) -> Callable[[float], float
     return back
 
 
-def _face_of_car(shape: CarShape, detail: int) -> list[Face]:
+def _front_details(shape: CarShape, detail: int) -> list[Face]:
     """Paint lamps, grille, plate and the lower intake on the nose."""
     half, height = 0.5 * shape.width, shape.height
     top = shape.bonnet * height - 0.05
-    at = [_front(shape, _NOSE, _GAP * k) for k in (1, 1.6, 2.2)]
+    at = [_bumper(shape, _NOSE, _GAP * k) for k in (1, 1.6, 2.2)]
     lamp = (top - 0.13, top)
     faces: list[Face] = []
     left: list[Face] = []
@@ -326,10 +336,10 @@ def _bonnet_line(shape: CarShape) -> list[Face]:
     return faces
 
 
-def _back_of_car(shape: CarShape, detail: int) -> list[Face]:
+def _rear_details(shape: CarShape, detail: int) -> list[Face]:
     """Paint lamps, plate and bumper on the tail."""
     half, height = 0.5 * shape.width, shape.height
-    back = [_front(shape, _TAIL, _GAP * k) for k in (1, 1.6, 2.2)]
+    back = [_bumper(shape, _TAIL, _GAP * k) for k in (1, 1.6, 2.2)]
 
     def moved(place: Callable[[float], float]) -> Callable[[float], float]:
         return lambda y: -shape.length - place(y)

@@ -102,15 +102,17 @@ _ESTATE = CarShape(
     panes=((0.07, 0.36), (0.39, 0.66), (0.7, 0.92)),
 )  # fmt: skip
 _SUV = CarShape(
-    length=4.5, width=1.86, height=1.68, cowl=1.12, roof=(1.86, 3.95), foot=4.36, axles=(0.86, 3.5),
-    wheel=0.37, clearance=0.24, bonnet=0.54, belt=(0.64, 0.66), panes=((0.07, 0.4), (0.43, 0.72), (0.76, 0.92)),
+    length=4.5, width=1.86, height=1.68, cowl=1.12, roof=(1.86, 3.95), foot=4.36,
+    axles=(0.86, 3.5), wheel=0.37, clearance=0.24, bonnet=0.54, belt=(0.64, 0.66),
+    panes=((0.07, 0.4), (0.43, 0.72), (0.76, 0.92)),
 )  # fmt: skip
 _MINI = CarShape(
     length=3.6, width=1.66, height=1.5, cowl=0.8, roof=(1.45, 2.95), foot=3.42, axles=(0.68, 3.0), wheel=0.3
 )
 _VAN = CarShape(
-    length=5.2, width=1.95, height=2.2, cowl=0.85, roof=(1.55, 5.12), foot=5.17, axles=(0.95, 4.2),
-    wheel=0.34, clearance=0.24, bonnet=0.43, belt=(0.52, 0.52), deck=0.52, lean=0.86, panes=((0.04, 0.2),),
+    length=5.2, width=1.95, height=2.2, cowl=0.85, roof=(1.55, 5.12), foot=5.17,
+    axles=(0.95, 4.2), wheel=0.34, clearance=0.24, bonnet=0.43, belt=(0.52, 0.52), deck=0.52, lean=0.86,
+    panes=((0.04, 0.2),),
 )  # fmt: skip
 
 
