@@ -140,8 +140,8 @@ def build_sensor_observer(
     """Build the observer `bev`, `multi_view` or `detector`, of one sensor, or of those that a user names.
 
     Args:
-        wanted: one of these names, settings such as `EventCamera(...)`, or sensors by name: cameras, settings,
-            or what else `sensors.base.mount_sensor` takes.
+        wanted: one of these names, settings such as `EventCamera(...)`, or sensors by name: cameras and
+            all that `sensors.base.mount_sensor` takes.
         eyes: what draws.
         plans: of the signals to observe.
         interval: seconds from decision to decision.
