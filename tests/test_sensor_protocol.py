@@ -42,7 +42,7 @@ class Clock(Sensor):
 class AllLooks(Clock):
     """Tells how many looks have arrived, and when the newest was."""
 
-    def deliver(self, looks, view):
+    def deliver(self, looks, view):  # noqa: ARG002
         return np.array([len(looks), looks[-1][0]])
 
 
@@ -52,7 +52,7 @@ class ClockSettings:
     delay: float = 0.0
     kind: type = Clock
 
-    def mount(self, site):
+    def mount(self, site):  # noqa: ARG002
         return self.kind(self.interval, self.delay)
 
 
@@ -73,22 +73,29 @@ def make():
 def times_seen(env, steps=6, name=None):
     """The first value of each decision's observation, in seconds after the first decision."""
     seen = [env.reset(seed=1)[0]] + [env.step(0)[0] for _ in range(steps)]
-    values = np.array([each if name is None else each[name] for each in seen])
-    return values
+    return np.array([each if name is None else each[name] for each in seen])
 
 
 def test_own_kind_is_used_by_its_name(monkeypatch):
-    monkeypatch.setitem(SENSORS, "clock", lambda text, site: Clock(float(text or 0), 0.0))
+    monkeypatch.setitem(SENSORS, "clock", lambda text, _site: Clock(float(text or 0), 0.0))
     env = gymnasium.make(
         "dojo_env/TrafficSignal-v0", scenario="two-way", num_seconds=30,
-        observation={"slow": "clock:10", "top": "bev", "exact": ClockSettings()},
+        observation={"slow": "clock:10", "always": "clock", "top": "bev"},
     )  # fmt: skip
     assert env.observation_space["slow"] == spaces.Box(0.0, np.inf, (2,), np.float64)
+    times = [times_seen(env.unwrapped, steps=2, name=name)[:, 0].tolist() for name in ("slow", "always")]
+    assert times == [[0, 0, 10], [0, 5, 10]]
+    env.close()
+
+
+def test_gymnasium_accepts_own_settings():
+    env = gymnasium.make(
+        "dojo_env/TrafficSignal-v0", scenario="two-way", num_seconds=30,
+        observation={"clock": ClockSettings(interval=1, delay=2), "events": "events", "lanes": "detector"},
+    )  # fmt: skip
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", message=".*can be closed.*|.*spec.*|.*infinity.*")
         check_env(env.unwrapped)
-    observation, _ = env.reset(seed=1)
-    assert env.observation_space.contains(observation)
     env.close()
 
 
@@ -144,12 +151,8 @@ def test_sensors_that_share_a_camera_draw_it_once(make, monkeypatch):
 
 
 def test_pictures_come_as_often_and_as_late_as_asked(make):
-    mine = {
-        "now": SMALL,
-        "late": CameraSensor(camera=SMALL, delay=10),
-        "rare": CameraSensor(camera=SMALL, interval=10),
-    }
-    env = make(mine, num_seconds=100)
+    late, rare = CameraSensor(camera=SMALL, delay=10), CameraSensor(camera=SMALL, interval=10)
+    env = make({"now": SMALL, "late": late, "rare": rare}, num_seconds=100)
     seen = [env.reset(seed=1)[0]] + [env.step(k // 3 % 2)[0] for k in range(12)]
     for k in range(13):
         np.testing.assert_array_equal(seen[k]["late"], seen[max(0, k - 2)]["now"])
