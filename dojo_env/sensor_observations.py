@@ -119,8 +119,12 @@ class _Channel:
         arrived = []
         while self._coming and self._coming[0][0] <= time + _SOON:
             arrived.append(self._coming.popleft()[1])
-        self._arrived = arrived or self._arrived
-        return self.sensor.deliver(self._arrived or [self._coming[0][1]], view)
+        if not arrived:
+            arrived = self._arrived or [self._coming[0][1]]
+        elif self.sensor.interval or self.sensor.delay:
+            # Only then may a later decision have nothing new, so that this is given again.
+            self._arrived = arrived
+        return self.sensor.deliver(arrived, view)
 
 
 def _join_views(channels: Sequence[_Channel]) -> tuple[Sequence[Camera], Sequence[str]]:

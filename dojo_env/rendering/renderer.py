@@ -1,6 +1,7 @@
 """The renderer: a snapshot through cameras. The static world comes from a cache; only what moves is drawn."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
+from functools import cache
 from typing import Any
 
 from dojo_env.camera import Camera
@@ -13,8 +14,9 @@ from dojo_env.rendering.scene import NO_PATHS, Scene, SignalFaces
 from dojo_env.rendering.traffic import Users, place_users
 from dojo_env.snapshot import Snapshot
 
-_Passes = Sequence[tuple[int, Sequence[str]]]
-"""What is drawn of a camera, and how often: samples a pixel has across and down, and the outputs."""
+_Maker = tuple[str, Callable[[Drawing], Any]]
+_Passes = Sequence[tuple[int, Sequence[_Maker]]]
+"""How a camera is drawn: samples a pixel has across and down, and the outputs made of each drawing."""
 
 
 class Renderer:
@@ -56,7 +58,7 @@ class Renderer:
         Raises:
             ConfigError: an output has no such name.
         """
-        passes = self._plan(check_outputs(outputs))
+        passes = _plan(tuple(outputs), smooth=self.smooth)
         users = place_users(snapshot, self.scene.origin)
         return tuple(self._picture(snapshot, users, camera, passes) for camera in cameras)
 
@@ -70,18 +72,12 @@ class Renderer:
         """Forget every background; the renderer may still be used."""
         self.forget()
 
-    def _plan(self, wanted: frozenset[str]) -> _Passes:
-        """Divide the outputs into those that are smoothed and the others; each kind is drawn once."""
-        fine = [name for name in OUTPUTS if name in wanted and self.smooth and OUTPUTS[name].is_smoothed]
-        plain = [name for name in OUTPUTS if name in wanted and name not in fine]
-        return [(factor, names) for factor, names in ((SAMPLES, fine), (1, plain)) if names]
-
     def _picture(self, snapshot: Snapshot, users: Users, camera: Camera, passes: _Passes) -> Picture:
         made: dict[str, Any] = {}
-        for factor, names in passes:
+        for factor, makers in passes:
             drawing = self._draw(snapshot, users, camera, factor)
-            for name in names:
-                made[name] = OUTPUTS[name].make(drawing)
+            for name, make in makers:
+                made[name] = make(drawing)
         return Picture(camera=camera, outputs=made)
 
     def _draw(self, snapshot: Snapshot, users: Users, camera: Camera, factor: int) -> Drawing:
@@ -94,3 +90,19 @@ class Renderer:
         paths = self._faces.paths(states) if self.show_links else NO_PATHS
         target = eye.bend(eye.canvas.draw(users, self._faces.lit(states), paths))
         return Drawing(camera, snapshot, users, eye, target, factor)
+
+
+@cache
+def _plan(outputs: tuple[str, ...], *, smooth: bool) -> _Passes:
+    """Divide the outputs into those that are smoothed and the others; each kind is drawn once.
+
+    Raises:
+        ConfigError: an output has no such name.
+    """
+    wanted = check_outputs(outputs)
+    fine: list[_Maker] = []
+    plain: list[_Maker] = []
+    for name, output in OUTPUTS.items():
+        if name in wanted:
+            (fine if smooth and output.is_smoothed else plain).append((name, output.make))
+    return [(factor, makers) for factor, makers in ((SAMPLES, fine), (1, plain)) if makers]
