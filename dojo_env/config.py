@@ -8,10 +8,10 @@ from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any
 
+from dojo_env.camera import Camera
 from dojo_env.conditions import Conditions, sample_conditions
 from dojo_env.errors import ConfigError
 from dojo_env.scenario import Scenario, find_scenario, with_files
-from dojo_env.sensors.camera import Camera
 from dojo_env.sumo_settings import SumoSettings, settle
 
 ACTION_MODES = ("choose_phase", "next_or_keep", "set_duration")

@@ -11,9 +11,9 @@ from dojo_env.config import EnvConfig
 from dojo_env.controllers import Controller
 from dojo_env.episode_files import EpisodeFiles
 from dojo_env.errors import ConfigError, EpisodeOverError, SimulationError
-from dojo_env.eyes import Eyes
 from dojo_env.instant import Instant
 from dojo_env.managers.base import Manager, Turn
+from dojo_env.managers.looker import Looker, LookManager
 from dojo_env.managers.map import MapManager
 from dojo_env.managers.recorder import RecorderManager
 from dojo_env.managers.signals import SignalManager
@@ -25,6 +25,7 @@ from dojo_env.observations import build_observer
 from dojo_env.reading import LaneGroups
 from dojo_env.rewards import build_rewards, is_own
 from dojo_env.scenario import open_map
+from dojo_env.sensors.eyes import Eyes
 from dojo_env.snapshot import Snapshot
 from dojo_env.watching.board import read_board
 from dojo_env.watching.views import Frame, choose_cameras, draw_views
@@ -69,9 +70,17 @@ class LocalWorld(World):
             step=config.sumo.step,
             interval=config.sumo.interval,
         )
-        self.managers: tuple[Manager, ...] = (self.map, self.traffic, self.control, *self._recorders())
         self.eyes = Eyes(bundle, config.sensing)
-        self.observer = build_observer(config.observation, self.eyes, self.map.plans)
+        self.observer = build_observer(
+            config.observation, self.eyes, self.map.plans, interval=config.sumo.interval
+        )
+        self.managers: tuple[Manager, ...] = (
+            *self._lookers(),
+            self.map,
+            self.traffic,
+            self.control,
+            *self._recorders(),
+        )
         self._lanes = LaneGroups([(p.lanes, p.limits, p.lengths) for p in self.map.plans.values()])
         self._names = {signal: [f"{signal}_{name}" for name in SIGNAL_FIGURES] for signal in self.signals}
         self._rewards = build_rewards(config.reward_fn, self.signals)
@@ -230,6 +239,11 @@ class LocalWorld(World):
         except simulation.failures as error:
             self._instant = None
             raise simulation.fail(error) from error
+
+    def _lookers(self) -> tuple[Manager, ...]:
+        if not isinstance(self.observer, Looker):
+            return ()
+        return (LookManager(self.traffic.simulation, self.observer),)
 
     def _recorders(self) -> tuple[Manager, ...]:
         episode = self.config.episode

@@ -8,8 +8,9 @@ from gymnasium import spaces
 from numpy.typing import NDArray
 
 from dojo_env.errors import ConfigError, refuse_other_arguments
-from dojo_env.eyes import Eyes
 from dojo_env.instant import Instant
+from dojo_env.sensors.base import SensorSettings
+from dojo_env.sensors.eyes import Eyes
 from dojo_env.signals.plan import SignalPlan
 
 
@@ -62,19 +63,25 @@ OBSERVERS: dict[str, ObserverFactory] = {"features": Features}
 _SEEING = ("bev", "multi_view", "detector")
 
 
-def build_observer(wanted: Any, eyes: Eyes, plans: Mapping[str, SignalPlan]) -> Observer:
-    """Find an observer by name, name its sensors, call a factory, or take an observer as it is.
+def build_observer(wanted: Any, eyes: Eyes, plans: Mapping[str, SignalPlan], *, interval: float) -> Observer:
+    """Find an observer by name, mount sensors, call a factory, or take an observer as it is.
+
+    Args:
+        wanted: as `observation=` of an environment.
+        eyes: what sensors draw with.
+        plans: of the signals to observe.
+        interval: seconds from decision to decision.
 
     Raises:
         ConfigError: there is none of that name.
     """
     if isinstance(wanted, str) and wanted in OBSERVERS:
         return OBSERVERS[wanted](eyes, plans)
-    if isinstance(wanted, Mapping) or wanted in _SEEING:
+    if isinstance(wanted, Mapping) or _is_settings(wanted) or wanted in _SEEING:
         # Who only measures does without the compiler that drawing loads.
         from dojo_env.sensor_observations import build_sensor_observer  # noqa: PLC0415
 
-        return build_sensor_observer(wanted, eyes, plans)
+        return build_sensor_observer(wanted, eyes, plans, interval=interval)
     if isinstance(wanted, Observer) and not isinstance(wanted, type):
         return wanted
     if callable(wanted):
@@ -82,4 +89,11 @@ def build_observer(wanted: Any, eyes: Eyes, plans: Mapping[str, SignalPlan]) -> 
         built: Observer = wanted(eyes, plans)
         return built
     known = ", ".join((*OBSERVERS, *_SEEING))
-    raise ConfigError(f"observation={wanted!r}: expected one of {known}, a dict of sensors, or an observer")
+    raise ConfigError(
+        f"observation={wanted!r}: expected one of {known}, a dict of sensors, the settings of one, "
+        "or an observer"
+    )
+
+
+def _is_settings(wanted: Any) -> bool:
+    return isinstance(wanted, SensorSettings) and not isinstance(wanted, type)

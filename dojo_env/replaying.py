@@ -5,18 +5,18 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from dojo_env.camera import Camera
 from dojo_env.config import SensingConfig
 from dojo_env.errors import ConfigError, RecordingError
-from dojo_env.eyes import Eyes
 from dojo_env.recording import Recording
 from dojo_env.scenario import PACKAGED, Scenario, open_map, packaged_scenario
-from dojo_env.sensors.camera import Camera
+from dojo_env.sensors.eyes import Eyes
 from dojo_env.snapshot import Snapshot
 from dojo_maps.bundle import Bundle
 
 if TYPE_CHECKING:
-    from dojo_env.rendering.renderer import Picture
-    from dojo_env.sensors.lidar import Lidar, Scan
+    from dojo_env.rendering.outputs import Picture
+    from dojo_env.sensors.lidar import Lidar, LidarScanner, Scan
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -63,6 +63,7 @@ def replay(
         raise ConfigError(f"every={every}: expected a number of seconds above 0")
     eyes = open_eyes(recording, find_map(recording, map), **sensing)
     try:
+        scanner = _open_scanner(eyes) if lidars else None
         if cameras is None and not recording.signals:
             raise RecordingError(recording.path, "has no signals to look at; give cameras")
         chosen = eyes.cameras(recording.signals[0]) if cameras is None else tuple(cameras)
@@ -71,10 +72,16 @@ def replay(
             yield Replayed(
                 snapshot=snapshot,
                 pictures=eyes.look(snapshot, chosen, outputs) if chosen else (),
-                scans=eyes.scan(snapshot, lidars) if lidars else (),
+                scans=scanner.scan(snapshot, lidars) if scanner else (),
             )
     finally:
         eyes.close()
+
+
+def _open_scanner(eyes: Eyes) -> "LidarScanner":
+    from dojo_env.sensors.lidar import LidarScanner  # noqa: PLC0415 - loads a compiler
+
+    return LidarScanner(eyes.scene, seed=eyes.conditions.seed)
 
 
 def open_eyes(recording: Recording, bundle: Bundle, **sensing: Any) -> Eyes:

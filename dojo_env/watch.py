@@ -7,16 +7,16 @@ from contextlib import closing
 from pathlib import Path
 from typing import Any, Self
 
+from dojo_env.camera import read_cameras
 from dojo_env.config import EnvConfig, SignalConfig, build_config
 from dojo_env.controllers import make_controller
 from dojo_env.errors import ConfigError
-from dojo_env.eyes import Eyes
 from dojo_env.managers.map import MapManager
 from dojo_env.metadrive import export_recording
 from dojo_env.recording import Recording, read_recording
 from dojo_env.replaying import find_map, open_eyes
 from dojo_env.scenario import open_map
-from dojo_env.sensors.camera import read_cameras
+from dojo_env.sensors.eyes import Eyes
 from dojo_env.signals.plan import SignalPlan
 from dojo_env.snapshot import Snapshot
 from dojo_env.watching.board import Board, Scoreboard

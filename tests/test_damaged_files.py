@@ -16,9 +16,9 @@ from commands import TOOLS
 from conftest import Conversion
 from test_whole_file import write_recording
 
+from dojo_env.camera import LARGEST_SIDE, Camera, read_cameras, write_cameras
 from dojo_env.errors import CameraError, EncoderError, RecordingError
 from dojo_env.recording import read_recording
-from dojo_env.sensors.camera import LARGEST_SIDE, Camera, read_cameras, write_cameras
 from dojo_maps.bundle import read_bundle
 from dojo_maps.errors import DescriptionError
 from dojo_maps.meshes.gltf_reader import read_scene

@@ -20,6 +20,7 @@ import pytest
 from conftest import command_environment
 
 import dojo_env
+from dojo_env.camera import Camera, write_cameras
 from dojo_env.cli import main
 from dojo_env.conditions import Conditions
 from dojo_env.config import build_config
@@ -28,7 +29,6 @@ from dojo_env.errors import ConfigError, RecordingError
 from dojo_env.local_world import LocalWorld
 from dojo_env.recording import Recorder, Recording
 from dojo_env.replaying import find_map, replay
-from dojo_env.sensors.camera import Camera, write_cameras
 from dojo_env.sensors.lidar import Lidar
 from dojo_maps.errors import ExportError
 

@@ -13,18 +13,20 @@ from gymnasium.utils.env_checker import check_env
 from pettingzoo.test import parallel_api_test
 
 import dojo_env
+from dojo_env.camera import Camera
 from dojo_env.conditions import Conditions
 from dojo_env.env import TrafficSignalEnv
 from dojo_env.errors import ConfigError
-from dojo_env.sensor_observations import Detector, Sensor
-from dojo_env.sensors.camera import Camera
+from dojo_env.sensor_observations import build_sensor_observer
+from dojo_env.sensors.detector import Detector
 from dojo_env.sensors.lidar import Lidar
+from dojo_env.sensors.picture import CameraSensor
 
 NAMED = {
     "top": "bev",
     "far": "approach_1:depth",
     "what": "approach_0:semantic",
-    "who": Sensor(output="instance"),
+    "who": CameraSensor(output="instance"),
     "spin": "lidar",
     "mine": Camera(name="mine", position=(0.0, 0.0, 30.0), width=64, height=48),
 }
@@ -127,7 +129,10 @@ def test_perfect_detector_agrees_with_the_features_near_the_junction(make):
     env = make("cologne1", observation={"top": "bev"}, num_seconds=400)
     env.reset(seed=2)
     plans, eyes = env.world.map.plans, env.world.eyes
-    detector, features = Detector()(eyes, plans), dojo_env.observations.Features(eyes, plans)
+    detector, features = (
+        build_sensor_observer(Detector(), eyes, plans, interval=5),
+        dojo_env.observations.Features(eyes, plans),
+    )
     detector.reset(2)
     pairs = []
     for step in range(60):
@@ -144,7 +149,7 @@ def test_detector_misses_and_is_late(make):
     plans, eyes = env.world.map.plans, env.world.eyes
     kinds = {"perfect": Detector(), "blind": Detector(missed=1.0), "late": Detector(latency=2),
              "scared": Detector(false_alarms=3.0)}  # fmt: skip
-    observers = {name: kind(eyes, plans) for name, kind in kinds.items()}
+    observers = {name: build_sensor_observer(kind, eyes, plans, interval=5) for name, kind in kinds.items()}
     seen = {name: [] for name in kinds}
     for observer in observers.values():
         observer.reset(1)
@@ -193,7 +198,7 @@ def test_measuring_alone_loads_no_compiler():
         ({"observation": {"a": 3}}, "sensor 'a'"),
         ({"observation": {"a": "approach_9"}}, "approach_0"),
         ({"observation": {"a": "bev:smell"}}, "smell"),
-        ({"observation": Sensor()}, "Sensor"),
+        ({"observation": CameraSensor}, "CameraSensor"),
         ({"conditions": {"wind": (0, 1)}}, "wind"),
         ({"conditions": {"rain": (0, 7)}}, "rain"),
         ({"conditions": 3}, "Conditions"),

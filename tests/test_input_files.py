@@ -12,12 +12,12 @@ from typing import Any
 import numpy as np
 import pytest
 
+from dojo_env.camera import read_cameras
 from dojo_env.elements import read_elements
 from dojo_env.encoders import load_encoder
 from dojo_env.errors import CameraError, EncoderError, RecordingError, ScenarioError
 from dojo_env.recording import read_recording
 from dojo_env.scenario import Scenario, open_map
-from dojo_env.sensors.camera import read_cameras
 from dojo_maps import safe_json, safe_xml
 from dojo_maps.conversion import convert
 from dojo_maps.errors import DescriptionError, SourceError

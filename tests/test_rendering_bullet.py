@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 import traffic
 
+from dojo_env.camera import Camera
 from dojo_env.errors import ConfigError
 from dojo_env.rendering.bullet import BulletWorld
 from dojo_env.rendering.renderer import Renderer
 from dojo_env.rendering.scene import build_scene
-from dojo_env.sensors.camera import Camera
 from dojo_env.sensors.lidar import Lidar, LidarScanner
 from dojo_env.sensors.placement import place_cameras
 from dojo_env.snapshot import Kind, Snapshot

@@ -10,12 +10,12 @@ import pytest
 import traffic
 from conftest import REPOSITORY, command_environment
 
+from dojo_env.camera import Camera
 from dojo_env.conditions import Conditions
 from dojo_env.errors import ConfigError, SnapshotError
 from dojo_env.rendering.classes import SEMANTIC_OF_KIND, Semantic
 from dojo_env.rendering.renderer import Renderer
 from dojo_env.rendering.scene import build_scene
-from dojo_env.sensors.camera import Camera
 from dojo_env.sensors.placement import place_cameras
 from dojo_env.snapshot import Kind, Lights, Snapshot
 from dojo_maps.bundle import read_bundle

@@ -9,12 +9,12 @@ import pytest
 import traffic
 from rays import nearest_hits
 
+from dojo_env.camera import Camera, read_cameras, write_cameras
 from dojo_env.conditions import LIMITS, Conditions, sample_conditions
 from dojo_env.errors import ConfigError
 from dojo_env.rendering.classes import SEMANTIC_OF_KIND, Semantic
 from dojo_env.rendering.renderer import Renderer
 from dojo_env.rendering.scene import build_scene
-from dojo_env.sensors.camera import Camera, read_cameras, write_cameras
 from dojo_env.sensors.lidar import Lidar, LidarScanner
 from dojo_env.sensors.noise import Lens, shake_cameras
 from dojo_env.sensors.placement import find_approaches, place_cameras

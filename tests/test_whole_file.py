@@ -15,9 +15,9 @@ import numpy as np
 import pytest
 from conftest import command_environment
 
+from dojo_env.camera import Camera, write_cameras
 from dojo_env.episode_files import EpisodeFiles
 from dojo_env.recording import Recorder
-from dojo_env.sensors.camera import Camera, write_cameras
 from dojo_env.snapshot import Snapshot
 from dojo_env.watching.video import open_video
 from dojo_maps import whole_file

@@ -5,10 +5,10 @@ from typing import Any
 
 import numpy as np
 
+from dojo_env.camera import Camera
 from dojo_env.rendering.lighting import SRGB
 from dojo_env.rendering.scene import Scene
 from dojo_env.rendering.traffic import library, place_users
-from dojo_env.sensors.camera import Camera
 from dojo_env.snapshot import Snapshot
 from dojo_maps.errors import ToolMissingError
 

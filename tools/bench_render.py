@@ -23,12 +23,12 @@ from pathlib import Path
 import numpy as np
 
 from bench_panda import PandaWorld
+from dojo_env.camera import Camera
 from dojo_env.config import EnvConfig
 from dojo_env.rendering.bullet import BulletWorld
 from dojo_env.rendering.renderer import Renderer
 from dojo_env.rendering.scene import Scene, build_scene
 from dojo_env.scenario import find_scenario, open_map
-from dojo_env.sensors.camera import Camera
 from dojo_env.sensors.placement import place_cameras
 from dojo_env.simulation import Simulation
 from dojo_env.snapshot import Snapshot
@@ -169,7 +169,7 @@ import sys, time
 start = time.perf_counter()
 from dojo_env.rendering.renderer import Renderer
 from dojo_env.rendering.scene import build_scene
-from dojo_env.sensors.camera import Camera
+from dojo_env.camera import Camera
 from dojo_env.snapshot import Snapshot
 from dojo_maps.bundle import read_bundle
 scene = build_scene(read_bundle(sys.argv[1]))

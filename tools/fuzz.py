@@ -113,7 +113,7 @@ def make_kinds(folder: Path) -> dict[str, Kind]:
     with closing(world):
         world.run(make_controller("max-pressure"), 0)
         cameras = folder / "cameras.json"
-        from dojo_env.sensors.camera import write_cameras
+        from dojo_env.camera import write_cameras
 
         write_cameras(world.eyes.cameras(world.signals[0]), cameras)
     recording = folder / "recorded_ep1.npz"

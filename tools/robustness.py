@@ -17,7 +17,7 @@ from dojo_env.conditions import PRESETS, Conditions
 from dojo_env.errors import ConfigError
 from dojo_env.metrics import SIX
 from dojo_env.runs import summarize
-from dojo_env.sensor_observations import Detector
+from dojo_env.sensors.detector import Detector
 from dojo_maps.command import Parser, run_command
 from dojo_maps.input_files import sha256_of
 from dojo_maps.interruption import begin

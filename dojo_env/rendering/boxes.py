@@ -6,10 +6,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from dojo_env.camera import Camera
 from dojo_env.rendering.compiling import kernel
 from dojo_env.rendering.target import Target
 from dojo_env.rendering.traffic import Users
-from dojo_env.sensors.camera import Camera
 from dojo_env.snapshot import Snapshot
 
 Ints = NDArray[np.int32]

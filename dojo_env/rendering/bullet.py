@@ -8,19 +8,18 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
+from dojo_env.camera import Camera
 from dojo_env.errors import ConfigError
 from dojo_env.rendering.classes import SEMANTIC_COLOURS, SEMANTIC_OF_KIND, Semantic
-from dojo_env.rendering.renderer import Picture
+from dojo_env.rendering.outputs import OUTPUTS, BulletDrawing, Picture, check_outputs
 from dojo_env.rendering.scene import Scene
 from dojo_env.rendering.traffic import Users, library, place_users
-from dojo_env.sensors.camera import Camera
 from dojo_env.snapshot import Snapshot
 from dojo_maps.errors import ToolMissingError
 from dojo_maps.progress import quiet_output
 
 Floats = NDArray[np.float64]
 
-OUTPUTS = ("rgb", "depth", "semantic", "instance")
 _FACES_AT_ONCE = 20_000
 """pybullet takes meshes of at most some 130,000 vertices; a mesh is made of pieces of this many faces."""
 _RAYS_AT_ONCE = 10_000
@@ -145,10 +144,9 @@ class BulletWorld:
         Raises:
             ConfigError: an output has no such name, or a camera's lens bends.
         """
-        if unknown := set(outputs) - set(OUTPUTS):
-            raise ConfigError(f"no output {sorted(unknown)} from bullet; choose from {', '.join(OUTPUTS)}")
+        wanted = check_outputs(outputs, bullet=True)
         self.show(snapshot)
-        return tuple(self._picture(camera, frozenset(outputs)) for camera in cameras)
+        return tuple(self._picture(camera, wanted) for camera in cameras)
 
     def cast_rays(self, starts: Floats, ends: Floats) -> Hits:
         """Cast rays, (n, 3) to (n, 3), metres, map frame, at the instant shown last."""
@@ -260,16 +258,14 @@ class BulletWorld:
             renderer=bullet.ER_TINY_RENDERER,
             physicsClientId=self._client,
         )
-        near, far = camera.near, camera.far
-        buffer = np.asarray(depth, dtype=np.float64).reshape(height, width)
-        semantic, instance = self._labels(np.asarray(bodies, dtype=np.int64).reshape(height, width))
-        made: dict[str, NDArray[Any]] = {
-            "rgb": np.asarray(rgba, dtype=np.uint8).reshape(height, width, 4)[..., :3],
-            "depth": (far * near / (far - (far - near) * buffer)).astype(np.float32),
-            "semantic": semantic,
-            "instance": instance,
-        }
-        return Picture(camera=camera, **{name: made[name] for name in OUTPUTS if name in wanted})  # type: ignore[arg-type]
+        drawing = BulletDrawing(
+            camera,
+            np.asarray(rgba, dtype=np.uint8).reshape(height, width, 4),
+            np.asarray(depth, dtype=np.float64).reshape(height, width),
+            *self._labels(np.asarray(bodies, dtype=np.int64).reshape(height, width)),
+        )
+        makers = {name: OUTPUTS[name].make_bullet for name in wanted}
+        return Picture(camera=camera, outputs={name: make(drawing) for name, make in makers.items() if make})
 
 
 def _mesh_of(users: Users, k: int) -> tuple[Floats, NDArray[np.int32]]:

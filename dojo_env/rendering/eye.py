@@ -5,13 +5,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from dojo_env.camera import Camera
 from dojo_env.rendering.background import SAMPLES, Background, draw_background
 from dojo_env.rendering.canvas import Canvas
 from dojo_env.rendering.lighting import Light
 from dojo_env.rendering.scene import Scene
 from dojo_env.rendering.target import Target
 from dojo_env.rendering.view import View, view_of
-from dojo_env.sensors.camera import Camera
 
 Places = NDArray[np.float32]
 

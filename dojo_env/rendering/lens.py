@@ -6,9 +6,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from dojo_env.camera import Camera
 from dojo_env.rendering.background import Background
 from dojo_env.rendering.view import View
-from dojo_env.sensors.camera import Camera
 
 Places = NDArray[np.float32]
 

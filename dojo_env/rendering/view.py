@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from dojo_env.sensors.camera import Camera
+from dojo_env.camera import Camera
 
 Floats = NDArray[np.float64]
 

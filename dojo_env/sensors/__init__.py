@@ -1,1 +1,1 @@
-"""Sensors: cameras and lidar, where they hang, and what their pictures suffer from."""
+"""Sensors: what one is, the kinds there are, where they hang, and what their pictures suffer from."""

@@ -10,6 +10,7 @@ from math import atan2, ceil, cos, floor, hypot, isfinite, pi, radians, sin
 from zlib import crc32
 
 import numpy as np
+from gymnasium import spaces
 from numpy.typing import NDArray
 
 from dojo_env.errors import ConfigError
@@ -17,6 +18,7 @@ from dojo_env.rendering.classes import SEMANTIC_OF_KIND, Semantic
 from dojo_env.rendering.compiling import inner, kernel
 from dojo_env.rendering.scene import Scene
 from dojo_env.rendering.traffic import Users, library, place_users
+from dojo_env.sensors.base import SENSORS, Look, Sensor, Site
 from dojo_env.snapshot import Snapshot
 
 Floats = NDArray[np.float64]
@@ -39,6 +41,8 @@ class Lidar:
         reach: metres; nothing farther returns.
         noise: standard deviation of a range, metres.
         dropped: probability that a return is lost.
+        interval: seconds from look to look of an agent's sensor; 0 looks at each decision.
+        delay: seconds from a look until the agent gets it.
     """
 
     name: str
@@ -51,6 +55,8 @@ class Lidar:
     reach: float = 120.0
     noise: float = 0.0
     dropped: float = 0.0
+    interval: float = 0.0
+    delay: float = 0.0
 
     def __post_init__(self) -> None:
         """Refuse what no lidar can be.
@@ -96,6 +102,10 @@ class Lidar:
         level = np.cos(self.elevations)[:, None]
         rise = np.broadcast_to(np.sin(self.elevations)[:, None], (self.channels, self.columns))
         return np.stack([level * np.cos(azimuth), level * np.sin(azimuth), rise], axis=2)
+
+    def mount(self, site: Site) -> Sensor:
+        """Hang it for a signal; agents get its ranges."""
+        return _MountedLidar(self, site)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -179,6 +189,34 @@ class LidarScanner:
         np.maximum(ranges, 0.0, out=ranges)
         lost = generator.random(ranges.shape) < lidar.dropped
         ranges[lost], semantic[lost], instance[lost] = np.inf, Semantic.SKY, 0
+
+
+class _MountedLidar(Sensor):
+    """Ranges, (channels, columns) float32 metres, highest ring first; `reach` where nothing returns."""
+
+    def __init__(self, lidar: Lidar, site: Site) -> None:
+        self._lidar, self._eyes = lidar, site.eyes
+        self._scanner: LidarScanner | None = None
+        self.space = spaces.Box(0.0, lidar.reach, (lidar.channels, lidar.columns), np.float32)
+        self.interval, self.delay = lidar.interval, lidar.delay
+
+    def reset(self, random: np.random.Generator) -> None:
+        self._scanner = None
+
+    def observe(self, look: Look) -> NDArray[np.float32]:
+        if self._scanner is None:
+            self._scanner = LidarScanner(self._eyes.scene, seed=self._eyes.conditions.seed)
+        (scan,) = self._scanner.scan(look.snapshot, [self._lidar])
+        return np.minimum(scan.ranges, np.float32(self._lidar.reach))
+
+
+def _mount(text: str, site: Site) -> Sensor:
+    """Hang one where a camera does: the one that is named, or the signal's first."""
+    camera = site.find_camera(text) if text else site.eyes.cameras(site.signal)[0]
+    return Lidar(name=site.name, position=camera.position).mount(site)
+
+
+SENSORS["lidar"] = _mount
 
 
 def _scan_of(lidar: Lidar, ranges: Floats, semantic: NDArray[np.uint8], instance: NDArray[np.int32]) -> Scan:

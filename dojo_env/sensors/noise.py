@@ -8,8 +8,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from dojo_env.camera import Camera
 from dojo_env.conditions import Conditions
-from dojo_env.sensors.camera import Camera
 
 Picture = NDArray[np.uint8]
 

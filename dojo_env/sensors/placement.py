@@ -7,11 +7,11 @@ from math import atan2, cos, degrees, radians, sin, tan
 import numpy as np
 from numpy.typing import NDArray
 
+from dojo_env.camera import BEV, Camera
 from dojo_env.errors import ConfigError
 from dojo_env.rendering.raster import draw_mesh
 from dojo_env.rendering.scene import Scene
 from dojo_env.rendering.view import view_of
-from dojo_env.sensors.camera import BEV, Camera
 from dojo_maps.description import Lane, LinkKind, RoadMap, Signal
 from dojo_maps.index import MapIndex
 

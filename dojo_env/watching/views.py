@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dojo_env.eyes import Eyes
-from dojo_env.sensors.camera import BEV, LARGEST_SIDE, Camera
+from dojo_env.camera import BEV, LARGEST_SIDE, Camera
+from dojo_env.sensors.eyes import Eyes
 from dojo_env.snapshot import Snapshot
 from dojo_env.watching.board import Board
 

@@ -8,22 +8,22 @@ from dataclasses import replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
+from dojo_env.camera import Camera
 from dojo_env.conditions import Conditions, sample_conditions
 from dojo_env.config import SensingConfig
-from dojo_env.sensors.camera import Camera
 from dojo_env.snapshot import Snapshot
 from dojo_maps.bundle import Bundle
 
 if TYPE_CHECKING:
     from dojo_env.rendering.bullet import BulletWorld
-    from dojo_env.rendering.renderer import Picture, Renderer
+    from dojo_env.rendering.outputs import Picture
+    from dojo_env.rendering.renderer import Renderer
     from dojo_env.rendering.scene import Scene
-    from dojo_env.sensors.lidar import Lidar, LidarScanner, Scan
     from dojo_env.sensors.noise import Lens
 
 
 class Eyes:
-    """Draws and scans for all signals of an environment."""
+    """Draws for all signals of an environment."""
 
     def __init__(self, bundle: Bundle, config: SensingConfig) -> None:
         """Note what is to be seen, and how; nothing is loaded yet."""
@@ -31,7 +31,6 @@ class Eyes:
         self._placed: dict[str, tuple[Camera, ...]] = {}
         self._hung: dict[Camera, Camera] = {}
         self._renderer: Renderer | BulletWorld | None = None
-        self._scanner: LidarScanner | None = None
         self._lenses: dict[str, Lens] = {}
         self.conditions = config.conditions if isinstance(config.conditions, Conditions) else Conditions()
 
@@ -50,7 +49,7 @@ class Eyes:
             # Another light needs other backgrounds; the same keeps them.
             self.close()
         self.conditions = replace(drawn, seed=seed)
-        self._hung, self._scanner, self._lenses = {}, None, {}
+        self._hung, self._lenses = {}, {}
 
     def close(self) -> None:
         """Free what draws; it is made anew when somebody looks."""
@@ -86,14 +85,6 @@ class Eyes:
         pictures = self._draws.render(snapshot, [self._mount(camera) for camera in cameras], outputs)
         return tuple(self._delivered(picture, snapshot.time, viewer) for picture in pictures)
 
-    def scan(self, snapshot: Snapshot, lidars: "Sequence[Lidar]") -> "tuple[Scan, ...]":
-        """Scan an instant with each lidar."""
-        from dojo_env.sensors.lidar import LidarScanner
-
-        if self._scanner is None:
-            self._scanner = LidarScanner(self.scene, seed=self.conditions.seed)
-        return self._scanner.scan(snapshot, lidars)
-
     @property
     def _draws(self) -> "Renderer | BulletWorld":
         from dojo_env.rendering.bullet import BulletWorld
@@ -127,4 +118,5 @@ class Eyes:
             from dojo_env.sensors.noise import Lens
 
             self._lenses[viewer] = Lens(self.conditions)
-        return replace(picture, rgb=self._lenses[viewer].spoil(picture.rgb, picture.camera.name, time))
+        spoilt = self._lenses[viewer].spoil(picture.rgb, picture.camera.name, time)
+        return replace(picture, outputs={**picture.outputs, "rgb": spoilt})

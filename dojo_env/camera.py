@@ -99,6 +99,10 @@ class Camera:
         for name in ("width", "height"):
             object.__setattr__(self, name, int(getattr(self, name)))
 
+    def __hash__(self) -> int:
+        """Hash what mostly differs: cameras are looked up at every picture."""
+        return hash((self.name, self.position))
+
     def _refuse(self, what: str, wanted: str) -> NoReturn:
         got = {f.name: getattr(self, f.name) for f in fields(self) if f.name in what or f.name in _NUMBERS}
         raise ConfigError(f"camera {str(self.name)[:60]!r}: {what} must be {wanted}; got {str(got)[:300]}")

@@ -1,0 +1,251 @@
+"""The outputs of a camera: for each name its type, its shape, its range, and how it is made from a drawing.
+
+Both renderers, the spaces of observations and every check read this table; another output is another entry.
+"""
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field
+from functools import partial
+from types import MappingProxyType
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import DTypeLike, NDArray
+
+from dojo_env.camera import Camera
+from dojo_env.errors import ConfigError
+from dojo_env.rendering.background import SAMPLES
+from dojo_env.rendering.boxes import Boxes, measure_boxes
+from dojo_env.rendering.classes import SEMANTIC_OF_KIND, Semantic
+from dojo_env.rendering.compiling import kernel
+from dojo_env.rendering.eye import Eye
+from dojo_env.rendering.lights import LAMP, LIGHT_STEPS
+from dojo_env.rendering.raster import SHADED, STATIC
+from dojo_env.rendering.target import Target
+from dojo_env.rendering.traffic import Users
+from dojo_env.snapshot import Snapshot
+
+
+class Drawing(NamedTuple):
+    """What the rasteriser has drawn through one camera.
+
+    Attributes:
+        camera: the camera.
+        snapshot: the instant.
+        users: its road users in place.
+        eye: what the camera keeps from frame to frame.
+        target: the visibility buffer; valid until the camera draws again.
+        factor: samples a pixel has, across and down.
+    """
+
+    camera: Camera
+    snapshot: Snapshot
+    users: Users
+    eye: Eye
+    target: Target
+    factor: int
+
+
+class BulletDrawing(NamedTuple):
+    """What pybullet has drawn through one camera.
+
+    Attributes:
+        camera: the camera.
+        rgba: (h, w, 4) uint8.
+        buffer: (h, w) float64, OpenGL's depth buffer, 0 at `near` and 1 at `far`.
+        semantic: (h, w) uint8, `Semantic`.
+        instance: (h, w) int32, the road user's number.
+    """
+
+    camera: Camera
+    rgba: NDArray[np.uint8]
+    buffer: NDArray[np.float64]
+    semantic: NDArray[np.uint8]
+    instance: NDArray[np.int32]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Output:
+    """One kind of output.
+
+    Attributes:
+        what: its meaning and unit, for people.
+        make: makes it from what the rasteriser has drawn.
+        make_bullet: makes it from what pybullet has drawn; None where pybullet has no such output.
+        dtype: numpy's type; None for what is no array, and so cannot be observed.
+        channels: the shape after height and width.
+        low: its least value.
+        high: its greatest value, through a camera.
+        is_smoothed: it is made from more samples a pixel where pictures are anti-aliased.
+    """
+
+    what: str
+    make: Callable[[Drawing], Any]
+    make_bullet: Callable[[BulletDrawing], Any] | None = None
+    dtype: DTypeLike | None = None
+    channels: tuple[int, ...] = ()
+    low: float = 0.0
+    high: Callable[[Camera], float] = lambda _: 0.0
+    is_smoothed: bool = False
+
+    def shape(self, camera: Camera) -> tuple[int, ...]:
+        """Give the shape of the array that a camera delivers."""
+        return (camera.height, camera.width, *self.channels)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Picture:
+    """What a camera saw; every output is an attribute by its name, None where it was not asked for.
+
+    Attributes:
+        camera: the camera.
+        outputs: what was asked for, by name; see `OUTPUTS`.
+    """
+
+    camera: Camera
+    outputs: Mapping[str, Any] = field(default_factory=dict)
+
+    def __getattr__(self, name: str) -> Any:
+        """Give an output of the table."""
+        if name not in OUTPUTS:
+            raise AttributeError(f"a picture has no {name!r}; it has camera, {', '.join(OUTPUTS)}")
+        return self.outputs.get(name)
+
+
+def check_outputs(names: Iterable[str], *, bullet: bool = False) -> frozenset[str]:
+    """Refuse names that are no outputs.
+
+    Args:
+        names: what is asked for.
+        bullet: pybullet is to draw it.
+
+    Raises:
+        ConfigError: an output has no such name, or pybullet does not draw it.
+    """
+    wanted = frozenset(names)
+    known = [name for name, output in OUTPUTS.items() if output.make_bullet or not bullet]
+    if unknown := wanted.difference(known):
+        drawer = " from bullet" if bullet else ""
+        raise ConfigError(f"no output {sorted(unknown)}{drawer}; choose from {', '.join(known)}")
+    return wanted
+
+
+def _paint(drawing: Drawing) -> NDArray[np.uint8]:
+    target, background = drawing.target, drawing.eye.background
+    picture = background.lit.copy()
+    _resolve(target.tags, target.spans, target.shades, background.shaded, background.headlit, picture)
+    return picture if drawing.factor == 1 else _averaged(picture)
+
+
+def _depth(drawing: Drawing) -> NDArray[np.float32]:
+    far = drawing.camera.far
+    return np.minimum(1 / np.maximum(drawing.target.depths, np.float32(1 / far)), np.float32(far))
+
+
+def _semantic(drawing: Drawing) -> NDArray[np.uint8]:
+    classes = np.append(SEMANTIC_OF_KIND[drawing.snapshot.kinds], np.uint8(Semantic.SIGNAL))
+    target = drawing.target
+    return _label(target.tags, target.owners, classes, drawing.eye.background.semantics)
+
+
+def _instance(drawing: Drawing) -> NDArray[np.int32]:
+    target = drawing.target
+    numbers = np.append(drawing.snapshot.numbers, np.int32(0))
+    return _label(target.tags, target.owners, numbers, np.zeros_like(target.tags))
+
+
+def _boxes(drawing: Drawing) -> Boxes:
+    alone = partial(drawing.eye.canvas.count_pixels, drawing.users)
+    return measure_boxes(drawing.target, alone, drawing.users, drawing.snapshot, drawing.camera)
+
+
+def _bullet_depth(drawing: BulletDrawing) -> NDArray[np.float32]:
+    near, far = drawing.camera.near, drawing.camera.far
+    return (far * near / (far - (far - near) * drawing.buffer)).astype(np.float32)
+
+
+OUTPUTS: Mapping[str, Output] = MappingProxyType(
+    {
+        "rgb": Output(
+            what="colour, sRGB",
+            dtype=np.uint8,
+            channels=(3,),
+            high=lambda _: 255,
+            make=_paint,
+            make_bullet=lambda drawing: drawing.rgba[..., :3],
+            is_smoothed=True,
+        ),
+        "depth": Output(
+            what="metres along the camera's axis; its `far` where there is only sky",
+            dtype=np.float32,
+            high=lambda camera: camera.far,
+            make=_depth,
+            make_bullet=_bullet_depth,
+        ),
+        "semantic": Output(
+            what="the class of what is there, `Semantic`",
+            dtype=np.uint8,
+            high=lambda _: int(max(Semantic)),
+            make=_semantic,
+            make_bullet=lambda drawing: drawing.semantic,
+        ),
+        "instance": Output(
+            what="the road user's number in the snapshot; 0 where there is none",
+            dtype=np.int32,
+            high=lambda _: np.iinfo(np.int32).max,
+            make=_instance,
+            make_bullet=lambda drawing: drawing.instance,
+        ),
+        # Measured last: counting what stands in front draws anew.
+        "boxes": Output(what="`Boxes` of the road users in view", make=_boxes),
+    }
+)
+"""Outputs by name, in the order in which they are made."""
+
+
+@kernel
+def _averaged(fine):
+    """Give each pixel the mean of its block of samples."""
+    picture = np.empty((fine.shape[0] // SAMPLES, fine.shape[1] // SAMPLES, 3), np.uint8)
+    for row in range(picture.shape[0]):
+        for column in range(picture.shape[1]):
+            for c in range(3):
+                total = SAMPLES**2 // 2
+                for i in range(SAMPLES):
+                    for j in range(SAMPLES):
+                        total += fine[row * SAMPLES + i, column * SAMPLES + j, c]
+                picture[row, column, c] = total // SAMPLES**2
+    return picture
+
+
+@kernel
+def _resolve(tags, spans, shades, shaded, headlit, picture):
+    """Put the colours of what moves, of shadows and of head lamps into a copy of the lit background."""
+    for row in range(tags.shape[0]):
+        for column in range(spans[row, 0], spans[row, 1]):
+            tag = tags[row, column]
+            if tag == STATIC:
+                continue
+            if tag >= 0:
+                for c in range(3):
+                    picture[row, column, c] = shades[tag, c]
+            elif tag == SHADED:
+                for c in range(3):
+                    picture[row, column, c] = shaded[row, column, c]
+            else:
+                share = (SHADED - tag) / LIGHT_STEPS
+                for c in range(3):
+                    dark = picture[row, column, c]
+                    picture[row, column, c] = int(dark + share * (headlit[row, column, c] - dark) + 0.5)
+
+
+@kernel
+def _label(tags, owners, values, background):
+    """Give every pixel of a road user its value; a lamp has the last one, anything else the background's."""
+    labels = background.copy()
+    for row in range(tags.shape[0]):
+        for column in range(tags.shape[1]):
+            tag = tags[row, column]
+            if tag >= 0 and owners[tag] >= LAMP:
+                labels[row, column] = values[owners[tag]]
+    return labels

@@ -1,0 +1,114 @@
+"""The detector: the features of lanes as the cameras of the approaches measure them."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from gymnasium import spaces
+from numpy.typing import NDArray
+
+from dojo_env.camera import BEV
+from dojo_env.errors import ConfigError
+from dojo_env.instant import SignalView
+from dojo_env.reading import HALTING, MIN_GAP
+from dojo_env.sensors.base import SENSORS, Look, Sensor, Site
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Detector:
+    """The features, measured through the cameras of the approaches; the default sees all that is in view.
+
+    Attributes:
+        least_pixels: visible pixels from which a vehicle is seen at all.
+        least_visible: share of it that must not be hidden.
+        missed: probability that a vehicle in view is not detected.
+        false_alarms: mean number of vehicles per lane that are not there.
+        interval: seconds from look to look; 0 looks at each decision.
+        latency: decisions by which what is measured is late; the signal knows its own phase at once.
+    """
+
+    least_pixels: int = 12
+    least_visible: float = 0.1
+    missed: float = 0.0
+    false_alarms: float = 0.0
+    interval: float = 0.0
+    latency: int = 0
+
+    def __post_init__(self) -> None:
+        """Refuse what cannot be.
+
+        Raises:
+            ConfigError: a share lies outside 0 to 1, or a number is below 0.
+        """
+        shares = (self.least_visible, self.missed)
+        if not all(0 <= share <= 1 for share in shares) or min(self.false_alarms, self.latency) < 0:
+            raise ConfigError(
+                f"{self}: expected least_visible and missed from 0 to 1, false_alarms and latency not below 0"
+            )
+
+    def mount(self, site: Site) -> Sensor:
+        """Detect at a signal."""
+        return _MountedDetector(self, site)
+
+
+class _MountedDetector(Sensor):
+    """A look gives the densities and queues of the plan's lanes, (2 * lanes,) float32."""
+
+    def __init__(self, settings: Detector, site: Site) -> None:
+        plan = self._plan = site.plan
+        self._settings = settings
+        self._random = np.random.default_rng(0)
+        self._lanes = {lane: k for k, lane in enumerate(plan.lanes)}
+        self.space = spaces.Box(0.0, 1.0, (len(plan.phases) + 1 + 2 * len(plan.lanes),), np.float32)
+        self.interval, self.delay = settings.interval, settings.latency * site.decision_interval
+        cameras = site.eyes.cameras(site.signal)
+        self.views = {camera: ("boxes",) for camera in cameras if camera.name != BEV}
+
+    def reset(self, random: np.random.Generator) -> None:
+        self._random = random
+
+    def observe(self, look: Look) -> NDArray[np.float32]:
+        snapshot, lanes = look.snapshot, self._plan.lanes
+        detected = self._detected(look)
+        count, halting, length = (np.zeros(len(lanes)) for _ in range(3))
+        for row, name in enumerate(snapshot.ids):
+            k = self._lanes.get(snapshot.lanes[row])
+            if name in detected and k is not None:
+                count[k] += 1
+                halting[k] += snapshot.speeds[row] < HALTING
+                length[k] += snapshot.sizes[row, 0]
+        phantoms = self._random.poisson(self._settings.false_alarms, len(lanes))
+        halting += self._random.binomial(phantoms, 0.5)
+        mean_length = np.divide(length, count, out=np.full(len(lanes), 5.0), where=count > 0)
+        room = (MIN_GAP + mean_length) / self._plan.lengths
+        shares = np.minimum(1.0, np.concatenate([(count + phantoms) * room, halting * room]))
+        return shares.astype(np.float32)
+
+    def deliver(self, looks: Sequence[Any], view: SignalView) -> NDArray[np.float32]:
+        """Put phase one-hot and minimum-green flag before what was measured."""
+        known = np.zeros(len(self._plan.phases) + 1, dtype=np.float32)
+        known[view.phase] = 1
+        known[-1] = view.may_change
+        return np.concatenate([known, looks[-1]])
+
+    def _detected(self, look: Look) -> set[str]:
+        """Ids of the vehicles that some approach's camera shows well enough, less those that are missed."""
+        found: dict[str, None] = {}
+        for camera in self.views:
+            boxes = look.pictures[camera].boxes
+            good = (boxes.pixels >= self._settings.least_pixels) & (
+                boxes.visible >= self._settings.least_visible
+            )
+            found.update(dict.fromkeys(name for name, ok in zip(boxes.ids, good, strict=True) if ok))
+        kept = self._random.random(len(found)) >= self._settings.missed
+        return {name for name, ok in zip(found, kept, strict=True) if ok}
+
+
+def _mount(text: str, site: Site) -> Sensor:
+    if text:
+        raise ConfigError(f"sensor {site.name!r}: 'detector:{text}', expected 'detector' or Detector(...)")
+    return Detector().mount(site)
+
+
+SENSORS["detector"] = _mount
