@@ -5,7 +5,7 @@ import pytest
 from rays import nearest_hits
 
 from dojo_env.rendering.models import build_models
-from dojo_env.rendering.traffic import MOST_FACES, library
+from dojo_env.rendering.traffic import MOST_FACES, MOST_VERTICES, library
 from dojo_env.snapshot import Kind
 
 MODELS = [
@@ -18,7 +18,7 @@ MODELS = [
 
 @pytest.mark.parametrize("model", MODELS)
 def test_model_fills_its_unit_box(model, request):
-    """The finest level touches all six sides; coarser ones may leave out wheels. Only mirrors reach beyond."""
+    """The finest level touches all six sides; others may leave out wheels. Only mirrors reach beyond."""
     low, high = model.vertices.min(axis=0) - (-1.0, -0.5, 0.0), (0.0, 0.5, 1.0) - model.vertices.max(axis=0)
     kind, *_, level = request.node.callspec.id.split("-")
     has_mirrors = kind in {"CAR", "TAXI", "POLICE", "VAN", "AMBULANCE"}
@@ -51,3 +51,4 @@ def test_coarser_levels_have_fewer_faces():
     counts = spans[:, :, 3] - spans[:, :, 2]
     assert (np.diff(counts, axis=1) <= 0).all()
     assert counts.max() < MOST_FACES
+    assert (spans[:, :, 1] - spans[:, :, 0]).max() < MOST_VERTICES

@@ -9,11 +9,11 @@ from dojo_env.rendering.lighting import SRGB, to_linear
 from dojo_env.rendering.raster import COVER, NEARER, SHADED, SHADOW, draw_face, fill_triangle
 from dojo_env.rendering.shapes import Part
 from dojo_env.rendering.target import project, touch, turn
+from dojo_env.rendering.traffic import MOST_VERTICES
 from dojo_env.snapshot import Lights
 
 _FINEST, _FINE, _MIDDLE = 100.0, 36.0, 12.0
 """Pixels from which a road user is drawn at each level of detail but the coarsest."""
-_MOST_VERTICES = 4096
 _LOW_SUN = 0.12
 _SHADOW_WIDTH, _SHADOW_HEIGHT = 0.96, 0.9
 """Shares of a road user's box that throw its shadow."""
@@ -92,7 +92,7 @@ def draw_users(near, users, models, light, view, target, count):
         target: what to draw into.
         count: the number of faces in it so far.
     """
-    seen, screen = np.empty((_MOST_VERTICES, 3)), np.empty((_MOST_VERTICES, 3))
+    seen, screen = np.empty((MOST_VERTICES, 3)), np.empty((MOST_VERTICES, 3))
     corners, inside = np.empty((3, 3)), np.empty((4, 3))
     for k in near:
         detail = _detail(users, k, view)
@@ -184,7 +184,7 @@ def draw_shadows(near, users, sun, view, target):
 @kernel
 def count_alone(whose, users, models, light, view, target):
     """Count the pixels that each of some road users would cover if it were alone: (k,)."""
-    seen, screen = np.empty((_MOST_VERTICES, 3)), np.empty((_MOST_VERTICES, 3))
+    seen, screen = np.empty((MOST_VERTICES, 3)), np.empty((MOST_VERTICES, 3))
     corners, inside = np.empty((3, 3)), np.empty((4, 3))
     pixels = np.zeros(len(whose), dtype=np.int32)
     for m in range(len(whose)):

@@ -74,8 +74,8 @@ class Library(NamedTuple):
     spans: Ints
 
 
-MOST_FACES = 2000
-"""No model has more faces."""
+MOST_FACES, MOST_VERTICES = 2000, 4096
+"""No model has more of them; kernels make room for as many."""
 
 
 @cache

@@ -17,13 +17,15 @@ from dojo_env.errors import ConfigError
 from dojo_env.rendering.classes import SEMANTIC_OF_KIND, Semantic
 from dojo_env.rendering.compiling import inner, kernel
 from dojo_env.rendering.scene import Scene
-from dojo_env.rendering.traffic import Users, library, place_users
+from dojo_env.rendering.traffic import MOST_VERTICES, Users, library, place_users
 from dojo_env.sensors.base import SENSORS, Look, Sensor, Site
 from dojo_env.snapshot import Snapshot
 
 Floats = NDArray[np.float64]
 
 _MOST_RAYS = 4_000_000
+_DETAIL = 1
+"""Level of detail of the road users that rays meet: within centimetres of the finest, and half its faces."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -235,12 +237,12 @@ def _scan_of(lidar: Lidar, ranges: Floats, semantic: NDArray[np.uint8], instance
 def _hit_users(
     frames, places, models, vertices, faces, spans, eye, elevations, heading, reach, ranges, owners
 ):
-    corners, seen = np.empty((3, 3)), np.empty((512, 3))
+    corners, seen = np.empty((3, 3)), np.empty((MOST_VERTICES, 3))
     for k in range(len(places)):
         x, y = places[k, 0] - eye[0], places[k, 1] - eye[1]
         if hypot(x, y) > reach + 1000.0:
             continue
-        span = spans[models[k], 0]
+        span = spans[models[k], _DETAIL]
         for v in range(span[1] - span[0]):
             for axis in range(3):
                 seen[v, axis] = places[k, axis] - eye[axis]
