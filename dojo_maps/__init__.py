@@ -10,9 +10,10 @@ from typing import TYPE_CHECKING, Any  # noqa: E402
 
 if TYPE_CHECKING:
     from dojo_maps.bundle import Bundle, read_bundle
-    from dojo_maps.conversion import ConvertOptions, convert, list_files
+    from dojo_maps.conversion import ConvertOptions, convert
     from dojo_maps.description import RoadMap
     from dojo_maps.errors import DojoError
+    from dojo_maps.sources.files import list_files
 
 __all__ = ["Bundle", "ConvertOptions", "DojoError", "RoadMap", "convert", "list_files", "read_bundle"]
 
@@ -21,9 +22,9 @@ _HOMES = {
     "read_bundle": "bundle",
     "ConvertOptions": "conversion",
     "convert": "conversion",
-    "list_files": "conversion",
     "RoadMap": "description",
     "DojoError": "errors",
+    "list_files": "sources.files",
 }
 
 

@@ -96,20 +96,6 @@ def convert(
         return _convert(path, name, folder, options, on_stage)
 
 
-def list_files(source: Path) -> list[Path]:
-    """List the files that a map is made of: the road network first, then CityFlow's traffic, if any.
-
-    Args:
-        source: a network, an extract, or a folder or a configuration of CityFlow's.
-
-    Raises:
-        SourceError: a file cannot be read, or names another that is not there.
-    """
-    if not is_cityflow(source):
-        return [source]
-    return [path for path in find_files(source) if path is not None]
-
-
 def _convert(
     path: Path, name: str, folder: Path, options: ConvertOptions, on_stage: Callable[[str], None]
 ) -> tuple[bundle.Bundle, dict[str, Any]]:

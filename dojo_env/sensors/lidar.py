@@ -251,7 +251,19 @@ def _hit_users(
         for face in range(span[2], span[3]):
             for c in range(3):
                 corners[c] = seen[faces[face, c]]
-            _hit_triangle(corners, elevations, heading, reach, k, ranges, owners)
+            if _shows_front(corners):
+                _hit_triangle(corners, elevations, heading, reach, k, ranges, owners)
+
+
+@inner
+def _shows_front(corners):
+    """Tell whether a triangle, seen from 0, turns counter-clockwise."""
+    a, b, c = corners[0], corners[1], corners[2]
+    return (
+        a[0] * (b[1] * c[2] - b[2] * c[1])
+        + a[1] * (b[2] * c[0] - b[0] * c[2])
+        + a[2] * (b[0] * c[1] - b[1] * c[0])
+    ) < 0.0
 
 
 @kernel

@@ -1,10 +1,11 @@
-"""Find a network: by its path, or by the name of a packaged scenario."""
+"""Find a network, by its path or by the name of a packaged scenario, and list its files."""
 
 import importlib.util
 from pathlib import Path
 
 from dojo_maps.errors import SourceError, ToolMissingError
 from dojo_maps.input_files import is_there
+from dojo_maps.sources.cityflow_files import find_files, is_cityflow
 
 SCENARIO_NETWORKS = {
     "two-way": "nets/2way-single-intersection/single-intersection.net.xml",
@@ -45,6 +46,20 @@ def find_network(name: str) -> tuple[Path, str]:
     if spec is None or not spec.submodule_search_locations:
         raise ToolMissingError(f"scenario {name} is part of the package sumo-rl: pip install sumo-rl")
     return Path(spec.submodule_search_locations[0]) / SCENARIO_NETWORKS[name], name
+
+
+def list_files(source: Path) -> list[Path]:
+    """List the files that a map is made of: the road network first, then CityFlow's traffic, if any.
+
+    Args:
+        source: a network, an extract, or a folder or a configuration of CityFlow's.
+
+    Raises:
+        SourceError: a file cannot be read, or names another that is not there.
+    """
+    if not is_cityflow(source):
+        return [source]
+    return [path for path in find_files(source) if path is not None]
 
 
 def map_name(path: Path) -> str:
