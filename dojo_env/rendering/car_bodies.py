@@ -117,7 +117,7 @@ def build_car(shape: CarShape, detail: int) -> list[Face]:
     faces += _front_details(shape, detail) + _rear_details(shape, detail)
     for axle in shape.axles:
         half = shape.half_width(axle)
-        faces += _wheels(-axle, half, shape.wheel, 14 if detail == FINE else 8)
+        faces += build_wheels(-axle, half, shape.wheel, 14 if detail == FINE else 8)
         reach = shape.wheel + 0.03
         faces += box(-axle + reach, -axle - reach, 0.84 * half, 0.14, 2 * shape.wheel, Part.TRIM)
     mirror = box(-shape.cowl - 0.12, -shape.cowl - 0.3, 0.09, 0.0, 0.14, Part.BODY)
@@ -403,8 +403,15 @@ def _side_lines(shape: CarShape) -> list[Face]:
     return mirrored(left)
 
 
-def _wheels(x: float, half: float, radius: float, sides: int) -> list[Face]:
-    """Set a wheel on each side: tread, wall of the tyre, and a bright rim with dark gaps."""
+def build_wheels(x: float, half: float, radius: float, sides: int) -> list[Face]:
+    """Set a wheel on each side: tread, walls of the tyre, and a bright rim with dark gaps.
+
+    Args:
+        x: of the axle.
+        half: of the wheels' outer sides, from the middle.
+        radius: of a wheel.
+        sides: of its tread.
+    """
     angles = np.arange(sides) * 2 * np.pi / sides - np.pi / 2
 
     def circle(share: float, y: float) -> Floats:
@@ -413,7 +420,7 @@ def _wheels(x: float, half: float, radius: float, sides: int) -> list[Face]:
         ])  # fmt: skip
 
     outer, inner, rim = circle(1.0, half - 0.01), circle(1.0, half - 0.2), circle(0.68, half - 0.005)
-    left: list[Face] = [(rim[::-1], Part.CHROME)]
+    left: list[Face] = [(rim[::-1], Part.CHROME), (inner, Part.TYRE)]
     for k in range(sides):
         left.append((np.array([outer[k - 1], outer[k], inner[k], inner[k - 1]]), Part.TYRE))
         left.append((np.array([outer[k], outer[k - 1], rim[k - 1], rim[k]]), Part.TYRE))

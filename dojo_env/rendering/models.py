@@ -4,7 +4,7 @@ A model lives in a unit box: x from -1 (tail) to 0 (nose), y from -0.5 to 0.5 (l
 and is scaled to each road user's own length, width and height. Faces turn counter-clockwise, from outside.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
 
@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dojo_env.rendering.car_bodies import COARSE, CarShape, build_car
+from dojo_env.rendering.heavy_bodies import build_bus, build_lorry
 from dojo_env.rendering.shapes import Face, Part, box, lights, loft, moved, screen, section, wheels, windows
 from dojo_env.snapshot import Kind
 
@@ -54,6 +55,23 @@ class _Car:
         """Build a level of detail."""
         near = build_car(self.shape, detail) if detail <= COARSE else _far_car(self.shape, detail)
         return near + list(self.on_roof)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Body:
+    """Builds a vehicle whose mirrors stand out of its box.
+
+    Attributes:
+        build: builds a level of detail.
+        size: length, width and height of the box, metres.
+    """
+
+    build: Callable[[int], list[Face]]
+    size: tuple[float, float, float]
+
+    def __call__(self, detail: int) -> list[Face]:
+        """Build a level of detail."""
+        return self.build(detail)
 
 
 def _far_car(shape: CarShape, detail: int) -> list[Face]:
@@ -116,68 +134,19 @@ _VAN = CarShape(
 )  # fmt: skip
 
 
-def _coach_of(
-    length: float, height: float, axles: Sequence[float], doors: bool
-) -> Callable[[int], list[Face]]:
-    def build(detail: int) -> list[Face]:
-        half = 1.25
-        faces = loft(
-            [
-                section(0.0, 0.94 * half, 0.35, height - 0.25),
-                section(-0.25, half, 0.3, height),
-                section(-length, half, 0.3, height),
-            ],
-            Part.BODY,
-        )
-        if detail == _COARSEST:
-            return faces
-        faces += windows(-0.6, -length + 0.4, half + 0.01, 0.45 * height, 0.82 * height)
-        faces += screen(-0.01, -0.12, 0.85 * half, 0.32 * height, 0.84 * height)
-        faces += lights(-length, half, (0.5, 0.75), (0.7, 1.1))
-        if detail <= _FLAT_WHEELS:
-            faces += wheels(axles, half + 0.01, 0.5, detail)
-            if doors:
-                faces += [
-                    face
-                    for x in (-1.0, -0.5 * length)
-                    for face in windows(x, x - 1.2, half + 0.015, 0.12 * height, 0.45 * height)[1:]
-                ]
-        return faces
-
-    return build
-
-
-def _truck(detail: int) -> list[Face]:
-    half = 1.25
-    faces = loft(
-        [
-            section(0.0, 0.94 * half, 0.5, 2.7),
-            section(-0.3, 0.97 * half, 0.45, 3.0),
-            section(-2.1, 0.97 * half, 0.45, 3.0),
-        ],
-        Part.BODY,
-    )
-    faces += box(-2.4, -8.0, half, 1.05, 3.6, Part.WHITE) + box(-2.0, -8.0, 0.5, 0.5, 1.06, Part.TRIM)
-    if detail < _COARSEST:
-        faces += screen(-0.01, -0.1, 0.85 * half, 1.6, 2.5) + lights(-8.0, half, (0.6, 0.85), (0.75, 1.0))
-    if detail <= _FLAT_WHEELS:
-        faces += wheels((-1.3, -5.9, -7.0), half, 0.5, detail)
-    return faces
-
-
-def _trailer(detail: int) -> list[Face]:
-    half, cab = 1.25, 2.3
-    faces = loft([section(0.0, 0.94 * half, 0.5, 3.0), section(-cab, 0.97 * half, 0.45, 3.4)], Part.BODY)
-    faces += box(-cab - 0.7, -16.0, half, 1.1, 3.9, Part.WHITE) + box(-cab, -16.0, 0.5, 0.5, 1.2, Part.TRIM)
-    if detail < _COARSEST:
-        faces += screen(-0.02, -0.02, 0.85 * half, 1.7, 2.7) + lights(-16.0, half, (0.6, 0.85), (0.75, 1.0))
-    if detail <= _FLAT_WHEELS:
-        faces += wheels((-1.4, -4.6, -12.4, -13.6, -14.8), half, 0.5, detail)
-    return faces
+_BUS = _Body(build=build_bus(12.0, 3.1, (2.7, 8.9), doors=(0.35, 5.2, 9.9)), size=(12.0, 2.5, 3.1))
+_COACH = _Body(build=build_bus(13.0, 3.7, (2.9, 9.0, 10.3), doors=(0.4,), sill=0.5), size=(13.0, 2.5, 3.7))
+_LORRY = _Body(
+    build=build_lorry(8.0, 2.1, (2.35, 1.05, 3.6), (1.3, 5.9, 7.0), 3.0), size=(8.0, 2.5, 3.6)
+)  # fmt: skip
+_ARTICULATED = _Body(
+    build=build_lorry(16.0, 2.3, (3.0, 1.15, 3.95), (1.4, 4.6, 12.4, 13.6, 14.8), 3.5), size=(16.0, 2.5, 3.95)
+)
 
 
 def _fire_engine(detail: int) -> list[Face]:
-    return _coach_of(8.0, 3.1, (-1.6, -6.2), doors=False)(detail) + box(-0.6, -0.9, 1.0, 3.09, 3.3, Part.BLUE)
+    body = build_bus(8.0, 3.1, (1.6, 6.2))
+    return body(detail) + box(-0.6, -0.9, 1.0, 3.09, 3.3, Part.BLUE)
 
 
 def _rail_car(height: float, length: float, sections: int) -> Callable[[int], list[Face]]:
@@ -262,10 +231,10 @@ _BUILDERS: dict[Kind, tuple[Callable[[int], list[Face]], ...]] = {
     Kind.CAR: tuple(_Car(shape=shape) for shape in (_SALOON, _HATCHBACK, _ESTATE, _SUV, _MINI, _HATCHBACK)),
     Kind.TAXI: (_Car(shape=_ESTATE, on_roof=tuple(box(-2.4, -2.6, 0.3, 1.47, 1.6, Part.WHITE))),),
     Kind.VAN: (_Car(shape=_VAN),),
-    Kind.BUS: (_coach_of(12.0, 3.1, (-2.7, -8.9), doors=True),),
-    Kind.COACH: (_coach_of(13.0, 3.7, (-2.9, -9.0, -10.3), doors=False),),
-    Kind.TRUCK: (_truck,),
-    Kind.TRAILER: (_trailer,),
+    Kind.BUS: (_BUS,),
+    Kind.COACH: (_COACH,),
+    Kind.TRUCK: (_LORRY,),
+    Kind.TRAILER: (_ARTICULATED,),
     Kind.TRAM: (_rail_car(3.4, 30.0, 3),),
     Kind.TRAIN: (_rail_car(3.9, 80.0, 4),),
     Kind.MOTORCYCLE: (_two_wheeler(2.1, 0.32, Part.TRIM, motor=True),),
@@ -273,7 +242,7 @@ _BUILDERS: dict[Kind, tuple[Callable[[int], list[Face]], ...]] = {
     Kind.SCOOTER: (_two_wheeler(1.8, 0.25, Part.WHITE, motor=True),),
     Kind.AMBULANCE: (_Car(shape=_VAN, on_roof=tuple(box(-1.7, -1.95, 0.6, 2.19, 2.35, Part.BLUE))),),
     Kind.POLICE: (_Car(shape=_ESTATE, on_roof=tuple(box(-2.4, -2.65, 0.55, 1.47, 1.6, Part.BLUE))),),
-    Kind.FIRE_ENGINE: (_fire_engine,),
+    Kind.FIRE_ENGINE: (_Body(build=_fire_engine, size=(8.0, 2.5, 3.3)),),
     Kind.PEDESTRIAN: (_pedestrian,),
     Kind.SHIP: (_ship,),
 }
@@ -286,8 +255,8 @@ def build_models() -> tuple[tuple[tuple[Model, ...], ...], ...]:
 
 
 def _levels(build: Callable[[int], list[Face]]) -> tuple[Model, ...]:
-    """Build a model at every level of detail, all in the box of the finest; a car's is that of its body."""
-    if isinstance(build, _Car):
+    """Build a model at every level of detail, all in the box of the finest; mirrors stand out of it."""
+    if isinstance(build, _Car | _Body):
         foot, size = np.zeros(3), np.array(build.size)
     else:
         corners = np.concatenate([polygon for polygon, _ in build(0)])
