@@ -1,4 +1,4 @@
-"""Low-poly road users, built from a few sections each, at four levels of detail.
+"""The model of every kind of road user, at four levels of detail.
 
 A model lives in a unit box: x from -1 (tail) to 0 (nose), y from -0.5 to 0.5 (left), z from 0 (ground) to 1,
 and is scaled to each road user's own length, width and height. Faces turn counter-clockwise, from outside.
