@@ -12,7 +12,7 @@ from dojo_env.cache import convert_once
 from dojo_env.elements import read_elements
 from dojo_env.errors import ScenarioError
 from dojo_env.notes import say_once
-from dojo_maps.bundle import DEMAND, REPORT
+from dojo_maps.bundle import DEMAND, DESCRIPTION, REPORT
 from dojo_maps.input_files import find_named
 from dojo_maps.safe_json import read_json
 from dojo_maps.safe_xml import Attributes
@@ -25,6 +25,8 @@ _ROUTES = (".rou.xml", ".rou.xml.gz")
 
 def is_other_project_s(path: Path) -> bool:
     """Tell whether this is a folder of a scenario, or a file of settings of CityFlow's or LibSignal's."""
+    if (path / DESCRIPTION).exists():
+        return False  # A bundle, which lacks demand.
     if path.is_dir():
         return bool(_list(path, _CONFIGURATIONS) or _list(path, _NETWORKS)) or _is_cityflow(path)
     return _is_cityflow(path)
