@@ -7,6 +7,7 @@ import numpy as np
 from dojo_env.rendering.compiling import inner, kernel
 from dojo_env.rendering.lighting import SRGB, to_linear
 from dojo_env.rendering.raster import COVER, NEARER, SHADED, SHADOW, draw_face, fill_triangle
+from dojo_env.rendering.shading import expose
 from dojo_env.rendering.shapes import Part
 from dojo_env.rendering.target import project, touch, turn
 from dojo_env.rendering.traffic import MOST_VERTICES
@@ -275,4 +276,4 @@ def _shade_face(users, k, models, face, inside, veil, light, shades, row):
             soft += light[WEATHER, 0] * _STREET[c]
             value = base * (soft + facing * light[_SUN_COLOUR, c]) + gloss * light[_SKY_COLOUR, c]
         value = value * (1.0 - veil) + veil * light[_HORIZON, c]
-        shades[row, c] = SRGB[int(min(1.0, value) * 4095.0 + 0.5)]
+        shades[row, c] = SRGB[int(expose(value) * 4095.0 + 0.5)]

@@ -21,6 +21,8 @@ _CLOSED_IN = 0.35
 """Share of the sky that such a place loses."""
 _BARE = (0.14, 0.21, 0.076)
 """Linear colour of the ground beyond the map's edge."""
+_KNEE = 0.55
+"""Linear light from which brighter places are held back."""
 _LAMP_COLOUR = (1.0, 0.72, 0.42)
 _BEAM = (1.0, 0.95, 0.82)
 _WINDOW = (1.0, 0.78, 0.45)
@@ -67,6 +69,14 @@ class Surroundings(NamedTuple):
     ground: float
 
 
+@inner
+def expose(light):
+    """Bring linear light into 0 to 1: as it is in the dark, and ever less as it nears white, as film does."""
+    if light <= _KNEE:
+        return light
+    return 1.0 - (1.0 - _KNEE) * exp((_KNEE - light) / (1.0 - _KNEE))
+
+
 @kernel
 def shade(depths, tags, view, world, samples, pictures):
     """Turn a visibility buffer into pictures.
@@ -89,7 +99,7 @@ def shade(depths, tags, view, world, samples, pictures):
                 _shade_sample(tags[v, u], depths[v, u], u, v, view, world, scratch, shown)
                 for picture in range(3):
                     for c in range(3):
-                        sums[picture, c] += weight * min(1.0, shown[picture, c])
+                        sums[picture, c] += weight * expose(shown[picture, c])
             for picture in range(3):
                 for c in range(3):
                     pictures[picture, row, column, c] = SRGB[int(sums[picture, c] * 4095.0 + 0.5)]
