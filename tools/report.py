@@ -77,8 +77,9 @@ More is better for throughput, less for all others.
 _PAPER = """All rows but *FixedTime*, the network's own program, change in the same way: 2 s of yellow, no \
 all-red, and the same time where green is only added; minimum greens are below, under *Settings*. *SOTL* and \
 *MaxPressure* as published and the learned rows have no longest red; SUMO's own logics (*Pretimed*, \
-*Actuated*, *DelayBased*) keep their order of phases and at most 60 s of each; for the other rows it is 120 s \
-or one and a half of the signal's shortest cycles. The learned rows of cologne1 and cologne3 add green at once."""
+*Actuated*, *DelayBased*) keep their order of phases and at most 60 s of each; for the other rows it is \
+120 s or one and a half of the signal's shortest cycles. The learned rows of cologne1 and cologne3 add green \
+at once."""
 _STREET = """The same controllers with a yellow of 3 to 6 s by each approach's speed limit (ITE's formula) \
 and 2 s of red for all; who loses priority to traffic that starts yields for the time of the yellow. \
 *FixedTime* is the network's own program as it stands."""
