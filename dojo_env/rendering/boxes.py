@@ -30,7 +30,7 @@ class Boxes:
         visible: (k,) visible share of the pixels that would show if nothing stood in front; the part outside
             of the picture does not count.
         corners: (k, 8, 3) of the box in the world, metres, map frame: nose before tail, right before left,
-            bottom before top.
+            bottom before top. Mirrors stand out of it.
         projected: (k, 8, 2) the same corners in the picture, pixels; nan behind the camera.
     """
 
