@@ -296,8 +296,7 @@ def _front_details(shape: CarShape, detail: int) -> list[Face]:
     )
     left += _patch(at[1], (0.58 * half, 0.9 * half), lamp, Part.HEADLAMP, columns=3)
     turn = _patch(at[1], (0.9 * half, 0.955 * half), lamp, Part.LEFT)
-    faces += mirrored(left) + turn
-    faces += [((corners * [1.0, -1.0, 1.0])[::-1], Part.RIGHT) for corners, _ in turn]
+    faces += mirrored(left) + _indicators(turn)
     faces += _patch(at[0], (-0.53 * half, 0.53 * half), (top - 0.12, top - 0.015), Part.TRIM, columns=2)
     faces += _patch(
         at[0],
@@ -351,7 +350,7 @@ def _rear_details(shape: CarShape, detail: int) -> list[Face]:
     left = _patch(at[0], (0.6 * half, 0.95 * half), lamp, Part.BRAKE, columns=3, ahead=False)
     faces += mirrored(left)
     turn = _patch(at[1], (0.66 * half, 0.9 * half), (lamp[0] + 0.01, lamp[0] + 0.05), Part.LEFT, ahead=False)
-    faces += turn + [((corners * [1.0, -1.0, 1.0])[::-1], Part.RIGHT) for corners, _ in turn]
+    faces += _indicators(turn)
     faces += _patch(
         at[0],
         (-0.8 * half, 0.8 * half),
@@ -366,6 +365,11 @@ def _rear_details(shape: CarShape, detail: int) -> list[Face]:
             at[0], (-0.58 * half, 0.58 * half), (top - 0.035, top - 0.02), Part.CHROME, ahead=False
         )
     return faces
+
+
+def _indicators(left: list[Face]) -> list[Face]:
+    """Put the left ones' twins on the right."""
+    return left + [(corners, Part.RIGHT) for corners, _ in mirrored(left)[1::2]]
 
 
 def _plate(at: Sequence[Callable[[float], float]], low: float, *, ahead: bool) -> list[Face]:

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dojo_env.rendering.car_bodies import FINE, build_wheels
-from dojo_env.rendering.shapes import Face, Part, box, lights, loft, mirrored, windows
+from dojo_env.rendering.shapes import Face, Part, box, lights, loft, mirrored, moved, windows
 
 Floats = NDArray[np.float64]
 
@@ -149,8 +149,7 @@ def _right_side(ends: tuple[float, float], low: float, high: float, part: Part, 
 def _mirrors(height: float) -> list[Face]:
     """Hang a mirror before each front corner."""
     mirror = box(0.12, 0.0, 0.11, 0.62 * height, 0.78 * height, Part.TRIM)
-    lift = np.array([0.0, _HALF + 0.06, 0.0])
-    return mirrored([(corners + lift, part) for corners, part in mirror])
+    return mirrored(moved(mirror, _HALF + 0.06))
 
 
 def _axle(place: float, detail: int) -> list[Face]:

@@ -117,4 +117,4 @@ def screen(bottom: float, top: float, half: float, low: float, high: float) -> l
 def windows(nose: float, tail: float, half: float, low: float, high: float) -> list[Face]:
     """Lay a band of glass against both sides."""
     left = np.array([(nose, half, low), (tail, half, low), (tail, half, high), (nose, half, high)])
-    return [(left, Part.GLASS), ((left * [1.0, -1.0, 1.0])[::-1], Part.GLASS)]
+    return mirrored([(left, Part.GLASS)])
