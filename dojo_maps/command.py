@@ -14,7 +14,7 @@ import sys
 import warnings
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Any, NoReturn, TypeAlias
 
 from dojo_maps import interruption
 from dojo_maps.errors import DojoError, UsageError
@@ -64,9 +64,11 @@ class Parser(argparse.ArgumentParser):
         raise UsageError(f"{message}; {self.prog} --help tells more")
 
 
-def add_command(
-    commands: "argparse._SubParsersAction[Parser]", name: str, run: Run, summary: str
-) -> argparse.ArgumentParser:
+Commands: TypeAlias = "argparse._SubParsersAction[Parser]"
+"""What `add_subparsers` makes."""
+
+
+def add_command(commands: Commands, name: str, run: Run, summary: str) -> argparse.ArgumentParser:
     """Add a command with what all of them take.
 
     Args:

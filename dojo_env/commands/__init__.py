@@ -1,0 +1,1 @@
+"""A module per command of `dojo-env`: its options, and what it does."""
