@@ -254,6 +254,8 @@ _CHILDREN = (
     Look(height=1.3, head=1.22, broad=0.95, bag=True),
     Look(height=1.15, head=1.3, broad=0.95, bare_arms=True, long_hair=True),
 )
+UMBRELLAS = 4
+"""How many of the people on foot, the last ones, have umbrellas."""
 _RIDERS = (replace(_MAN, helmet=True), replace(_WOMAN, bare_arms=True), replace(_MAN, bag=True))
 _MOTORCYCLIST = Look(helmet=True, face=Part.GLASS, top=Part.LEGS)
 
@@ -301,8 +303,9 @@ _BUILDERS: dict[Kind, tuple[_Builder, ...]] = {
     Kind.AMBULANCE: (_Car(shape=_VAN, on_roof=tuple(box(-1.7, -1.95, 0.6, 2.19, 2.35, Part.BLUE))),),
     Kind.POLICE: (_Car(shape=_ESTATE, on_roof=tuple(box(-2.4, -2.65, 0.55, 1.47, 1.6, Part.BLUE))),),
     Kind.FIRE_ENGINE: (_Body(build=_fire_engine, size=(8.0, 2.5, 3.3)),),
-    Kind.PEDESTRIAN: tuple(
-        _walker(look, umbrella=umbrella) for umbrella in (False, True) for look in (*_ADULTS, *_CHILDREN)
+    Kind.PEDESTRIAN: (
+        *(_walker(look) for look in (*_ADULTS, *_CHILDREN)),
+        *(_walker(look, umbrella=True) for look in _ADULTS[:UMBRELLAS]),
     ),
     Kind.SHIP: (_ship,),
     Kind.WHEELCHAIR: tuple(_rider(build_wheelchair, look, (1.12, 0.72, 1.42)) for look in _ADULTS[:2]),

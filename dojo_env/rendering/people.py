@@ -31,7 +31,7 @@ _SHOULDERS, _NECK = 0.49, 0.57
 _ANKLE, _HEAD = 0.08, 0.25
 _STANCE = 0.6
 """Share of the pace for which a foot is on the ground."""
-_TORSO_SIDES, _HEAD_SIDES, _LEG_SIDES, _ARM_SIDES = (10, 8, 5), (10, 7, 5), (8, 5, 4), (7, 4, 3)
+_TORSO_SIDES, _HEAD_SIDES, _LEG_SIDES, _ARM_SIDES = (10, 7, 5), (10, 6, 4), (8, 5, 3), (7, 4, 3)
 """By level of detail."""
 
 
@@ -192,16 +192,19 @@ def build_people(
 
 
 def _torso(look: Look, poses: _Poses, detail: int) -> list[Face]:
-    spine = np.array([(-0.01, 0.0, z) for z in (-0.1, -0.02, 0.16, 0.36, 0.475, 0.545)])
-    radii = np.array([(0.12, 0.1), (0.165, 0.12), (0.14, 0.1), (0.175, 0.118), (0.185, 0.095), (0.07, 0.06)])
-    radii[2:, 0] *= look.broad
+    heights = (-0.1, -0.02, 0.16, 0.36, 0.475, 0.535, 0.62)
+    spine = np.array([(-0.01 + 0.2 * max(0.0, z - 0.5), 0.0, z) for z in heights])
+    radii = np.array(
+        [(0.12, 0.1), (0.165, 0.12), (0.14, 0.1), (0.175, 0.118), (0.185, 0.095), (0.07, 0.06), (0.05, 0.05)]
+    )
+    radii[2:5, 0] *= look.broad
     if look.skirt:
         radii[2, 0] *= 0.92
     sides = _TORSO_SIDES[detail]
-    kept = [1, 3, 4, 5] if detail == _FAR else [0, 1, 2, 3, 4, 5]
+    kept = ([0, 1, 2, 3, 4, 5, 6], [0, 1, 3, 4, 5, 6], [1, 3, 4, 6])[detail]
     parts = np.full((len(kept) - 1, sides), look.top, dtype=np.uint8)
     if detail < _FAR:
-        parts[0] = Part.LEGS
+        parts[0], parts[-1] = Part.LEGS, Part.SKIN
     faces = tube(poses.bend(spine[kept]), radii[kept], sides, parts)
     if look.skirt or look.coat:
         faces += _hem(look, poses, sides)
@@ -230,9 +233,9 @@ def _head(look: Look, poses: _Poses, detail: int) -> list[Face]:
         [(0.0, 0.036, 0.045, 0.035), (0.14, 0.06, 0.078, 0.022), (0.45, 0.077, 0.1, 0.01),
          (0.72, 0.077, 0.1, 0.005), (0.92, 0.052, 0.068, 0.0), (1.0, 0.015, 0.02, -0.005)]
     )  # fmt: skip
-    if detail == _FAR:
-        rows = rows[[1, 3, 4]]
-        rows[[0, 2], 0] = 0.0, 1.0
+    if detail > 0:
+        rows = rows[[1, 2, 3, 4]] if detail < _FAR else rows[[1, 3, 4]]
+        rows[[0, -1], 0] = 0.0, 1.0
     shares, sides = rows[:, 0], _HEAD_SIDES[detail]
     over = Part.GEAR if look.helmet else Part.HAIR
     behind = np.sin((np.arange(sides) + 1.0) * 2 * pi / sides) > (0.0 if look.long_hair else 0.35)
@@ -242,15 +245,10 @@ def _head(look: Look, poses: _Poses, detail: int) -> list[Face]:
     spine = np.column_stack([rows[:, 3], np.zeros(len(rows)), low + tall * shares])
     swell = look.head * (1.2 if look.helmet else 1.0)
     faces = tube(poses.keep_upright(spine), swell * rows[:, 1:3], sides, parts)
-    if detail < _FAR:
-        neck = np.concatenate(
-            [poses.bend([(0.0, 0.0, 0.5)]), poses.keep_upright([(0.012, 0.0, 0.62)])], axis=1
-        )
-        faces += tube(neck, [0.056, 0.05], 6, Part.SKIN)
     if look.long_hair and detail < _FAR:
         fall = [(-0.055, 0.0, 0.48), (-0.06, 0.0, 0.6), (-0.035, 0.0, low + 0.7 * tall)]
         radii = np.array([(0.085, 0.03), (0.088, 0.055), (0.082, 0.07)])
-        faces += tube(poses.keep_upright(fall), radii, 6, Part.HAIR)
+        faces += tube(poses.keep_upright(fall), radii, 5, Part.HAIR)
     return faces
 
 
@@ -283,17 +281,17 @@ def _leg(look: Look, poses: _Poses, detail: int, number: int) -> list[Face]:
     hip, knee, ankle = _bend_leg(poses, number)
     sides, part = _LEG_SIDES[detail], Part.SKIN if look.skirt else Part.LEGS
     thick = (0.085, 0.055, 0.05, 0.036) if look.skirt else (0.09, 0.062, 0.056, 0.046)
-    if detail > 0:
-        faces = tube(_line(hip, knee, ankle), [thick[0], thick[1], 1.1 * thick[3]], sides, part)
-    else:
-        faces = tube(_line(hip, knee, 0.65 * knee + 0.35 * ankle, ankle), thick, sides, part)
     ahead, up = np.cos(poses.tips[:, number]), np.sin(poses.tips[:, number])
 
     def sole(x: float, z: float) -> Floats:
         return ankle + np.column_stack([x * ahead - z * up, 0 * ahead, x * up + z * ahead])
 
+    if detail == _FAR:
+        return tube(_line(hip, knee, sole(0.0, -0.06)), [thick[0], thick[1], 1.5 * thick[3]], sides, part)
     if detail > 0:
+        faces = tube(_line(hip, knee, ankle), [thick[0], thick[1], 1.1 * thick[3]], sides, part)
         return faces + tube(_line(sole(-0.08, -0.035), sole(0.18, -0.04)), [0.05, 0.04], 4, Part.TRIM)
+    faces = tube(_line(hip, knee, 0.65 * knee + 0.35 * ankle, ankle), thick, sides, part)
     radii = np.array([(0.036, 0.05), (0.047, 0.045), (0.036, 0.022)])
     shoe = _line(sole(-0.085, -0.028), sole(0.04, -0.033), sole(0.19, -0.056))
     return faces + tube(shoe, radii, 6, Part.TRIM)
@@ -309,12 +307,14 @@ def _arm(look: Look, poses: _Poses, detail: int, number: int) -> list[Face]:
         return tube(_line(shoulder, elbow), [0.052, 0.042], sides, look.top) + tube(
             _line(elbow, wrist), [0.042, 0.035], sides, lower
         )
+    way = (wrist - elbow) / _FOREARM
+    if detail > 0:
+        faces = tube(_line(shoulder, elbow), [0.055, 0.043], sides, look.top)
+        faces += tube(_line(elbow, wrist), [0.041, 0.031], sides, lower)
+        return faces + tube(_line(wrist, wrist + 0.1 * way), [0.034, 0.034], sides, Part.SKIN)
     top = shoulder + 0.1 * (shoulder - elbow)
     faces = tube(_line(top, shoulder, elbow), [0.034, 0.055, 0.043], sides, look.top)
     faces += tube(_line(elbow + 0.03 * (shoulder - elbow), elbow, wrist), [0.036, 0.041, 0.031], sides, lower)
-    way = (wrist - elbow) / _FOREARM
-    if detail > 0:
-        return faces + tube(_line(wrist, wrist + 0.1 * way), [0.034, 0.034], 4, Part.SKIN)
     hand = _line(wrist - 0.01 * way, wrist + 0.05 * way, wrist + 0.1 * way)
     return faces + tube(hand, [0.027, 0.04, 0.024], 5, Part.SKIN)
 

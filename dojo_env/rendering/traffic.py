@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from dojo_env.rendering.compiling import inner, kernel
 from dojo_env.rendering.lighting import to_linear
-from dojo_env.rendering.models import DETAILS, Model, Variant, build_models
+from dojo_env.rendering.models import DETAILS, UMBRELLAS, Model, Variant, build_models
 from dojo_env.rendering.people import PACE, TALL
 from dojo_env.snapshot import Kind, Snapshot
 
@@ -152,7 +152,7 @@ class _Looks(NamedTuple):
     Attributes:
         first: (kinds + 1,) first variant of each kind; those of the next kind follow.
         adults: (kinds,) how many of a kind's variants are of usual height; children follow.
-        umbrellas: (kinds,) whether the second half are the first with umbrellas.
+        umbrellas: (kinds,) how many of a kind's last variants have umbrellas; children are before them.
         by_length: (kinds,) whether a kind's variants are chosen by length.
         on_foot: (kinds,) whether a kind is scaled by its height alone.
         paces: (kinds,) metres in which a road user goes through its poses.
@@ -165,7 +165,7 @@ class _Looks(NamedTuple):
 
     first: Ints
     adults: Ints
-    umbrellas: NDArray[np.bool_]
+    umbrellas: Ints
     by_length: NDArray[np.bool_]
     on_foot: NDArray[np.bool_]
     paces: Floats
@@ -185,7 +185,7 @@ def _looks() -> _Looks:
     return _Looks(
         first=np.cumsum([0] + [len(variants) for variants in models.values()]).astype(np.int32),
         adults=np.array([_count_adults(variants) for variants in models.values()], dtype=np.int32),
-        umbrellas=np.array([kind == Kind.PEDESTRIAN for kind in models]),
+        umbrellas=np.array([UMBRELLAS if kind == Kind.PEDESTRIAN else 0 for kind in models], dtype=np.int32),
         by_length=np.array([kind in _BY_LENGTH for kind in models]),
         on_foot=walks,
         paces=np.where(walks, PACE, _CRANK_TURN),
@@ -288,14 +288,12 @@ def _choose_variant(kind, code, length, height, rain, looks):
             if abs(looks.sizes[variant, 0] - length) < abs(looks.sizes[best, 0] - length):
                 best = variant
         return best
-    shelter = 0
-    if looks.umbrellas[kind]:
-        count //= 2
-        if code % _DRY != 0 and (code >> 5) % _SHARES < 2.5 * rain * _SHARES:
-            shelter = count
-    if adults < count and (height < _CHILD or (code >> 3) % _CHILDREN == 0):
-        return first + shelter + adults + code % (count - adults)
-    return first + shelter + code % adults
+    wet = looks.umbrellas[kind]
+    if adults < count - wet and (height < _CHILD or (code >> 3) % _CHILDREN == 0):
+        return first + adults + code % (count - wet - adults)
+    if wet > 0 and code % _DRY != 0 and (code >> 5) % _SHARES < 2.5 * rain * _SHARES:
+        return first + count - wet + code % wet
+    return first + code % adults
 
 
 @inner
