@@ -22,7 +22,7 @@ from dojo_maps.description import Phase
 from dojo_maps.sources.netconvert import NetconvertError, NetconvertResult, run_netconvert
 from dojo_maps.sources.osm import network as osm_network
 from dojo_maps.sources.osm import read_osm
-from dojo_maps.sources.osm.country import drives_left
+from dojo_maps.sources.osm.read.country import drives_left
 
 CONTROLLERS = {
     "cross": 1, "dual_carriageways": 1, "dog_leg": 1, "slip_lane": 1, "triangle": 0, "roundabout": 0,

@@ -15,9 +15,9 @@ from dojo_maps.conversion import convert
 from dojo_maps.sources.netconvert import NetconvertResult, run_netconvert
 from dojo_maps.sources.osm import network as osm_network
 from dojo_maps.sources.osm import read_osm
-from dojo_maps.sources.osm.graph import RoadGraph, build_graph
-from dojo_maps.sources.osm.heights import compute_heights
-from dojo_maps.sources.osm.outlines import mend_outlines
+from dojo_maps.sources.osm.graph.heights import compute_heights
+from dojo_maps.sources.osm.graph.road_graph import RoadGraph, build_graph
+from dojo_maps.sources.osm.plain.junction_outlines import mend_outlines
 
 STREET = {"highway": "tertiary", "lanes": "2"}
 ONE_WAY = {"highway": "tertiary", "oneway": "yes"}

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from dojo_maps.sources.osm.arms import trim
-from dojo_maps.sources.osm.country import read_speed
-from dojo_maps.sources.osm.lanes import connect_lanes
-from dojo_maps.sources.osm.ways import LaneTags, RoadTags, read_road
+from dojo_maps.sources.osm.layout.arms import trim
+from dojo_maps.sources.osm.plain.lane_connections import connect_lanes
+from dojo_maps.sources.osm.read.country import read_speed
+from dojo_maps.sources.osm.read.way_tags import LaneTags, RoadTags, read_road
 
 
 def road(*, left_hand: bool = False, lon: float = 24.9, lat: float = 60.2, **tags: str) -> RoadTags:

@@ -13,14 +13,14 @@ from dojo_maps.errors import SourceError
 from dojo_maps.index import MapIndex
 from dojo_maps.issue import Element, Issue, Severity
 from dojo_maps.sources.netconvert import NetconvertError, run_netconvert, warning_issue
-from dojo_maps.sources.osm.absorbing import lying_on_neighbours
-from dojo_maps.sources.osm.arms import Layout
-from dojo_maps.sources.osm.data import OsmData
-from dojo_maps.sources.osm.graph import build_graph
-from dojo_maps.sources.osm.layout import lay_out
-from dojo_maps.sources.osm.movements import Restriction, read_restrictions
-from dojo_maps.sources.osm.outlines import mend_outlines
-from dojo_maps.sources.osm.plain import CONNECTIONS, EDGES, NODES, Plain, write_plain
+from dojo_maps.sources.osm.graph.road_graph import build_graph
+from dojo_maps.sources.osm.junctions.overlap_merging import lying_on_neighbours
+from dojo_maps.sources.osm.layout.arms import Layout
+from dojo_maps.sources.osm.layout.stages import lay_out
+from dojo_maps.sources.osm.plain.junction_outlines import mend_outlines
+from dojo_maps.sources.osm.plain.movements import Restriction, read_restrictions
+from dojo_maps.sources.osm.plain.plain_xml import CONNECTIONS, EDGES, NODES, Plain, write_plain
+from dojo_maps.sources.osm.read.data import OsmData
 from dojo_maps.sources.signal_programs import program_signals
 from dojo_maps.sources.sumo_net import read_network
 from dojo_maps.whole_file import scratch_folder
