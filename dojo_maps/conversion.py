@@ -32,7 +32,7 @@ from dojo_maps.sources.files import find_network
 from dojo_maps.sources.opendrive import OpenDriveNetwork
 from dojo_maps.sources.osm import is_osm, read_osm
 from dojo_maps.sources.osm.completeness.score import score_network
-from dojo_maps.sources.osm.network import build_network
+from dojo_maps.sources.osm.pipeline import build_network
 from dojo_maps.sources.osm.surroundings.props import read_context
 from dojo_maps.sources.sumo_net import read_network
 from dojo_maps.sumo_loading import Loading, loading

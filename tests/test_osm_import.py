@@ -20,7 +20,7 @@ from dojo_maps.cli import main
 from dojo_maps.conversion import convert
 from dojo_maps.description import Phase
 from dojo_maps.sources.netconvert import NetconvertError, NetconvertResult, run_netconvert
-from dojo_maps.sources.osm import network as osm_network
+from dojo_maps.sources.osm import pipeline as osm_network
 from dojo_maps.sources.osm import read_osm
 from dojo_maps.sources.osm.read.country import drives_left
 
@@ -55,7 +55,7 @@ def test_city_keeps_what_is_mapped(city: tuple[Bundle, dict[str, Any], float]) -
     assert quality["signalised_junctions"]["share"] == 1.0
     assert quality["turn_lanes"]["share"] >= 0.95
     assert quality["sidewalk_metres"]["share"] >= 0.95
-    assert quality["road_metres_on_floor"]["share"] >= 0.99
+    assert quality["road_metres"]["all"]["share"] >= 0.99
     assert quality["edges_under_5_m"] == 0
     assert seconds < 60
 
@@ -157,7 +157,7 @@ def test_drawn_junction_is_whole(drawn: tuple[str, Bundle, dict[str, Any]]) -> N
     assert quality["turn_lanes"]["kept"] == quality["turn_lanes"]["of"]
     assert quality["crossings"]["kept"] >= quality["crossings"]["of"] - (name == "slip_lane")
     assert quality["edges_under_5_m"] == 0
-    assert quality["road_metres_on_floor"]["share"] > 0.99
+    assert quality["road_metres"]["all"]["share"] > 0.99
     assert bundle.road_map.left_hand == (name == "left_hand")
     check_no_dead_ends(bundle)
     check_programs(bundle.network)

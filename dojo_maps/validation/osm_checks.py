@@ -35,6 +35,8 @@ _LOSSES = (
     ("IMP011", "osm.context_left_out", "Buildings, trees and areas are all kept", NOTE, "thousands of each"),
     ("IMP012", "osm.edit_lost", "Kept edits fit the new network", WARNING, "all"),
     ("IMP013", "osm.restriction_conditional", "Turn restrictions hold at all times", NOTE, "no conditions"),
+    ("IMP018", "osm.road_lost", "Mapped roads are built whole", WARNING, "10 m of each class"),
+    ("IMP019", "osm.not_imported", "All ways with traffic are imported", NOTE, "none left out"),
 )
 """What an import counts while it builds a network: code, id, title, severity and limit."""
 

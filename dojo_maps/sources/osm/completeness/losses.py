@@ -2,6 +2,7 @@
 
 from collections import defaultdict
 from collections.abc import Iterable
+from typing import Any
 
 import numpy as np
 import shapely
@@ -9,7 +10,7 @@ import shapely
 from dojo_maps.index import MapIndex
 from dojo_maps.issue import Element, Issue, Severity
 from dojo_maps.sources.osm.layout.arms import incoming_name
-from dojo_maps.sources.osm.network import OsmNetwork
+from dojo_maps.sources.osm.pipeline import OsmNetwork
 from dojo_maps.sources.osm.plain.lane_connections import arrow_targets
 from dojo_maps.sources.osm.plain.movements import Restriction
 from dojo_maps.sources.osm.read.data import link_to
@@ -23,6 +24,12 @@ _LETTERS = {
 
 Share = tuple[int, int]
 """How many are kept, of how many."""
+
+
+def share_of(share: Share) -> dict[str, Any]:
+    """Give a share as the report has it."""
+    kept, total = share
+    return {"kept": kept, "of": total, "share": round(kept / total, 4) if total else None}
 
 
 def loss(  # noqa: PLR0913

@@ -2,22 +2,22 @@
 
 from typing import Any
 
-import numpy as np
 import shapely
 
 from dojo_maps.index import MapIndex
 from dojo_maps.issue import Element, Issue, Severity
 from dojo_maps.sources.osm.completeness.lane_strips import strips
 from dojo_maps.sources.osm.completeness.losses import (
-    Share,
     check_crossings,
     check_restrictions,
     check_signals,
     check_turn_lanes,
     loss,
+    share_of,
 )
+from dojo_maps.sources.osm.completeness.road_length import measure_road_length
 from dojo_maps.sources.osm.layout.sidewalks import is_sidewalk
-from dojo_maps.sources.osm.network import OsmNetwork
+from dojo_maps.sources.osm.pipeline import OsmNetwork
 from dojo_maps.sources.osm.plain.movements import find_conditional
 from dojo_maps.sources.osm.read.data import OsmData
 
@@ -44,21 +44,17 @@ def score_network(data: OsmData, network: OsmNetwork) -> tuple[dict[str, Any], t
         ("restrictions", check_restrictions),
     ):
         share, found = check(network)
-        figures[name] = _share(share)
+        figures[name] = share_of(share)
         issues += found
     kept, total, found = _check_sidewalks(data, network)
-    figures["sidewalk_metres"] = _share((round(kept), round(total)))
-    figures["road_metres_on_floor"] = _share(_floor(network))
+    figures["sidewalk_metres"] = share_of((round(kept), round(total)))
+    lengths, missing = measure_road_length(data, network)
+    figures |= lengths
     figures["overlap_square_metres"] = _overlap(network)
     short = _check_short(network)
     figures["edges"] = len(network.road_map.roads)
     figures["edges_under_5_m"] = len(short)
-    return figures, (*issues, *found, *short, *_unread(data, network))
-
-
-def _share(share: Share) -> dict[str, Any]:
-    kept, total = share
-    return {"kept": kept, "of": total, "share": round(kept / total, 4) if total else None}
+    return figures, (*issues, *found, *missing, *short, *_unread(data, network))
 
 
 def _check_sidewalks(data: OsmData, network: OsmNetwork) -> tuple[float, float, list[Issue]]:
@@ -75,10 +71,10 @@ def _check_sidewalks(data: OsmData, network: OsmNetwork) -> tuple[float, float, 
     kept = total = 0.0
     issues = []
     for way, record in data.ways.items():
-        nodes = [data.nodes[node] for node in record.nodes if node in data.nodes]
-        if not is_sidewalk(record.tags) or len(nodes) < 2:
+        whole = graph.way_line(data, record) if is_sidewalk(record.tags) else None
+        if whole is None:
             continue
-        line = shapely.LineString([graph.to_plane(n.lon, n.lat) for n in nodes]).intersection(beside)
+        line = whole.intersection(beside)
         lost = line.difference(reached)
         total += line.length
         kept += line.length - lost.length
@@ -92,22 +88,6 @@ def _check_sidewalks(data: OsmData, network: OsmNetwork) -> tuple[float, float, 
                 )
             )  # fmt: skip
     return kept, total, issues
-
-
-def _floor(network: OsmNetwork) -> Share:
-    """Measure how much of the mapped roads' lines lies on built road or junction."""
-    shapes = list(strips(network.road_map, _DRIVEN).values())
-    shapes += [
-        shapely.Polygon(junction.polygon[:, :2]).buffer(0)
-        for junction in network.road_map.junctions
-        if len(junction.polygon) > 2
-    ]
-    floor = np.array([shape.buffer(0.3) for shape in shapes], dtype=object)
-    tree = shapely.STRtree(floor)
-    graph = network.layout.graph
-    lines = [shapely.LineString(graph.line(section)) for section in graph.sections.values()]
-    kept = (line.intersection(shapely.union_all(floor[tree.query(line)])).length for line in lines)
-    return round(sum(kept)), round(sum(line.length for line in lines))
 
 
 def _overlap(network: OsmNetwork) -> float:

@@ -13,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 import pyproj
+import shapely
 
 from dojo_maps.errors import SourceError
 from dojo_maps.geometry.polylines import Floats, along
@@ -20,7 +21,7 @@ from dojo_maps.sources.osm.graph.crowding import check_crowding
 from dojo_maps.sources.osm.graph.node_runs import known_runs
 from dojo_maps.sources.osm.graph.shared_nodes import free_number, share_nodes
 from dojo_maps.sources.osm.read.country import centre_of, drives_left
-from dojo_maps.sources.osm.read.data import OsmData
+from dojo_maps.sources.osm.read.data import OsmData, OsmWay
 from dojo_maps.sources.osm.read.way_tags import KINDS, RoadTags, read_road
 
 _LEAST_SECTION = 12.0
@@ -116,10 +117,13 @@ class RoadGraph:
             name = section.id + suffix
             self.sections[name] = replace(section, id=name, nodes=nodes, ways=ways)
 
-    def to_plane(self, lon: float, lat: float) -> tuple[float, float]:
-        """Project degrees to metres."""
-        x, y = _projection(self.proj)(lon, lat)
-        return x + self.offset[0], y + self.offset[1]
+    def way_line(self, data: OsmData, way: OsmWay) -> shapely.LineString | None:
+        """Lay any way of the extract into the plane, None where fewer than two nodes are there."""
+        nodes = [data.nodes[node] for node in way.nodes if node in data.nodes]
+        if len(nodes) < 2:
+            return None
+        x, y = _projection(self.proj)(np.array([n.lon for n in nodes]), np.array([n.lat for n in nodes]))
+        return shapely.LineString(np.column_stack([x, y]) + self.offset)
 
 
 @functools.cache
@@ -156,7 +160,6 @@ def build_graph(data: OsmData, path: Path | str) -> RoadGraph:
     )  # fmt: skip
     _cut_sections(graph, pieces, roads)
     _drop_doubles(graph)
-    _keep_largest(graph)
     while _join_sections(graph):
         pass
     return graph
@@ -232,24 +235,6 @@ def _drop_doubles(graph: RoadGraph) -> None:
 
 def _importance(section: Section) -> tuple[int, float]:
     return KINDS[section.road.kind], section.road.drives
-
-
-def _keep_largest(graph: RoadGraph) -> None:
-    """Drop all but the largest group of connected sections."""
-    owner: dict[int, int] = {}
-
-    def find(node: int) -> int:
-        while owner.setdefault(node, node) != node:
-            owner[node] = node = owner[owner[node]]
-        return node
-
-    for section in graph.sections.values():
-        owner[find(section.start)] = find(section.end)
-    size: dict[int, float] = defaultdict(float)
-    for section in graph.sections.values():
-        size[find(section.start)] += graph.length(section)
-    best = max(size, key=lambda root: (size[root], root))
-    graph.sections = {k: s for k, s in graph.sections.items() if find(s.start) == best}
 
 
 def _join_sections(graph: RoadGraph) -> bool:

@@ -97,13 +97,13 @@ def _across(data: OsmData, graph: RoadGraph, known: set[int]) -> list[MappedCros
     tree = shapely.STRtree(lines)
     found = []
     for way, crossing in data.ways.items():
-        nodes = [node for node in crossing.nodes if node in data.nodes]
-        if not _is_crossing_way(crossing.tags) or len(nodes) < 2 or crossing.tags.get("bridge", "no") != "no":
+        on_ground = _is_crossing_way(crossing.tags) and crossing.tags.get("bridge", "no") == "no"
+        path = graph.way_line(data, crossing) if on_ground else None
+        if path is None:
             continue
-        path = shapely.LineString([graph.to_plane(data.nodes[n].lon, data.nodes[n].lat) for n in nodes])
         for hit in sorted(tree.query(path, predicate="intersects")):
             section = graph.sections[names[hit]]
-            if section.road.layer or known.intersection(nodes) & set(section.nodes):
+            if section.road.layer or known.intersection(crossing.nodes) & set(section.nodes):
                 continue
             point = lines[hit].intersection(path).representative_point()
             along = float(lines[hit].project(point))

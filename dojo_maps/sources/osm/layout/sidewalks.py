@@ -31,9 +31,9 @@ class Sidewalks:
         self._graph = graph
         lines = []
         for way in data.ways.values():
-            nodes = [data.nodes[node] for node in way.nodes if node in data.nodes]
-            if is_sidewalk(way.tags) and len(nodes) > 1:
-                lines.append(shapely.LineString([graph.to_plane(node.lon, node.lat) for node in nodes]))
+            line = graph.way_line(data, way) if is_sidewalk(way.tags) else None
+            if line is not None:
+                lines.append(line)
         self.mapped = lines
         self._mapped = shapely.STRtree(lines)
         self._sections = sorted(graph.sections)

@@ -15,6 +15,8 @@ KINDS = {
 _BUS_ONLY = ("busway", "bus_guideway")
 _NO = ("no", "private", "emergency", "military", "forestry", "agricultural", "delivery")
 _YES = ("yes", "designated", "permissive", "destination", "customers", "official")
+_ACCESS = ("motorcar", "motor_vehicle", "vehicle", "access")
+"""Tags that say whether cars may drive; the first that is there counts."""
 _MOST_LANES = 8
 _LANE_WIDTH = 3.25
 _SIDEWALK_KINDS = {kind for kind, rank in KINDS.items() if rank <= 9} - {"busway", "bus_guideway"}
@@ -68,9 +70,9 @@ def read_road(tags: Tags, *, lon: float, lat: float, left_hand: bool) -> tuple[R
     Returns:
         The road, None where the way is none that cars or buses use; and whether lanes and turns agree.
     """
-    kind = tags.get("highway", "")
-    if kind not in KINDS or tags.get("area") == "yes" or not (_cars(tags) or _buses(tags)):
+    if why_not_a_road(tags) is not None:
         return None, True
+    kind = tags["highway"]
     bus_only = not _cars(tags)
     direction = _direction(tags)
     counts = _lane_counts(tags, direction)
@@ -93,6 +95,16 @@ def read_road(tags: Tags, *, lon: float, lat: float, left_hand: bool) -> tuple[R
     ), agree
 
 
+def why_not_a_road(tags: Tags) -> str | None:
+    """Tell why a way is not built: its access, or an empty text for its kind; None for a road that is."""
+    if tags.get("highway") not in KINDS or tags.get("area") == "yes":
+        return ""
+    if _cars(tags) or _buses(tags):
+        return None
+    key = next(key for key in _ACCESS if key in tags)
+    return f"{key}={tags[key]}"
+
+
 def may_have_sidewalk(road: RoadTags) -> bool:
     """Tell whether a road without a word about sidewalks has them, as streets in towns have."""
     return road.kind in _SIDEWALK_KINDS and road.speed <= _SIDEWALK_SPEED and not road.roundabout
@@ -101,7 +113,7 @@ def may_have_sidewalk(road: RoadTags) -> bool:
 def _cars(tags: Tags) -> bool:
     if tags.get("highway") in _BUS_ONLY:
         return False
-    for key in ("motorcar", "motor_vehicle", "vehicle", "access"):
+    for key in _ACCESS:
         if key in tags:
             return tags[key] not in _NO
     return True
