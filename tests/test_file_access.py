@@ -31,7 +31,7 @@ EXPLAINED = {
     "dojo_maps/sources/line_numbers.py": {"ParserCreate"},
     "dojo_maps/sources/net_tree.py": {"fromstring"},
     "dojo_maps/sources/edits.py": {"fromstring", "read_bytes"},
-    "dojo_maps/sources/osm/read/data.py": {"FileProcessor"},
+    "dojo_maps/sources/osm/read/osm_pbf.py": {"FileProcessor"},
     # What netconvert has just written into a scratch folder.
     "dojo_maps/repair/splicing.py": {"fromstring"},
     "dojo_maps/sources/netconvert.py": {"read_bytes"},
