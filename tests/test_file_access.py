@@ -18,7 +18,7 @@ READING = {
 NOT_FILES = {"webbrowser", "Rerun"}
 """What else can be opened."""
 OWN_READERS = {
-    "dojo_maps/input_files.py": {"open", "read_bytes", "DictReader"},
+    "dojo_maps/input_files.py": {"open", "read_bytes", "DictReader", "ZipFile"},
     "dojo_maps/safe_xml.py": {"ParserCreate"},
     "dojo_maps/safe_json.py": {"loads"},
     "dojo_env/plain_arrays.py": {"ZipFile", "open"},
