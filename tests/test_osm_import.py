@@ -310,7 +310,7 @@ def test_import_never_doubles_a_sidewalk(tmp_path: Path) -> None:
         assert [kinds[lane] for lane in lanes].count("sidewalk") <= 1
 
 
-@pytest.mark.parametrize(("fatal", "attempts"), [("--walkingareas", 1), ("<crossing ", 3)])
+@pytest.mark.parametrize(("fatal", "attempts"), [("--walkingareas", 1), ("<crossing ", 2)])
 def test_import_leaves_out_what_netconvert_fails_on(
     fatal: str, attempts: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -30,7 +30,7 @@ _ALWAYS = (
     *("--no-internal-links", "false", "--offset.disable-normalization", "--no-turnarounds"),
     *("--output.street-names", "--junctions.join", "false", "--geometry.max-grade.fix", "false"),
 )
-_DROPPED_IN_TURN = ("--roundabouts.guess", "--walkingareas")
+_DROPPED_IN_TURN = ("--walkingareas",)
 """Given first, and left out one more at each attempt after a failure."""
 _SHORTEST = 5.0
 _ROUNDS = 8
@@ -198,8 +198,8 @@ def _too_short(road_map: RoadMap, plain: Plain) -> dict[tuple[int, int], float]:
     found: dict[tuple[int, int], float] = {}
     for road in road_map.roads:
         length = min(lanes[lane].length for lane in road.lanes)
-        if length < _SHORTEST and road.id in plain.sections:
-            section = plain.sections[road.id]
+        section = plain.sections.get(road.id)
+        if length < _SHORTEST and section is not None and not section.road.roundabout:
             pair = (min(section.start, section.end), max(section.start, section.end))
             found[pair] = min(length, found.get(pair, length))
     return dict(sorted(found.items()))

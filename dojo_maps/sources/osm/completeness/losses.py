@@ -84,6 +84,20 @@ def check_crossings(network: OsmNetwork) -> tuple[Share, list[Issue]]:
     return (total - len(issues), total), issues
 
 
+def tell_guesses(network: OsmNetwork) -> list[Issue]:
+    """Name the junctions whose crossings nobody has mapped."""
+    graph = network.layout.graph
+    return [
+        loss(
+            "osm.guessed_crossing",
+            f"{count} crossings at this signal are guessed, for none is mapped",
+            ("node", junction), graph.places[junction],
+            "map the crossings, or remove them in netedit", severity=Severity.NOTE, measured=count,
+        )
+        for junction, count in sorted(network.plain.guessed.items())
+    ]  # fmt: skip
+
+
 def check_signals(network: OsmNetwork) -> tuple[Share, list[Issue]]:
     """Look for exactly one controller at each signalised junction."""
     junctions, graph = network.layout.junctions, network.layout.graph

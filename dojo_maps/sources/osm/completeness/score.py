@@ -14,6 +14,7 @@ from dojo_maps.sources.osm.completeness.losses import (
     check_turn_lanes,
     loss,
     share_of,
+    tell_guesses,
 )
 from dojo_maps.sources.osm.completeness.road_length import measure_road_length
 from dojo_maps.sources.osm.layout.sidewalks import is_sidewalk
@@ -54,7 +55,7 @@ def score_network(data: OsmData, network: OsmNetwork) -> tuple[dict[str, Any], t
     short = _check_short(network)
     figures["edges"] = len(network.road_map.roads)
     figures["edges_under_5_m"] = len(short)
-    return figures, (*issues, *found, *missing, *short, *_unread(data, network))
+    return figures, (*issues, *found, *missing, *short, *tell_guesses(network), *_unread(data, network))
 
 
 def _check_sidewalks(data: OsmData, network: OsmNetwork) -> tuple[float, float, list[Issue]]:

@@ -10,6 +10,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 
 from dojo_maps.sources.osm.graph.road_graph import RoadGraph, Section
+from dojo_maps.sources.osm.graph.sign_direction import sign_direction
 from dojo_maps.sources.osm.layout.mapped_crossings import MappedCrossing
 from dojo_maps.sources.osm.read.data import OsmData
 
@@ -188,7 +189,7 @@ def _assign_signals(
             hit
             for name, index in places
             for hit in _downstream(
-                graph, ends, graph.sections[name], index, _heading(data, graph, node, name)
+                graph, ends, graph.sections[name], index, sign_direction(data, graph.sections[name], node)
             )
         ]
         if found:
@@ -196,23 +197,6 @@ def _assign_signals(
         else:
             stray.append(node)
     return strong, stray
-
-
-def _heading(data: OsmData, graph: RoadGraph, node: int, name: str) -> int:
-    """Tell which traffic a signal on a section is for: 1 along it, -1 against it, 0 both."""
-    section = graph.sections[name]
-    if section.road.oneway:
-        return 1
-    said = data.nodes[node].tags.get("traffic_signals:direction", "")
-    if said not in ("forward", "backward"):
-        return 0
-    index = section.nodes.index(node)
-    way = data.ways.get(section.ways[min(index, len(section.ways) - 1)])
-    other = section.nodes[index + 1] if index + 1 < len(section.nodes) else section.nodes[index - 1]
-    if way is None or node not in way.nodes or other not in way.nodes:
-        return 0
-    same = (way.nodes.index(other) > way.nodes.index(node)) == (section.nodes.index(other) > index)
-    return 1 if same == (said == "forward") else -1
 
 
 def _downstream(

@@ -7,7 +7,7 @@ from types import MappingProxyType
 from dojo_maps.sources.osm.graph.loops import is_inner, split_loops
 from dojo_maps.sources.osm.graph.road_graph import RoadGraph
 from dojo_maps.sources.osm.junctions.grouping import group_junctions
-from dojo_maps.sources.osm.junctions.roundabouts import widen_rings
+from dojo_maps.sources.osm.junctions.roundabouts import recognise_rings, widen_rings
 from dojo_maps.sources.osm.layout.approach_extension import reach_in
 from dojo_maps.sources.osm.layout.arms import Layout
 from dojo_maps.sources.osm.layout.carriageway_spacing import space_carriageways
@@ -37,6 +37,7 @@ def lay_out(
         joined: vertices to join because a section between them came out too short before.
         moved: crossings to move for the same reason, by node: towards which node, and how far.
     """
+    recognise_rings(graph)
     widen_rings(graph)
     crossings = find_crossings(data, graph)
     if extend_ends(graph, {crossing.node for crossing in crossings}):

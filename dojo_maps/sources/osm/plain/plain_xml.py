@@ -11,6 +11,7 @@ import numpy as np
 from dojo_maps.geometry.polylines import Floats
 from dojo_maps.sources.osm.graph.heights import compute_heights
 from dojo_maps.sources.osm.graph.road_graph import Section
+from dojo_maps.sources.osm.junctions.roundabouts import find_rings
 from dojo_maps.sources.osm.layout.arms import Arm, Layout, divider, incoming_name, outgoing_name
 from dojo_maps.sources.osm.layout.carriageway_spacing import side_by_side
 from dojo_maps.sources.osm.layout.crossing_arms import CROSSING_WIDTH
@@ -18,6 +19,7 @@ from dojo_maps.sources.osm.layout.mapped_crossings import MappedCrossing
 from dojo_maps.sources.osm.layout.sidewalks import ISLAND_WIDTH, SIDEWALK_WIDTH, Sidewalks
 from dojo_maps.sources.osm.plain.lane_connections import connect_lanes
 from dojo_maps.sources.osm.plain.movements import Movement, Movements, Restriction, directed, leads_through
+from dojo_maps.sources.osm.plain.right_of_way import SIGNED_PRIORITY, RightOfWay
 from dojo_maps.sources.osm.read.data import OsmData
 from dojo_maps.sources.osm.read.way_tags import KINDS, LaneTags
 
@@ -26,11 +28,8 @@ _CARS = 'disallow="pedestrian tram rail_urban rail rail_electric rail_fast ship 
 _BUSES = 'allow="bus coach taxi emergency"'
 
 
-_BUSY = KINDS["tertiary"]
 _RING_RADIUS = 0.5
 """Metres by which the corners of roundabouts are rounded; more would leave nothing of a small ring."""
-_MAPPED_NEAR = 100.0
-"""Metres around a mapped crossing within which crossings are taken to be mapped completely."""
 
 
 @dataclass(slots=True, kw_only=True)
@@ -44,6 +43,8 @@ class Plain:
     """Widths on the left and the right of a section, metres; 0 for none."""
     nodes: dict[int, str] = field(default_factory=dict)
     movements: list[Movement] = field(default_factory=list)
+    guessed: dict[int, int] = field(default_factory=dict)
+    """Crossings that nobody has mapped, by junction."""
     heights: dict[int, float] = field(default_factory=dict)
 
 
@@ -81,8 +82,9 @@ def write_plain(
             left, right = (SIDEWALK_WIDTH * side for side in walks.sides(section))
             least = ISLAND_WIDTH if name in paved else 0.0
             plain.sidewalks[name] = (max(left, least), max(right, least))
-    _write(folder / EDGES, "edges", _edges(layout, plain))
-    _write(folder / NODES, "nodes", [_location(layout), *_nodes(layout, arms, plain)])
+    rights = RightOfWay(data, layout)
+    _write(folder / EDGES, "edges", [*_edges(layout, arms, plain, rights), *_roundabouts(layout)])
+    _write(folder / NODES, "nodes", [_location(layout), *_nodes(layout, arms, plain, rights)])
     _write(folder / CONNECTIONS, "connections", _connections(layout, arms, restrictions, plain))
     return plain
 
@@ -99,14 +101,14 @@ def _location(layout: Layout) -> str:
     )
 
 
-def _nodes(layout: Layout, arms: dict[int, list[Arm]], plain: Plain) -> list[str]:
+def _nodes(layout: Layout, arms: dict[int, list[Arm]], plain: Plain, rights: RightOfWay) -> list[str]:
     members = layout.junctions.members()
     lines = []
     for junction in sorted(arms):
         places = np.array([layout.graph.places[vertex] for vertex in members[junction]])
         x, y = (places.min(axis=0) + places.max(axis=0)) / 2
         controller = layout.junctions.controllers.get(junction)
-        kind = 'type="priority"'
+        kind = f'type="{rights.kind(junction, arms[junction])}"'
         if controller is not None:
             kind = f'type="traffic_light" tl="{controller}"'
         elif not any(_drives(plain, outgoing_name(arm)) for arm in arms[junction]):
@@ -118,7 +120,7 @@ def _nodes(layout: Layout, arms: dict[int, list[Arm]], plain: Plain) -> list[str
     return lines
 
 
-def _edges(layout: Layout, plain: Plain) -> list[str]:
+def _edges(layout: Layout, arms: dict[int, list[Arm]], plain: Plain, rights: RightOfWay) -> list[str]:
     lines = []
     for name, (left, right) in sorted(plain.sidewalks.items()):
         section = layout.graph.sections[name]
@@ -133,7 +135,22 @@ def _edges(layout: Layout, plain: Plain) -> list[str]:
             plain.sections[edge] = driven
             ends = (layout.junctions.of[driven.start], layout.junctions.of[driven.end])
             shape = middle if forward else middle[::-1]
-            lines += _edge(edge, ends, driven, lanes, walk=walk, shape=shape)
+            arm = (name, forward)
+            signed = rights.sign(arm, arms[layout.junction(arm)])
+            priority = SIGNED_PRIORITY if signed else KINDS[road.kind]
+            lines += _edge(edge, ends, driven, lanes, walk=walk, shape=shape, priority=priority)
+    return lines
+
+
+def _roundabouts(layout: Layout) -> list[str]:
+    """Name the rings, so that who drives in one has right of way."""
+    lines = []
+    for ring in find_rings(layout.graph):
+        driven = [section for section in ring if section.id not in layout.inner]
+        nodes = sorted({layout.junctions.of[vertex] for s in driven for vertex in (s.start, s.end)})
+        if len(nodes) > 1:
+            edges = " ".join(edge_name(section, forward=True) for section in driven)
+            lines.append(f'<roundabout nodes="{" ".join(map(str, nodes))}" edges="{edges}"/>')
     return lines
 
 
@@ -145,13 +162,14 @@ def _edge(
     *,
     walk: float,
     shape: Floats,
+    priority: int,
 ) -> list[str]:
     road = section.road
     places = " ".join(f"{x:.2f},{y:.2f},{z:.2f}" for x, y, z in shape)
     name = f"name={quoteattr(road.name)} " if road.name.strip() else ""
     lines = [
         f'<edge id="{edge}" from="{ends[0]}" to="{ends[1]}" {name}'
-        f'type="highway.{road.kind}" priority="{KINDS[road.kind]}" numLanes="{len(lanes) + bool(walk)}" '
+        f'type="highway.{road.kind}" priority="{priority}" numLanes="{len(lanes) + bool(walk)}" '
         f'speed="{road.speed:.2f}" spreadType="right" shape="{places}">'
     ]
     if walk:
@@ -166,7 +184,6 @@ def _connections(
     layout: Layout, arms: dict[int, list[Arm]], restrictions: list[Restriction], plain: Plain
 ) -> list[str]:
     finder = Movements(layout, restrictions)
-    mapped = [np.array(crossing.place) for crossing in layout.crossings]
     lines = []
     for junction in sorted(arms):
         movements = finder.at(junction, arms[junction])
@@ -174,7 +191,7 @@ def _connections(
         lines += _lane_links(layout, movements, plain)
         lines += _crossings(layout, junction, arms[junction], plain)
         if not any(arm in layout.hosted for arm in arms[junction]):
-            lines += _guessed_crossings(layout, junction, arms[junction], plain, mapped)
+            lines += _guessed_crossings(layout, junction, arms[junction], plain)
     return lines
 
 
@@ -239,24 +256,18 @@ def _crossings(layout: Layout, junction: int, arms: list[Arm], plain: Plain) -> 
     return lines
 
 
-def _guessed_crossings(
-    layout: Layout, junction: int, arms: list[Arm], plain: Plain, mapped: list[Floats]
-) -> list[str]:
-    """Guess crossings of all arms where none is mapped: at signals, and where no one maps crossings."""
-    signalised = junction in layout.junctions.controllers
-    here = np.array(layout.graph.places[junction])
-    ranks = [KINDS[layout.graph.sections[name].road.kind] for name, _ in arms]
-    busy = signalised or max(ranks) >= _BUSY
-    known = not signalised and any(np.hypot(*(place - here)) < _MAPPED_NEAR for place in mapped)
-    if len(arms) < 3 or not busy or known:
+def _guessed_crossings(layout: Layout, junction: int, arms: list[Arm], plain: Plain) -> list[str]:
+    """Guess crossings of all arms of a signal where none is mapped."""
+    if len(arms) < 3 or junction not in layout.junctions.controllers:
         return []
     lines = []
     for arm in arms:
         names = sorted(name for name in (incoming_name(arm), outgoing_name(arm)) if _drives(plain, name))
         if all(plain.sidewalks[arm[0]]) and not layout.graph.sections[arm[0]].road.roundabout:
+            plain.guessed[junction] = plain.guessed.get(junction, 0) + 1
             lines.append(
                 f'<crossing node="{junction}" edges="{" ".join(names)}" width="{CROSSING_WIDTH:.2f}" '
-                f'priority="{str(signalised).lower()}"/>'
+                'priority="true"/>'
             )
     return lines
 
