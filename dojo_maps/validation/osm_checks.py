@@ -36,7 +36,6 @@ _LOSSES = (
     ("IMP012", "osm.edit_lost", "Kept edits fit the new network", WARNING, "all"),
     ("IMP013", "osm.restriction_conditional", "Turn restrictions hold at all times", NOTE, "no conditions"),
     ("IMP018", "osm.road_lost", "Mapped roads are built whole", WARNING, "10 m of each class"),
-    ("IMP020", "osm.guessed_crossing", "Crossings at signals are mapped", NOTE, "none guessed"),
     ("IMP019", "osm.not_imported", "All ways with traffic are imported", NOTE, "none left out"),
 )
 """What an import counts while it builds a network: code, id, title, severity and limit."""
