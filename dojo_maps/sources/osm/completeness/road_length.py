@@ -65,7 +65,8 @@ def measure_road_length(data: OsmData, network: OsmNetwork) -> tuple[dict[str, A
         line = graph.way_line(data, record) if kind else None
         if kind is None or line is None:
             continue
-        if (reason := why_not_a_road(record.tags)) is not None:
+        if way not in graph.ways:
+            reason = why_not_a_road(record.tags)
             left_out[f"{kind}{reason and f' ({reason})'}"].add(way, line)
             continue
         rest = floor.outside(line)
@@ -78,7 +79,7 @@ def measure_road_length(data: OsmData, network: OsmNetwork) -> tuple[dict[str, A
             "all": share_of((round(sum(kept.values())), round(sum(total.values())))),
             **{
                 kind: share_of((round(kept[kind]), round(total[kind])))
-                for kind in sorted(total, key=lambda kind: (KINDS[kind], kind))
+                for kind in sorted(total, key=lambda kind: (KINDS.get(kind, 0), kind))
             },
         },
         "metres_not_imported": {kind: round(left.metres) for kind, left in sorted(left_out.items())},

@@ -130,13 +130,15 @@ def _unread(data: OsmData, network: OsmNetwork) -> list[Issue]:
     """Report what of the extract could not be used as it stands."""
     graph = network.layout.graph
     issues = []
-    for way in graph.unmatched_turns:
-        nodes = [node for node in data.ways[way].nodes if node in graph.places]
+    for words, ways in sorted(graph.not_kept.items()):
+        nodes = [node for node in data.ways[ways[0]].nodes if node in graph.places]
         place = graph.places[nodes[0]] if nodes else network.road_map.origin
+        what, _, lost = words.partition(": ")
         issues.append(
             loss(
-                "osm.turn_lane_mismatch", "as many arrows in turn:lanes as lanes were expected",
-                ("way", way), place, "correct lanes or turn:lanes", severity=Severity.NOTE,
+                "osm.tag_not_kept", f"{len(ways)} ways have {what}; not kept: {lost}; the first is",
+                ("way", ways[0]), place, "correct the lanes in netedit, or the tags",
+                severity=Severity.NOTE, measured=len(ways),
             )
         )  # fmt: skip
     for way in sorted(set(graph.doubled)):
@@ -152,6 +154,16 @@ def _unread(data: OsmData, network: OsmNetwork) -> list[Issue]:
             loss(
                 "osm.unshared_node", "another road crosses here without a common node; they meet",
                 ("way", way), graph.places[node], "add the node, or the bridge or tunnel, in OpenStreetMap",
+            )
+        )  # fmt: skip
+    for node in graph.barriers:
+        x, y = graph.places[node]
+        kind = data.nodes[node].tags["barrier"]
+        issues.append(
+            loss(
+                "osm.road_closed", f"a road is closed to all by a {kind}, also to those who may pass it",
+                ("node", node), (x, y), "join the two ends in netedit if your traffic passes there",
+                severity=Severity.NOTE,
             )
         )  # fmt: skip
     for relation, node in find_conditional(data).items():

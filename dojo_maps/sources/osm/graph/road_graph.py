@@ -17,12 +17,14 @@ import shapely
 
 from dojo_maps.errors import SourceError
 from dojo_maps.geometry.polylines import Floats, along
+from dojo_maps.sources.osm.graph.barriers import cut_at_barriers
 from dojo_maps.sources.osm.graph.crowding import check_crowding
 from dojo_maps.sources.osm.graph.node_runs import known_runs
+from dojo_maps.sources.osm.graph.service_roads import find_signalised_service_roads
 from dojo_maps.sources.osm.graph.shared_nodes import free_number, share_nodes
 from dojo_maps.sources.osm.read.country import centre_of, drives_left
 from dojo_maps.sources.osm.read.data import OsmData, OsmWay
-from dojo_maps.sources.osm.read.way_tags import KINDS, RoadTags, read_road
+from dojo_maps.sources.osm.read.way_tags import KINDS, RoadTags, read_road, why_not_a_road
 
 _LEAST_SECTION = 12.0
 """Metres: a shorter section between two changes of lanes takes its neighbour's."""
@@ -72,10 +74,15 @@ class RoadGraph:
     left_hand: bool
     proj: str
     offset: tuple[float, float]
-    unmatched_turns: list[int] = field(default_factory=list)
+    not_kept: dict[str, list[int]] = field(default_factory=dict)
+    """What tags say and no road shows, in words, with the ways."""
+    ways: frozenset[int] = frozenset()
+    """The ways that are roads."""
     doubled: list[int] = field(default_factory=list)
     unshared: list[tuple[int, int]] = field(default_factory=list)
     missing: list[int] = field(default_factory=list)
+    barriers: list[int] = field(default_factory=list)
+    """Nodes at which roads are closed."""
 
     def ends(self) -> dict[int, list[str]]:
         """List the sections at each vertex, a loop twice."""
@@ -138,31 +145,40 @@ def build_graph(data: OsmData, path: Path | str) -> RoadGraph:
         SourceError: it has no roads, they spread too far to be one map, or lie on each other.
     """
     left_hand = drives_left(data)
-    lon, lat = centre_of(data)
-    roads: dict[int, RoadTags] = {}
-    unmatched = []
-    for way, found in data.ways.items():
-        road, agree = read_road(found.tags, lon=lon, lat=lat, left_hand=left_hand)
-        if road is not None:
-            roads[way] = road
-        if not agree:
-            unmatched.append(way)
+    roads, not_kept = _read_roads(data, left_hand=left_hand)
     pieces, missing = known_runs(data, roads)
     used = sorted({node for _, run in pieces for node in run})
     if not used:
         raise SourceError(path, "has no roads for cars or buses; choose a larger area")
     proj, offset, places = _project(data, used, path)
     check_crowding(pieces, roads, places, path)
+    pieces, barriers = cut_at_barriers(data, pieces, places)
     pieces, unshared = share_nodes(pieces, roads, places, path)
     graph = RoadGraph(
         places=places, sections={}, left_hand=left_hand, proj=proj, offset=offset,
-        unmatched_turns=unmatched, unshared=unshared, missing=missing,
+        not_kept=not_kept, ways=frozenset(roads), unshared=unshared, missing=missing, barriers=barriers,
     )  # fmt: skip
     _cut_sections(graph, pieces, roads)
     _drop_doubles(graph)
     while _join_sections(graph):
         pass
     return graph
+
+
+def _read_roads(data: OsmData, *, left_hand: bool) -> tuple[dict[int, RoadTags], dict[str, list[int]]]:
+    """Read the ways that are built, and what of their tags is not kept."""
+    lon, lat = centre_of(data)
+    ways = [way for way, found in data.ways.items() if why_not_a_road(found.tags) is None]
+    ways = sorted({*ways, *find_signalised_service_roads(data, ways)})
+    roads: dict[int, RoadTags] = {}
+    not_kept: dict[str, list[int]] = defaultdict(list)
+    for way in ways:
+        road, unkept = read_road(data.ways[way].tags, lon=lon, lat=lat, left_hand=left_hand, service=True)
+        if road is not None:
+            roads[way] = road
+        for words in unkept:
+            not_kept[words].append(way)
+    return roads, dict(not_kept)
 
 
 def _project(

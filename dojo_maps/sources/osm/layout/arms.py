@@ -113,7 +113,7 @@ def divider(layout: Layout, section: Section, heights: dict[int, float]) -> Floa
     cuts = [layout.cuts.get((section.id, at_end), 0.0) for at_end in (False, True)]
     line = trim(line, *cuts)
     road = section.road
-    aside = road.width * (len(road.forward) - len(road.backward)) / 2
+    aside = (road.across(road.forward) - road.across(road.backward)) / 2
     aside = -aside if layout.graph.left_hand else aside
     return shift(line, aside + layout.asides.get(section.id, 0.0))
 

@@ -8,6 +8,8 @@ import shapely
 from dojo_maps.sources.osm.graph.road_graph import RoadGraph
 from dojo_maps.sources.osm.read.data import OsmData, Tags
 
+_FOR_WALKERS = ("pedestrian_crossing", "pedestrian", "crossing")
+"""Kinds of signals that stop traffic for people who cross."""
 _SAME = 5.0
 """Metres between two crossings of one section that are one."""
 
@@ -60,6 +62,7 @@ def _is_crossing_way(tags: Tags) -> bool:
 
 def _is_crossing_node(tags: Tags) -> bool:
     named = tags.get("highway") == "crossing" or tags.get("crossing", "no") != "no"
+    named = named or tags.get("traffic_signals") in _FOR_WALKERS
     return named and tags.get("crossing") != "no" and "railway" not in tags
 
 

@@ -3,9 +3,9 @@
 Lanes are numbered from the outermost; angles are in degrees, positive to the inner side of the road.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
-from dojo_maps.sources.osm.read.way_tags import LaneTags
+from dojo_maps.sources.osm.read.lane_tags import LaneTags
 
 _ARROWS = {
     "through": 0.0, "slight_right": -35.0, "right": -85.0, "sharp_right": -135.0, "slight_left": 35.0,
@@ -45,6 +45,42 @@ def connect_lanes(
     """
     if not targets:
         return []
+    motor = _motor(lanes)
+    onto = [_motor(target) for target in targets]
+    links = _connect_motor_lanes(
+        [lanes[k] for k in motor],
+        [[target[k] for k in kept] for target, kept in zip(targets, onto, strict=True)],
+        angles,
+        left_hand=left_hand,
+    )
+    found = [(motor[lane], movement, onto[movement][end]) for lane, movement, end in links]
+    return sorted({*found, *_connect_cycle_lanes(lanes, targets, angles)})
+
+
+def _motor(lanes: Sequence[LaneTags]) -> list[int]:
+    """Number the lanes that are not for bicycles only; all where there are no others."""
+    return [k for k, lane in enumerate(lanes) if not lane.bicycle] or list(range(len(lanes)))
+
+
+def _connect_cycle_lanes(
+    lanes: Sequence[LaneTags], targets: Sequence[Sequence[LaneTags]], angles: Sequence[float]
+) -> Iterator[tuple[int, int, int]]:
+    """Lead cycle lanes straight on and to the outer side; bicycles that turn inward change lanes before."""
+    outward = [k for k, angle in enumerate(angles) if angle <= _STRAIGHT]
+    for number, lane in enumerate(lanes):
+        if lane.bicycle:
+            for movement in outward or range(len(targets)):
+                cycle = [k for k, target in enumerate(targets[movement]) if target.bicycle]
+                yield number, movement, cycle[0] if cycle else 0
+
+
+def _connect_motor_lanes(
+    lanes: Sequence[LaneTags],
+    targets: Sequence[Sequence[LaneTags]],
+    angles: Sequence[float],
+    *,
+    left_hand: bool,
+) -> list[tuple[int, int, int]]:
     chosen = _painted(lanes, angles, left_hand=left_hand) if any(lane.turns for lane in lanes) else None
     chosen = chosen or _expected(lanes, angles)
     links: list[tuple[int, int, int]] = []

@@ -14,7 +14,7 @@ from dojo_maps.sources.osm.graph.road_graph import Section
 from dojo_maps.sources.osm.layout.arms import Arm, Layout
 from dojo_maps.sources.osm.plain.lane_connections import arrow_targets
 from dojo_maps.sources.osm.read.data import OsmData
-from dojo_maps.sources.osm.read.way_tags import LaneTags
+from dojo_maps.sources.osm.read.lane_tags import LaneTags
 
 MAX_PATHS = 20_000
 """Paths across one junction from one road, told apart by the turn restrictions on them."""

@@ -21,11 +21,17 @@ from dojo_maps.sources.osm.plain.lane_connections import connect_lanes
 from dojo_maps.sources.osm.plain.movements import Movement, Movements, Restriction, directed, leads_through
 from dojo_maps.sources.osm.plain.right_of_way import SIGNED_PRIORITY, RightOfWay
 from dojo_maps.sources.osm.read.data import OsmData
-from dojo_maps.sources.osm.read.way_tags import KINDS, LaneTags
+from dojo_maps.sources.osm.read.lane_tags import LaneTags, LaneUse
+from dojo_maps.sources.osm.read.way_tags import KINDS
 
 NODES, EDGES, CONNECTIONS = "input.nod.xml", "input.edg.xml", "input.con.xml"
-_CARS = 'disallow="pedestrian tram rail_urban rail rail_electric rail_fast ship cable_car subway aircraft"'
-_BUSES = 'allow="bus coach taxi emergency"'
+_WHO = {
+    LaneUse.DRIVING: 'disallow="pedestrian tram rail_urban rail rail_electric rail_fast ship cable_car '
+    'subway aircraft"',
+    LaneUse.BUS: 'allow="bus coach taxi emergency"',
+    LaneUse.BICYCLE: 'allow="bicycle"',
+}
+"""Vehicle classes of SUMO's by the use of a lane."""
 
 
 _RING_RADIUS = 0.5
@@ -175,8 +181,8 @@ def _edge(
     if walk:
         lines.append(f'<lane index="0" allow="pedestrian" width="{walk:.2f}" speed="{road.speed:.2f}"/>')
     for number, lane in enumerate(lanes):
-        who = _BUSES if lane.bus else _CARS
-        lines.append(f'<lane index="{number + bool(walk)}" {who} width="{road.width:.2f}"/>')
+        width = lane.width or road.width
+        lines.append(f'<lane index="{number + bool(walk)}" {_WHO[lane.use]} width="{width:.2f}"/>')
     return [*lines, "</edge>"]
 
 

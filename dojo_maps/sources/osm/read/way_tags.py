@@ -1,34 +1,29 @@
 """What the tags of an OpenStreetMap way say of a road: lanes, turns, speed, sidewalks, who may drive."""
 
-from collections.abc import Iterable
 from dataclasses import dataclass
 
 from dojo_maps.sources.osm.read.country import default_speed, read_speed
 from dojo_maps.sources.osm.read.data import Tags
+from dojo_maps.sources.osm.read.lane_tags import LaneTags, read_lanes
+from dojo_maps.sources.osm.read.lengths import read_length
 
 KINDS = {
     "motorway": 13, "motorway_link": 12, "trunk": 11, "trunk_link": 10, "primary": 9, "primary_link": 8,
     "secondary": 7, "secondary_link": 6, "tertiary": 5, "tertiary_link": 4, "unclassified": 3,
-    "residential": 3, "road": 3, "living_street": 2, "busway": 4, "bus_guideway": 4,
+    "residential": 3, "road": 3, "living_street": 2, "busway": 4, "bus_guideway": 4, "service": 1,
 }  # fmt: skip
-"""Roads that are kept, by the tag `highway`, and their priority."""
+"""Roads that are built, by the tag `highway`, and their priority; service roads at signals only."""
 _BUS_ONLY = ("busway", "bus_guideway")
 _NO = ("no", "private", "emergency", "military", "forestry", "agricultural", "delivery")
 _YES = ("yes", "designated", "permissive", "destination", "customers", "official")
 _ACCESS = ("motorcar", "motor_vehicle", "vehicle", "access")
 """Tags that say whether cars may drive; the first that is there counts."""
-_MOST_LANES = 8
-_LANE_WIDTH = 3.25
-_SIDEWALK_KINDS = {kind for kind, rank in KINDS.items() if rank <= 9} - {"busway", "bus_guideway"}
+_TIMED = ("access", "vehicle", "motor_vehicle", "motorcar", "oneway", "lanes", "maxspeed", "bus", "psv")
+"""Tags of a road that may hold at some times only."""
+_LANE_WIDTH, _NARROWEST, _WIDEST = 3.25, 2.5, 4.5
+"""Metres across a lane: usual, and least and most as a carriageway's width may have it."""
+_SIDEWALK_KINDS = {kind for kind, rank in KINDS.items() if 1 < rank <= 9} - {"busway", "bus_guideway"}
 _SIDEWALK_SPEED = 60 / 3.6 + 0.1
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class LaneTags:
-    """A lane: for buses only or for all, and the turns painted on it (none where nothing is)."""
-
-    bus: bool = False
-    turns: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -61,47 +56,63 @@ class RoadTags:
     @property
     def drives(self) -> float:
         """Width of all lanes together, metres."""
-        return self.width * (len(self.forward) + len(self.backward))
+        return self.across(self.forward) + self.across(self.backward)
+
+    def across(self, lanes: tuple[LaneTags, ...]) -> float:
+        """Measure some lanes together, metres."""
+        return sum(lane.width or self.width for lane in lanes)
 
 
-def read_road(tags: Tags, *, lon: float, lat: float, left_hand: bool) -> tuple[RoadTags | None, bool]:
+def read_road(
+    tags: Tags, *, lon: float, lat: float, left_hand: bool, service: bool = False
+) -> tuple[RoadTags | None, list[str]]:
     """Read a way's tags.
 
+    Args:
+        tags: of the way.
+        lon: degrees; countries have their own rules.
+        lat: degrees.
+        left_hand: traffic keeps left.
+        service: service roads are roads, too.
+
     Returns:
-        The road, None where the way is none that cars or buses use; and whether lanes and turns agree.
+        The road, None where the way is none that cars or buses use; and what its tags say and the road does
+        not show, in words.
     """
-    if why_not_a_road(tags) is not None:
-        return None, True
-    kind = tags["highway"]
-    bus_only = not _cars(tags)
-    direction = _direction(tags)
-    counts = _lane_counts(tags, direction)
-    lanes, agree = [], True
-    for side, count in zip(("forward", "backward"), counts, strict=True):
-        found, fits = _lanes(tags, side, count, oneway=direction != 0, left_hand=left_hand)
-        lanes.append(tuple(LaneTags(bus=True, turns=e.turns) for e in found) if bus_only else found)
-        agree = agree and fits
+    if why_not_a_road(tags, service=service) is not None:
+        return None, []
+    kind = tags["highway"] if _cars(tags) else "busway"
+    lanes = read_lanes(tags, _direction(tags), bus_only=not _cars(tags), left_hand=left_hand)
+    timed = [key for key in tags if key.endswith(":conditional") and key.partition(":")[0] in _TIMED]
     speed = read_speed(tags.get("maxspeed", "")) or default_speed(kind, lon, lat)
-    return RoadTags(
+    road = RoadTags(
         kind=kind,
         name=tags.get("name", ""),
         speed=round(speed, 2),
-        width=_lane_width(tags, sum(map(len, lanes))),
-        forward=lanes[0],
-        backward=lanes[1],
-        sidewalks=_sidewalks(tags),
+        width=_lane_width(tags, lanes.forward + lanes.backward),
+        forward=lanes.forward,
+        backward=lanes.backward,
+        sidewalks=("yes", "yes") if tags["highway"] == "pedestrian" else _sidewalks(tags),
         layer=_layer(tags),
         roundabout=tags.get("junction") in ("roundabout", "circular"),
-    ), agree
+    )
+    return road, [*lanes.unkept, *(f"{key}: what holds at some times only" for key in timed)]
 
 
-def why_not_a_road(tags: Tags) -> str | None:
-    """Tell why a way is not built: its access, or an empty text for its kind; None for a road that is."""
-    if tags.get("highway") not in KINDS or tags.get("area") == "yes":
+def why_not_a_road(tags: Tags, *, service: bool = False) -> str | None:
+    """Tell why a way is not built: its access, or an empty text for its kind; None for a road that is.
+
+    Args:
+        tags: of the way.
+        service: service roads are built, too.
+    """
+    kind = tags.get("highway")
+    named = kind in KINDS and (service or kind != "service")
+    if tags.get("area") == "yes" or not (named or _is_bus_road(tags)):
         return ""
     if _cars(tags) or _buses(tags):
         return None
-    key = next(key for key in _ACCESS if key in tags)
+    key = next((key for key in _ACCESS if key in tags), "highway")
     return f"{key}={tags[key]}"
 
 
@@ -110,8 +121,14 @@ def may_have_sidewalk(road: RoadTags) -> bool:
     return road.kind in _SIDEWALK_KINDS and road.speed <= _SIDEWALK_SPEED and not road.roundabout
 
 
+def _is_bus_road(tags: Tags) -> bool:
+    """Tell whether buses drive where others may not: through pedestrian zones, on service roads of theirs."""
+    kind = tags.get("highway")
+    return _buses(tags) and (kind == "pedestrian" or (kind == "service" and not _cars(tags)))
+
+
 def _cars(tags: Tags) -> bool:
-    if tags.get("highway") in _BUS_ONLY:
+    if tags.get("highway") in (*_BUS_ONLY, "pedestrian"):
         return False
     for key in _ACCESS:
         if key in tags:
@@ -134,84 +151,14 @@ def _direction(tags: Tags) -> int:
     return 1 if value in ("yes", "true", "1") or (implied and value != "no") else 0
 
 
-def _count(tags: Tags, key: str) -> int | None:
-    text = tags.get(key, "").split(";")[0].split(".")[0].strip()
-    return min(int(text), _MOST_LANES) if text.isdecimal() and len(text) < 4 and int(text) > 0 else None
-
-
-def _listed(tags: Tags, side: str) -> int | None:
-    keys = (f"turn:lanes:{side}", f"bus:lanes:{side}", f"psv:lanes:{side}")
-    found = [len(tags[key].split("|")) for key in keys if key in tags]
-    return min(found[0], _MOST_LANES) if found else None
-
-
-def _lane_counts(tags: Tags, direction: int) -> tuple[int, int]:
-    total = _count(tags, "lanes")
-    fast = tags.get("highway") in ("motorway", "trunk")
-    if direction:
-        painted = tags["turn:lanes"].count("|") + 1 if "turn:lanes" in tags else None
-        count = total or min(painted or (2 if fast else 1), _MOST_LANES)
-        return (count, 0) if direction > 0 else (0, count)
-    forward = _count(tags, "lanes:forward") or _listed(tags, "forward")
-    backward = _count(tags, "lanes:backward") or _listed(tags, "backward")
-    if total:
-        total -= min(_count(tags, "lanes:both_ways") or 0, total - 1)
-    total = total or (forward or 1) + (backward or 1)
-    if forward is None and backward is None:
-        forward = (total + 1) // 2
-    forward = forward if forward is not None else total - (backward or 1)
-    backward = backward if backward is not None else total - forward
-    return max(forward, 1), max(backward, 1)
-
-
-def _lanes(
-    tags: Tags, side: str, count: int, *, oneway: bool, left_hand: bool
-) -> tuple[tuple[LaneTags, ...], bool]:
-    """List the lanes of one direction, outermost first."""
-    suffixes = (f":{side}", "") if oneway else (f":{side}",)
-    turns = _per_lane(tags, [f"turn:lanes{suffix}" for suffix in suffixes])
-    buses = _per_lane(tags, [f"{key}:lanes{suffix}" for key in ("bus", "psv") for suffix in suffixes])
-    agree = not count or not turns or len(turns) == count
-    painted = [tuple(t for t in entry.split(";") if t not in ("", "none")) for entry in turns]
-    if not agree:
-        painted = []
-    reserved = ["designated" in entry for entry in buses] if len(buses) == count else []
-    lanes = [
-        LaneTags(bus=bool(reserved) and reserved[k], turns=painted[k] if painted else ())
-        for k in range(count)
-    ]
-    if not left_hand:
-        lanes.reverse()
-    if not reserved and count:
-        _reserve_outermost(tags, lanes, side, suffixes)
-    return tuple(lanes), agree
-
-
-def _reserve_outermost(tags: Tags, lanes: list[LaneTags], side: str, suffixes: Iterable[str]) -> None:
-    number = max(
-        (_count(tags, f"lanes:{key}{suffix}") or 0 for key in ("psv", "bus") for suffix in suffixes),
-        default=0,
-    )
-    near = "right" if side == "forward" else "left"
-    if "lane" in (tags.get("busway"), tags.get("busway:both"), tags.get(f"busway:{near}")):
-        number = max(number, 1)
-    for k in range(min(number, len(lanes) - 1)):
-        lanes[k] = LaneTags(bus=True, turns=lanes[k].turns)
-
-
-def _per_lane(tags: Tags, keys: Iterable[str]) -> list[str]:
-    text = next((tags[key] for key in keys if key in tags), None)
-    return [] if text is None else text.split("|")
-
-
-def _lane_width(tags: Tags, lanes: int) -> float:
+def _lane_width(tags: Tags, lanes: tuple[LaneTags, ...]) -> float:
+    """Divide the width of a carriageway among its lanes, metres."""
+    narrow = sum(lane.width or 0.0 for lane in lanes)
+    wide = max(sum(lane.width is None for lane in lanes), 1)
     for key in ("width:carriageway", "width"):
-        try:
-            width = float(tags.get(key, "").removesuffix("m").strip()) / max(lanes, 1)
-        except ValueError:
-            continue
-        if 2.5 <= width <= 4.5:
-            return round(width, 2)
+        whole = read_length(tags.get(key, ""))
+        if whole is not None and _NARROWEST <= (whole - narrow) / wide <= _WIDEST:
+            return round((whole - narrow) / wide, 2)
     return _LANE_WIDTH
 
 

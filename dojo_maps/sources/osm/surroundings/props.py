@@ -4,7 +4,6 @@ Heights come from tags, else from the number of floors, else from the kind of bu
 """
 
 import math
-import re
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
@@ -15,6 +14,7 @@ from dojo_maps.description import Prop, RoadMap, points
 from dojo_maps.geometry.polylines import Floats, along
 from dojo_maps.issue import Element, Issue, Severity
 from dojo_maps.sources.osm.read.data import OsmData, Tags
+from dojo_maps.sources.osm.read.lengths import read_length
 from dojo_maps.sources.osm.surroundings.areas import MapShapes, areas_of, polygons_of, without_overlaps
 
 MOST = {"building": 4_000, "tree": 2_500, "water": 500, "green": 1_500}
@@ -46,8 +46,6 @@ _GREEN = {
 }  # fmt: skip
 _KEPT_TAGS = ("name", "building", "building:levels", "height", "natural", "landuse", "leisure", "waterway",
               "leaf_type", "species", "genus")  # fmt: skip
-_LENGTH = re.compile(r"\s*(\d{1,4}(?:[.,]\d{1,4})?)\s*(m|metres|meters|ft|'|)\s*", re.ASCII)
-_FOOT = 0.3048
 _LEAST_AREA = {"building": 4.0, "water": 10.0, "green": 10.0}
 _DETAIL = {"building": 0.05, "water": 0.4, "green": 0.4}
 """How far an outline may be moved to leave corners out, metres."""
@@ -175,15 +173,6 @@ def building_height(tags: Tags) -> float:
 def tree_height(tags: Tags) -> float:
     """Tell a tree's height, metres."""
     return min(max(read_length(tags.get("height", "")) or _TREE, _SMALLEST_TREE), _TALLEST_TREE)
-
-
-def read_length(text: str) -> float | None:
-    """Read a length in metres or feet, or a plain number: `12`, `12.5 m`, `40 ft`."""
-    match = _LENGTH.fullmatch(text)
-    if match is None:
-        return None
-    value = float(match[1].replace(",", "."))
-    return value * _FOOT if match[2] in ("ft", "'") else value
 
 
 def _is_kind(kind: str, tags: Tags) -> bool:
