@@ -6,9 +6,7 @@ Other service roads are left out: thousands of drives and parking aisles would h
 from collections.abc import Collection
 
 from dojo_maps.sources.osm.read.data import OsmData
-from dojo_maps.sources.osm.read.way_tags import why_not_a_road
-
-_NO_ARM = ("parking_aisle", "driveway", "drive-through", "emergency_access")
+from dojo_maps.sources.osm.read.way_tags import DRIVES, why_not_a_road
 
 
 def find_signalised_service_roads(data: OsmData, roads: Collection[int]) -> frozenset[int]:
@@ -24,7 +22,7 @@ def find_signalised_service_roads(data: OsmData, roads: Collection[int]) -> froz
         way
         for way, found in data.ways.items()
         if found.tags.get("highway") == "service"
-        and found.tags.get("service") not in _NO_ARM
+        and found.tags.get("service") not in DRIVES
         and why_not_a_road(found.tags, service=True) is None
         and signals.intersection(found.nodes)
         and on_roads.intersection(found.nodes)

@@ -233,11 +233,17 @@ def _with_entries(
     for target, found in onto_road.items():
         lanes = directed(layout.graph.sections[target[0]], into_end=not target[1])
         entered = {link[3] for link in found}
-        for number in range(len(lanes)):
-            if number not in entered:
-                best = min(found, key=lambda e: (abs(e[3] - number), abs(e[2].angle), e[0], e[1]))
+        for number, lane in enumerate(lanes):
+            able = [link for link in found if not (lane.bicycle and _source_lane(layout, link).bus)]
+            if number not in entered and able:
+                best = min(able, key=lambda e: (abs(e[3] - number), abs(e[2].angle), e[0], e[1]))
                 added.append((best[0], best[1], best[2], number))
     return [*links, *added]
+
+
+def _source_lane(layout: Layout, link: tuple[Arm, int, Movement, int]) -> LaneTags:
+    arm = link[0]
+    return directed(layout.graph.sections[arm[0]], into_end=arm[1])[link[1]]
 
 
 def _has_walk(layout: Layout, plain: Plain, edge: str) -> bool:

@@ -13,6 +13,8 @@ KINDS = {
     "residential": 3, "road": 3, "living_street": 2, "busway": 4, "bus_guideway": 4, "service": 1,
 }  # fmt: skip
 """Roads that are built, by the tag `highway`, and their priority; service roads at signals only."""
+DRIVES = ("parking_aisle", "driveway", "drive-through", "emergency_access")
+"""Service roads that are no arms of a junction, by the tag `service`."""
 _BUS_ONLY = ("busway", "bus_guideway")
 _NO = ("no", "private", "emergency", "military", "forestry", "agricultural", "delivery")
 _YES = ("yes", "designated", "permissive", "destination", "customers", "official")
@@ -124,7 +126,8 @@ def may_have_sidewalk(road: RoadTags) -> bool:
 def _is_bus_road(tags: Tags) -> bool:
     """Tell whether buses drive where others may not: through pedestrian zones, on service roads of theirs."""
     kind = tags.get("highway")
-    return _buses(tags) and (kind == "pedestrian" or (kind == "service" and not _cars(tags)))
+    own = kind == "service" and tags.get("service") not in DRIVES and not _cars(tags)
+    return _buses(tags) and (kind == "pedestrian" or own)
 
 
 def _cars(tags: Tags) -> bool:
