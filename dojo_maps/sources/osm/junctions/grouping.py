@@ -9,6 +9,8 @@ import math
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 
+import shapely
+
 from dojo_maps.sources.osm.graph.road_graph import RoadGraph, Section
 from dojo_maps.sources.osm.graph.sign_direction import sign_direction
 from dojo_maps.sources.osm.layout.mapped_crossings import MappedCrossing
@@ -21,6 +23,8 @@ _WIDEST = 70.0
 """Metres across the vertices of one junction."""
 _WIDEST_JOINED = 150.0
 """Metres across the vertices of a junction that would leave a road without length beside it otherwise."""
+_FAR_FROM_ROAD, _MOST_VOID = 6.0, 30.0
+"""Metres from a carriageway's border from which ground is none of a junction's; square metres that may be."""
 _APPROACH = 45.0
 """Metres along an approach from a signal to its junction; stop lines stand back this far at most."""
 _CROSSING_NEAR = 22.0
@@ -110,14 +114,30 @@ def group_junctions(
         if not section.road.roundabout and lengths[name] <= _reach(graph, ends, section, strong):
             groups.join(section.start, section.end)
     for one, other in joined:
-        if one not in ends or other not in ends:
-            continue
-        groups.join(one, other, widest=_WIDEST_JOINED)
+        if one in ends and other in ends and _leaves_no_void(graph, ends, groups, one, other):
+            groups.join(one, other, widest=_WIDEST_JOINED)
     junctions = Junctions(of={vertex: groups.find(vertex) for vertex in sorted(ends)}, stray=stray)
     for vertex, nodes in sorted(strong.items()):
         junctions.signals.setdefault(junctions.of[vertex], []).extend(nodes)
     _add_crossing_signals(graph, junctions, crossings, ends)
     return junctions
+
+
+def _leaves_no_void(
+    graph: RoadGraph, ends: dict[int, list[str]], groups: Groups, one: int, other: int
+) -> bool:
+    """Tell whether two groups of vertices joined would pave next to no ground that is far from all roads."""
+    wanted = {groups.find(one), groups.find(other)}
+    members = [vertex for vertex in ends if groups.find(vertex) in wanted]
+    around = shapely.convex_hull(shapely.multipoints([graph.places[vertex] for vertex in members]))
+    sections = [
+        graph.sections[name] for name in sorted({name for vertex in members for name in ends[vertex]})
+    ]
+    roads = [
+        shapely.LineString(graph.line(section)).buffer(section.road.drives / 2 + _FAR_FROM_ROAD)
+        for section in sections
+    ]
+    return float(around.difference(shapely.union_all(roads)).area) <= _MOST_VOID
 
 
 def _reach(
