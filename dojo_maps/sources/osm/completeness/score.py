@@ -6,6 +6,7 @@ import shapely
 
 from dojo_maps.index import MapIndex
 from dojo_maps.issue import Element, Issue, Severity
+from dojo_maps.sources.osm.completeness.junction_ground import check_junction_ground
 from dojo_maps.sources.osm.completeness.lane_strips import strips
 from dojo_maps.sources.osm.completeness.losses import (
     check_crossings,
@@ -55,7 +56,15 @@ def score_network(data: OsmData, network: OsmNetwork) -> tuple[dict[str, Any], t
     short = _check_short(network)
     figures["edges"] = len(network.road_map.roads)
     figures["edges_under_5_m"] = len(short)
-    return figures, (*issues, *found, *missing, *short, *tell_guesses(network), *_unread(data, network))
+    return figures, (
+        *issues,
+        *found,
+        *missing,
+        *short,
+        *check_junction_ground(network),
+        *tell_guesses(network),
+        *_unread(data, network),
+    )
 
 
 def _check_sidewalks(data: OsmData, network: OsmNetwork) -> tuple[float, float, list[Issue]]:

@@ -23,8 +23,10 @@ _WIDEST = 70.0
 """Metres across the vertices of one junction."""
 _WIDEST_JOINED = 150.0
 """Metres across the vertices of a junction that would leave a road without length beside it otherwise."""
-_FAR_FROM_ROAD, _MOST_VOID = 6.0, 30.0
-"""Metres from a carriageway's border from which ground is none of a junction's; square metres that may be."""
+FAR_FROM_ROAD = 6.0
+"""Metres from a carriageway's border from which ground is none of a junction's."""
+_MOST_VOID = 200.0
+"""Square metres of such ground between the vertices that are joined; junctions are drawn tighter."""
 _APPROACH = 45.0
 """Metres along an approach from a signal to its junction; stop lines stand back this far at most."""
 _CROSSING_NEAR = 22.0
@@ -134,7 +136,7 @@ def _leaves_no_void(
         graph.sections[name] for name in sorted({name for vertex in members for name in ends[vertex]})
     ]
     roads = [
-        shapely.LineString(graph.line(section)).buffer(section.road.drives / 2 + _FAR_FROM_ROAD)
+        shapely.LineString(graph.line(section)).buffer(section.road.drives / 2 + FAR_FROM_ROAD)
         for section in sections
     ]
     return float(around.difference(shapely.union_all(roads)).area) <= _MOST_VOID

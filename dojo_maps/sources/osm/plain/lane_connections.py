@@ -70,8 +70,11 @@ def _connect_cycle_lanes(
     for number, lane in enumerate(lanes):
         if lane.bicycle:
             for movement in outward or range(len(targets)):
-                cycle = [k for k, target in enumerate(targets[movement]) if target.bicycle]
-                yield number, movement, cycle[0] if cycle else 0
+                target = targets[movement]
+                fitting = [k for k, onto in enumerate(target) if onto.bicycle]
+                fitting += [k for k, onto in enumerate(target) if not onto.bus]
+                if fitting:
+                    yield number, movement, fitting[0]
 
 
 def _connect_motor_lanes(
