@@ -83,6 +83,8 @@ SEMANTIC_OF_KIND = np.array(
             Kind.SCOOTER: Semantic.MOTORCYCLE,
             Kind.BICYCLE: Semantic.BICYCLE,
             Kind.PEDESTRIAN: Semantic.PEDESTRIAN,
+            Kind.WHEELCHAIR: Semantic.PEDESTRIAN,
+            Kind.PRAM: Semantic.PEDESTRIAN,
             Kind.SHIP: Semantic.SHIP,
         }.get(kind, Semantic.CAR)
         for kind in Kind

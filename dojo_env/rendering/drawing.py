@@ -36,12 +36,15 @@ _PALETTE = to_linear(
         [
             (0, 0, 0), (22, 27, 32), (20, 20, 22), (44, 46, 50), (236, 238, 228), (120, 16, 14),
             (190, 110, 30), (190, 110, 30), (40, 80, 230), (205, 160, 130), (46, 52, 76), (232, 232, 230),
-            (150, 154, 160),
+            (150, 154, 160), (56, 38, 27), (60, 60, 64), (226, 206, 40),
         ],
         dtype=np.uint8,
     )
 )  # fmt: skip
-"""Linear colour by `Part`; the body's own is each road user's."""
+"""Linear colour by `Part`, of those that are the same for all road users."""
+_OWN = np.full(len(Part), -1)
+"""Row of a road user's own colours by `Part`; -1 where it has none."""
+_OWN[[Part.BODY, Part.SKIN, Part.LEGS, Part.HAIR, Part.GEAR]] = range(5)
 _EMITTED = np.minimum(1.0, _PALETTE * 1.2)
 """Linear light of a lit part."""
 _EMITTED[_HEADLAMP] = (1.0, 0.97, 0.86)
@@ -227,12 +230,13 @@ def _see(vertices, first, last, users, k, view, seen):
 @inner
 def _detail(users, k, view):
     """Level of detail for the size that a road user has on the screen."""
-    z = square = 0.0
+    z = long = tall = 0.0
     for axis in range(3):
         part = users.frames[k, axis, 0]
         z += view.axes[2, axis] * (users.places[k, axis] - 0.5 * part - view.eye[axis])
-        square += part * part
-    pixels = view.lens[0] * sqrt(square) / max(z, view.lens[3])
+        long += part * part
+        tall += users.frames[k, axis, 2] ** 2
+    pixels = view.lens[0] * sqrt(max(long, tall)) / max(z, view.lens[3])
     return 0 if pixels > _FINEST else (1 if pixels > _FINE else (2 if pixels > _MIDDLE else 3))
 
 
@@ -256,6 +260,7 @@ def _emission(part, lights, headlights):
 def _shade_face(users, k, models, face, inside, veil, light, shades, row):
     """Light a face: what it emits, or sun and sky on its colour; then fog."""
     part = models.parts[face]
+    own = _OWN[part]
     glow = _emission(part, users.lights[k], light[WEATHER, 0])
     square = facing = level = 0.0
     for axis in range(3):
@@ -271,7 +276,7 @@ def _shade_face(users, k, models, face, inside, veil, light, shades, row):
         if glow >= 0.0:
             value = glow * _EMITTED[part, c]
         else:
-            base = users.colours[k, c] if part == _BODY else _PALETTE[part, c]
+            base = users.colours[k, own, c] if own >= 0 else _PALETTE[part, c]
             soft = share * light[_SKY_COLOUR, c] + (1.0 - share) * light[_GROUND_COLOUR, c]
             soft += light[WEATHER, 0] * _STREET[c]
             value = base * (soft + facing * light[_SUN_COLOUR, c]) + gloss * light[_SKY_COLOUR, c]
