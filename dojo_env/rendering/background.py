@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dojo_env.rendering.classes import Semantic
+from dojo_env.rendering.lanes import draw_lane_map
 from dojo_env.rendering.lighting import Light
 from dojo_env.rendering.raster import draw_from_above, draw_mesh
 from dojo_env.rendering.scene import Scene
@@ -21,6 +22,7 @@ SAMPLES = 3
 """Samples along each side of a pixel."""
 _SHADOW_MAP = 2048
 _HEIGHT_MAP = 768
+_LANE_MAP = 1024
 _SHADOW_REACH = 150.0
 """Farthest from the middle of the view that shadows are kept, metres."""
 _SURROUNDINGS = 1.2
@@ -95,9 +97,11 @@ def _surroundings(scene: Scene, light: Light, centre: Floats, reach: float) -> S
         normals=scene.normals,
         surfaces=scene.surfaces,
         colours=scene.colours,
+        things=scene.things,
         light=light.packed,
         sun=_look_down(scene, _towards(light.sun), centre, reach, _SHADOW_MAP),
         around=above._replace(heights=_smoothed(level, side)),
+        lanes=draw_lane_map(scene.lanes, centre, reach, _LANE_MAP),
         lamps=street_lamps(scene, centre, reach) if light.headlights > 0 else np.empty((0, 3)),
         ground=scene.ground,
     )
@@ -158,7 +162,7 @@ def _look_down(scene: Scene, frame: Floats, centre: Floats, reach: float, size: 
     """Draw the scene along the last axis of a frame."""
     heights = _scratch((size, size), np.float32)
     heights.fill(-np.inf)
-    tags = _scratch((size, size), np.int8)
+    tags = _scratch((size, size), np.int32)
     middle = frame @ centre
     place = np.array([size / 2 / (reach * 1.05), middle[0], middle[1]])
     draw_from_above(scene.vertices @ frame.T, scene.faces, place, heights, tags)

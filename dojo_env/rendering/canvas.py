@@ -4,9 +4,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dojo_env.rendering.compiling import kernel
-from dojo_env.rendering.drawing import WEATHER, count_alone, draw_shadows, draw_users, users_in_view
+from dojo_env.rendering.drawing import WEATHER, count_alone, draw_users, users_in_view
+from dojo_env.rendering.ground import BEAM_LENGTH, draw_on_ground
 from dojo_env.rendering.lighting import Light
-from dojo_env.rendering.lights import draw_beams, draw_flat, draw_lamps
+from dojo_env.rendering.lights import draw_flat, draw_lamps
 from dojo_env.rendering.raster import STATIC
 from dojo_env.rendering.scene import Lamps, Paths
 from dojo_env.rendering.target import Target, restore
@@ -15,10 +16,11 @@ from dojo_env.rendering.view import View
 
 Ints = NDArray[np.int32]
 
-_OVERHEAD = np.array([0.0, 0.0, 1.0])
 _NO_LIGHT = np.zeros((7, 3))
 _NO_SUN = 0.05
-"""Where the sun is weaker, road users only darken the ground right under them."""
+"""Where the sun is weaker, road users throw no shadows but where they touch the ground."""
+_SHADOW_LENGTH = 3.0
+"""How far shadows that matter reach beyond road users, metres."""
 
 
 class Canvas:
@@ -27,7 +29,7 @@ class Canvas:
     def __init__(self, view: View, clean: NDArray[np.float32], light: Light) -> None:
         """Begin with the background's inverse depths, under a light."""
         self._view, self._clean, self._light = view, clean, light.packed
-        self._sun = light.sun if light.sun_colour.max() > _NO_SUN else _OVERHEAD
+        self._sun = light.sun if light.sun_colour.max() > _NO_SUN else np.zeros(3)
         height, width = clean.shape
         self._target = Target(
             depths=clean.copy(),
@@ -69,9 +71,8 @@ def _draw(users, lamps, paths, models, light, sun, view, clean, target):
     """Draw all that moves: one call, since handing arrays over costs as much as drawing a few cars."""
     restore(target, clean)
     count = draw_flat(paths, view, target)
-    near = users_in_view(users, view)
-    draw_shadows(near, users, sun, view, target)
-    if light[WEATHER, 0] > 0.0:
-        draw_beams(near, users, view, target)
+    headlights = light[WEATHER, 0] > 0.0
+    near = users_in_view(users, BEAM_LENGTH if headlights else _SHADOW_LENGTH, view)
+    draw_on_ground(near, users, models.profiles, sun, headlights, view, target)
     count = draw_users(near, users, models, light, view, target, count)
     draw_lamps(lamps, view, target, count)
