@@ -90,7 +90,8 @@ def _scratch(shape: tuple[int, ...], dtype: type[np.generic]) -> NDArray[Any]:
 
 
 def _surroundings(scene: Scene, light: Light, centre: Floats, reach: float) -> Surroundings:
-    above = _look_down(scene, np.eye(3), centre, reach, _HEIGHT_MAP)
+    solid = scene.semantics != Semantic.SIGNAL  # Masts and their arms are too slim to close anything in.
+    above = _look_down(scene, np.eye(3), centre, reach, _HEIGHT_MAP, solid)
     level = np.where(np.isfinite(above.heights), above.heights, scene.ground).astype(np.float32)
     side = 2 * int(_SURROUNDINGS * above.place[0] / 2) + 1
     return Surroundings(
@@ -158,12 +159,19 @@ def _towards(direction: Floats) -> Floats:
     return np.array([right, np.cross(direction, right), direction])
 
 
-def _look_down(scene: Scene, frame: Floats, centre: Floats, reach: float, size: int) -> HeightMap:
-    """Draw the scene along the last axis of a frame."""
+def _look_down(
+    scene: Scene,
+    frame: Floats,
+    centre: Floats,
+    reach: float,
+    size: int,
+    drawn: NDArray[np.bool_] | slice = slice(None),
+) -> HeightMap:
+    """Draw the scene, or some of its faces, along the last axis of a frame."""
     heights = _scratch((size, size), np.float32)
     heights.fill(-np.inf)
     tags = _scratch((size, size), np.int32)
     middle = frame @ centre
     place = np.array([size / 2 / (reach * 1.05), middle[0], middle[1]])
-    draw_from_above(scene.vertices @ frame.T, scene.faces, place, heights, tags)
+    draw_from_above(scene.vertices @ frame.T, scene.faces[drawn], place, heights, tags)
     return HeightMap(heights=heights, place=place, frame=frame)

@@ -26,8 +26,9 @@ _SHADOW_LENGTH = 3.0
 class Canvas:
     """What a camera draws into, frame by frame: it puts back only what the frame before has changed."""
 
-    def __init__(self, view: View, clean: NDArray[np.float32], light: Light) -> None:
-        """Begin with the background's inverse depths, under a light."""
+    def __init__(self, view: View, clean: NDArray[np.float32], light: Light, *, plain: bool = False) -> None:
+        """Begin with the background's inverse depths, under a light; plain is cheaper."""
+        self._plain = plain
         self._view, self._clean, self._light = view, clean, light.packed
         self._sun = light.sun if light.sun_colour.max() > _NO_SUN else np.zeros(3)
         height, width = clean.shape
@@ -51,13 +52,14 @@ class Canvas:
             The canvas's own buffers, which the next frame changes.
         """
         self._make_room(len(users.models) * MOST_FACES + len(lamps.colours) + len(paths.colours))
-        _draw(users, lamps, paths, library(), self._light, self._sun, self._view, self._clean, self._target)
+        lit = (self._light, self._sun, self._plain)
+        _draw(users, lamps, paths, library(), *lit, self._view, self._clean, self._target)
         return self._target
 
     def count_pixels(self, users: Users, whose: Ints) -> Ints:
         """Count the pixels that each of some road users would cover if it were alone: (k,)."""
         alone = self._target._replace(tags=np.full_like(self._target.tags, STATIC))
-        return count_alone(whose, users, library(), _NO_LIGHT, self._view, alone)
+        return count_alone(whose, users, library(), _NO_LIGHT, self._plain, self._view, alone)
 
     def _make_room(self, faces: int) -> None:
         if len(self._target.owners) < faces:
@@ -67,12 +69,12 @@ class Canvas:
 
 
 @kernel
-def _draw(users, lamps, paths, models, light, sun, view, clean, target):
+def _draw(users, lamps, paths, models, light, sun, plain, view, clean, target):
     """Draw all that moves: one call, since handing arrays over costs as much as drawing a few cars."""
     restore(target, clean)
     count = draw_flat(paths, view, target)
     headlights = light[WEATHER, 0] > 0.0
     near = users_in_view(users, BEAM_LENGTH if headlights else _SHADOW_LENGTH, view)
-    draw_on_ground(near, users, models.profiles, sun, headlights, view, target)
-    count = draw_users(near, users, models, light, view, target, count)
+    count = draw_users(near, users, models, light, plain, view, target, count)
+    draw_on_ground(near, users, models.profiles, sun, headlights, plain, view, target)
     draw_lamps(lamps, view, target, count)

@@ -15,6 +15,8 @@ from dojo_env.snapshot import Lights
 
 _FINEST, _FINE, _MIDDLE = 100.0, 36.0, 12.0
 """Pixels from which a road user is drawn at each level of detail but the coarsest."""
+_COARSER = 2.4
+"""How many times larger a road user must be for each level where the look is plain."""
 _BODY, _GLASS, _HEADLAMP, _BRAKE, _LEFT, _RIGHT, _BLUE = (
     int(part) for part in (Part.BODY, Part.GLASS, Part.HEADLAMP, Part.BRAKE, Part.LEFT, Part.RIGHT, Part.BLUE)
 )
@@ -42,8 +44,8 @@ _STREET = (0.2, 0.165, 0.12)
 """What street lamps add to road users at night."""
 _GLOSS = np.array([0.05, 0.1, 0.0, 0.03, 0.06, 0.05, 0.05, 0.05, 0.05, 0.0, 0.0, 0.04, 0.45])
 """Share of the light that each `Part` mirrors when one looks straight at it."""
-_SPARKLE = 0.9
-"""Strength of the sun's highlight."""
+_SPARKLE = 7.0
+"""Strength of the sun's highlight, as a multiple of what is mirrored straight on."""
 _AROUND = 0.3
 """What houses and trees around send, as a share of the sky's light."""
 _DARK_FOOT, _LIT_FROM = 0.5, 0.45
@@ -79,7 +81,7 @@ def users_in_view(users, beyond, view):
 
 
 @kernel
-def draw_users(near, users, models, light, view, target, count):
+def draw_users(near, users, models, light, plain, view, target, count):
     """Draw road users; returns the number of faces in the target.
 
     Args:
@@ -87,6 +89,7 @@ def draw_users(near, users, models, light, view, target, count):
         users: all of them.
         models: the library.
         light: (7, 3) packed.
+        plain: draw fewer faces, which mirror nothing.
         view: the camera.
         target: what to draw into.
         count: the number of faces in it so far.
@@ -94,7 +97,7 @@ def draw_users(near, users, models, light, view, target, count):
     seen, screen = np.empty((MOST_VERTICES, 3)), np.empty((MOST_VERTICES, 3))
     corners, inside = np.empty((3, 3)), np.empty((5, 3))
     for k in near:
-        detail = _detail(users, k, view)
+        detail = _detail(users, k, plain, view)
         model = users.models[k]
         first, last = models.spans[model, detail, 0], models.spans[model, detail, 1]
         away = _see(models.vertices, first, last, users, k, view, seen)
@@ -107,7 +110,7 @@ def draw_users(near, users, models, light, view, target, count):
                 continue
             if _draw(models.faces, face, seen, screen, is_ahead, corners, view, count, NEARER, target):
                 height = models.vertices[first + models.faces[face, 0], 2]
-                _shade_face(users, k, models, face, height, inside, veil, light, target.shades, count)
+                _shade_face(users, k, models, face, height, inside, veil, light, plain, target.shades, count)
                 target.owners[count] = k
                 count += 1
     return count
@@ -163,14 +166,14 @@ def _shows_front(planes, face, inside):
 
 
 @kernel
-def count_alone(whose, users, models, light, view, target):
+def count_alone(whose, users, models, light, plain, view, target):
     """Count the pixels that each of some road users would cover if it were alone: (k,)."""
     seen, screen = np.empty((MOST_VERTICES, 3)), np.empty((MOST_VERTICES, 3))
     corners, inside = np.empty((3, 3)), np.empty((5, 3))
     pixels = np.zeros(len(whose), dtype=np.int32)
     for m in range(len(whose)):
         k = whose[m]
-        detail, model = _detail(users, k, view), users.models[k]
+        detail, model = _detail(users, k, plain, view), users.models[k]
         first, last = models.spans[model, detail, 0], models.spans[model, detail, 1]
         _see(models.vertices, first, last, users, k, view, seen)
         is_ahead = project(seen[: last - first], view, screen)
@@ -205,14 +208,14 @@ def _see(vertices, first, last, users, k, view, seen):
 
 
 @inner
-def _detail(users, k, view):
+def _detail(users, k, plain, view):
     """Level of detail for the size that a road user has on the screen."""
     z = square = 0.0
     for axis in range(3):
         part = users.frames[k, axis, 0]
         z += view.axes[2, axis] * (users.places[k, axis] - 0.5 * part - view.eye[axis])
         square += part * part
-    pixels = view.lens[0] * sqrt(square) / max(z, view.lens[3])
+    pixels = view.lens[0] * sqrt(square) / max(z, view.lens[3]) / (_COARSER if plain else 1.0)
     return 0 if pixels > _FINEST else (1 if pixels > _FINE else (2 if pixels > _MIDDLE else 3))
 
 
@@ -233,7 +236,7 @@ def _emission(part, lights, headlights):
 
 
 @inner
-def _shade_face(users, k, models, face, height, inside, veil, light, shades, row):
+def _shade_face(users, k, models, face, height, inside, veil, light, plain, shades, row):
     """Light a face: what it emits, or sun and sky on its colour and what it mirrors of them; then fog."""
     part = models.parts[face]
     glow = _emission(part, users.lights[k], light[WEATHER, 0])
@@ -247,12 +250,12 @@ def _shade_face(users, k, models, face, height, inside, veil, light, shades, row
         level += normal * inside[2, axis]
     length = sqrt(square)
     seen, facing, level = min(1.0, seen / (length * inside[4, 0])), facing / length, level / length
-    away = 1.0 - seen
-    gloss = _GLOSS[part] * (1.0 + 8.0 * away * away * away * away)
-    up, towards = 2.0 * seen * level - inside[4, 1], 2.0 * seen * facing - inside[4, 2]
-    sky = min(1.0, max(0.0, 0.5 + 3.0 * up))
-    high = min(1.0, max(0.0, 1.5 * up))
-    sparkle = _SPARKLE * _GLOSS[part] * max(0.0, towards) ** 32 * 8.0 if gloss > 0.0 else 0.0
+    gloss = sparkle = sky = high = 0.0
+    if _GLOSS[part] > 0.0 and not plain:
+        up, towards = 2.0 * seen * level - inside[4, 1], 2.0 * seen * facing - inside[4, 2]
+        gloss = _GLOSS[part] * (1.0 + 8.0 * (1.0 - seen) ** 4)
+        sparkle = _SPARKLE * _GLOSS[part] * max(0.0, towards) ** 32
+        sky, high = min(1.0, max(0.0, 0.5 + 3.0 * up)), min(1.0, max(0.0, 1.5 * up))
     share = 0.5 + 0.5 * level
     foot = _DARK_FOOT + (1.0 - _DARK_FOOT) * min(1.0, height / _LIT_FROM)
     facing = max(0.0, facing)

@@ -34,7 +34,7 @@ _EDGES = np.array(
 
 
 @kernel
-def draw_on_ground(near, users, profiles, sun, headlights, view, target):
+def draw_on_ground(near, users, profiles, sun, headlights, plain, view, target):
     """Lay the shadows of road users, and at night the light of their head lamps, on the planes they stand on.
 
     Args:
@@ -43,6 +43,7 @@ def draw_on_ground(near, users, profiles, sun, headlights, view, target):
         profiles: (models, 4) see `Library`.
         sun: (3,) towards the sun; zero where none shines.
         headlights: whether head lamps are on.
+        plain: throw the shadow of a box, and none where a road user touches the ground if the sun shines.
         view: the camera.
         target: what to draw into.
     """
@@ -52,6 +53,8 @@ def draw_on_ground(near, users, profiles, sun, headlights, view, target):
         if not _lay_plane(users, k, view, plane):
             continue
         shadows = _throw(users, k, profiles, sun, view, plane, prisms, corners)
+        if plain and shadows:
+            shadows = 1
         _fill(False, shadows, prisms, corners, plane, view, seen, bounds, target)
         if headlights and plane[6, 1] > _NARROW:
             for corner in range(8):
