@@ -10,6 +10,10 @@ import numpy as np
 from dojo_env.errors import ConfigError
 
 
+LOOKS = ("street", "plain")
+"""How what moves is drawn: as well as we can, or in fewer faces that mirror nothing, for speed."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Conditions:
     """One state of the world outside and of the cameras; the default is a clear noon and perfect cameras.

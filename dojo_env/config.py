@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from dojo_env.camera import Camera
-from dojo_env.conditions import Conditions, sample_conditions
+from dojo_env.conditions import LOOKS, Conditions, sample_conditions
 from dojo_env.errors import ConfigError
 from dojo_env.scenario import Scenario, find_scenario, with_files
 from dojo_env.sumo_settings import SumoSettings, settle
@@ -178,6 +178,7 @@ class SensingConfig:
         renderer: `raster`, or `bullet` for pybullet's.
         smooth: anti-alias what moves, too.
         show_links: draw each link's path in the colour it shows.
+        look: `street`, or `plain` to draw road users faster and more simply.
     """
 
     conditions: Conditions | Mapping[str, tuple[float, float]] = field(default_factory=Conditions)
@@ -187,10 +188,12 @@ class SensingConfig:
     renderer: str = "raster"
     smooth: bool = False
     show_links: bool = False
+    look: str = "street"
 
     def __post_init__(self) -> None:
         """Refuse what cannot be."""
         _refuse_other("renderer", self.renderer, ("raster", "bullet"))
+        _refuse_other("look", self.look, LOOKS)
         if isinstance(self.conditions, Mapping):
             sample_conditions(self.conditions, seed=0)
         elif not isinstance(self.conditions, Conditions):

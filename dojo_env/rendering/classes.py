@@ -49,8 +49,8 @@ class Surface(IntEnum):
 
 LAYERS = {
     "terrain": (Semantic.TERRAIN, Surface.GRASS, (104, 128, 78)),
-    "road": (Semantic.ROAD, Surface.ASPHALT, (76, 76, 75)),
-    "junction": (Semantic.ROAD, Surface.ASPHALT, (78, 78, 77)),
+    "road": (Semantic.ROAD, Surface.ASPHALT, (92, 91, 89)),
+    "junction": (Semantic.ROAD, Surface.ASPHALT, (90, 89, 87)),
     "rail": (Semantic.RAIL, Surface.BALLAST, (112, 101, 90)),
     "sidewalk": (Semantic.SIDEWALK, Surface.PAVING, (168, 164, 156)),
     "walking_area": (Semantic.SIDEWALK, Surface.PAVING, (172, 167, 158)),
