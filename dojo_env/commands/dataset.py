@@ -26,7 +26,7 @@ def add_dataset(commands: Commands) -> None:
         "--conditions",
         nargs="+",
         metavar="WHICH",
-        help="random (default), day, dusk, night, rain, fog, or such as hour=6..22,rain=0.4; each episode takes one",
+        help="random (default), day, dusk, night, rain, fog, or such as hour=6..22,rain=0.4; one an episode",
     )
     make.add_argument(
         "--controllers", nargs="+", metavar="NAME", help="who sets the signals; each episode takes one"

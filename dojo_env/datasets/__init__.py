@@ -1,4 +1,4 @@
-"""Data sets of labelled pictures, made from simulated traffic: `write_dataset` and the command `dojo-env dataset`.
+"""Data sets of labelled pictures of simulated traffic: `write_dataset`, and the command `dojo-env dataset`.
 
 settings -> plan of episodes -> parts, each: episodes (SUMO) -> rendering -> labelling -> formats
                              -> writing: the whole from all parts, and its card

@@ -1,4 +1,4 @@
-"""Which cameras take the pictures: read from texts in one function, so that more names are one place to add."""
+"""Which cameras take the pictures, read from texts; more names of cameras are added here alone."""
 
 from collections.abc import Sequence
 from dataclasses import replace

@@ -29,6 +29,18 @@ _TITLES = {
     "objects by signal": "letter of their signal's link",
 }
 """Tables of the card, and the heads of their first columns."""
+_EXPLANATION = (
+    "Pictures are drawn, not photographed: traffic is SUMO's, streets come from the map. Boxes hold the "
+    "visible pixels unless the format says otherwise; riders belong to their bicycles and motorcycles. Whole "
+    "episodes are divided among the splits, so no moment of traffic is in two of them; the cameras are the "
+    "same in all.",
+    "",
+    "`labels.jsonl` holds all that is known, a line per picture: the camera's K, R, t and lens (a point X of "
+    "the map is at K (R X + t)), light and weather, SUMO's time and seed, the letters of each signal; and of "
+    "each road user its boxes in the picture and in space, its mask (COCO's compressed run lengths), the "
+    "keypoints of vehicles (corners of the box in space, wheels, lamps), its track (unique within its "
+    "episode), visible share, truncation, speed, lane, movement, and the signal's link that it comes to.",
+)
 _OCCLUSIONS = ("0: 90 % and more", "1: 50 to 90 %", "2: less than 50 %")
 _CUT = 0.02
 
@@ -38,7 +50,7 @@ def count_pictures(pictures: Iterable[PictureLabels]) -> Counts:
     counts: dict[str, Counter[str]] = {name: Counter() for name in ("totals", "boxes", *_TITLES)}
     for picture in pictures:
         light, weather = tell_light(picture.conditions), tell_weather(picture.conditions)
-        counts["totals"].update(pictures=1, empty_pictures=int(picture.is_empty))
+        counts["totals"].update(pictures=1, empty_pictures=int(picture.is_empty), objects=0, ignored=0)
         camera = f"{picture.scenario}: {picture.camera.name}"
         for name, value in (
             ("split", picture.split), ("scenario", picture.scenario), ("camera", camera), ("light", light),
@@ -122,29 +134,19 @@ def write_card(facts: Mapping[str, Any], counts: Counts) -> str:
         "",
         f"# Simulated traffic of {name}",
         "",
-        f"{totals.get('pictures', 0):,} pictures with {totals.get('objects', 0):,} labelled road users, format "
-        f"{settings['format']}. {totals.get('empty_pictures', 0):,} pictures show empty roads. Of "
-        f"{totals.get('ignored', 0):,} more road users too little shows (fewer than "
-        f"{settings['least_pixels']} pixels, or less than {settings['least_visible']:.0%}): they are marked to "
-        "be ignored, or left out.",
+        f"{totals['pictures']:,} pictures with {totals['objects']:,} labelled road users, format "
+        f"{settings['format']}. {totals['empty_pictures']:,} pictures show empty roads. Of "
+        f"{totals['ignored']:,} more road users too little shows (fewer than {settings['least_pixels']} "
+        f"pixels, or less than {settings['least_visible']:.0%}): they are marked to be ignored, or left out.",
         "",
         "```",
         facts["command"],
         "```",
         "",
-        f"Made with {', '.join(f'{name} {version}' for name, version in facts['versions'].items())}. The same "
-        "command, files and versions give the same bytes.",
+        f"Made with {', '.join(f'{name} {version}' for name, version in facts['versions'].items())}. The "
+        "same command, files and versions give the same bytes.",
         "",
-        "Pictures are drawn, not photographed: traffic is SUMO's, streets come from the map. Boxes hold the "
-        "visible pixels unless the format says otherwise; riders belong to their bicycles and motorcycles. "
-        "Whole episodes are divided among the splits, so no moment of traffic is in two of them; the cameras "
-        "are the same in all.",
-        "",
-        "`labels.jsonl` holds all that is known, a line per picture: the camera's K, R, t and lens (a point X "
-        "of the map is at K (R X + t)), light and weather, SUMO's time and seed, the letters of each signal, and "
-        "of each road user its boxes in the picture and in space, mask (COCO's compressed run lengths), "
-        f"keypoints ({', '.join(KEYPOINT_NOTE)}), track (unique within its episode), visible share, truncation, "
-        "speed, lane, movement, and the link of the signal that it comes to.",
+        *_EXPLANATION,
         "",
         "## Sources",
         "",
@@ -161,9 +163,6 @@ def write_card(facts: Mapping[str, Any], counts: Counts) -> str:
         lines += ["", f"| {head} | {title.partition(' ')[0]} |", "|---|---:|"]
         lines += [f"| {_cell(value)} | {count:,} |" for value, count in counts[title].items()]
     return "\n".join([*lines, "", *_write_boxes(counts), ""])
-
-
-KEYPOINT_NOTE = ("the corners of the box in space", "wheels", "lamps")
 
 
 def _write_boxes(counts: Counts) -> list[str]:

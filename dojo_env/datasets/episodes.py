@@ -145,7 +145,7 @@ class _Sampler(Manager):
                 yield k, False
 
     def _is_new(self, k: int, camera: Camera, snapshot: Snapshot) -> bool:
-        """Tell whether somebody is in a camera's view, and anything has changed there since its last picture."""
+        """Tell whether somebody is in view, and anything has changed there since the last picture."""
         rows = np.flatnonzero(_in_view(camera, snapshot))
         places = {int(snapshot.numbers[row]): tuple(snapshot.positions[row].tolist()) for row in rows}
         last = self._last.get(k)
@@ -157,7 +157,7 @@ class _Sampler(Manager):
 
 def _in_view(camera: Camera, snapshot: Snapshot) -> NDArray[np.bool_]:
     """Tell of whom a camera sees enough, were nothing in between: (n,)."""
-    middles = snapshot.positions + [0.0, 0.0, _BODY / 2]
+    middles = snapshot.positions + np.array([0.0, 0.0, _BODY / 2])
     pixels, away = camera.project(middles)
     farthest = min(camera.far, camera.focal_length * _BODY / _LEAST_HEIGHT)
     with np.errstate(invalid="ignore"):

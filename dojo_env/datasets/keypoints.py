@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dojo_env.camera import Camera
-from dojo_env.datasets.labels import HIDDEN, KEYPOINTS, SHOWN
+from dojo_env.datasets.labels import HIDDEN, SHOWN
 from dojo_env.rendering.models import Model, build_models
 from dojo_env.rendering.shapes import Part
 from dojo_env.snapshot import Kind
@@ -14,7 +14,7 @@ from dojo_env.snapshot import Kind
 Floats = NDArray[np.float64]
 
 _TOLERANCE = 0.3
-"""Metres that something must be nearer than a point to hide it: lamps and wheels are middles of round shapes."""
+"""Metres that something must be nearer to hide a point: middles of lamps and wheels lie in round shapes."""
 _APART = 0.15
 """A lamp nearer to the middle than this share of the width is neither the left nor the right one."""
 _NO_POINT = np.full(3, np.nan)
@@ -70,11 +70,13 @@ def _axles(faces: Floats) -> list[tuple[float, float]]:
 def _lamps(model: Model) -> list[Floats]:
     """Find the middles of the lamps: head lamps left and right, rear lamps left and right."""
     found = []
-    for part, is_there in ((Part.HEADLAMP, lambda x: x > -0.5), (Part.BRAKE, lambda x: x < -0.5)):
+    for part, is_ahead in ((Part.HEADLAMP, True), (Part.BRAKE, False)):
         corners = model.vertices[model.faces[model.parts == part]]
         middles = corners.mean(axis=1)
         for side in (1.0, -1.0):
-            own = corners[is_there(middles[:, 0]) & (middles[:, 1] * side > _APART)].reshape(-1, 3)
+            own = corners[((middles[:, 0] > -0.5) == is_ahead) & (middles[:, 1] * side > _APART)].reshape(
+                -1, 3
+            )
             found.append(0.5 * (own.min(axis=0) + own.max(axis=0)) if len(own) else _NO_POINT)
     return found
 

@@ -1,6 +1,6 @@
 """Labels of a picture: what the renderer knows of it, what SUMO knew of the road users in it, and the map."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from dojo_env.camera import Camera
 from dojo_env.datasets.keypoints import model_points, see_points
-from dojo_env.datasets.labels import Box, ObjectLabel, SignalLink
+from dojo_env.datasets.labels import ObjectLabel, SignalLink
 from dojo_env.rendering.boxes import Boxes
 from dojo_env.rendering.masks import encode_masks
 from dojo_env.rendering.outputs import Picture
@@ -66,6 +66,7 @@ class Instant:
             origin: (3,) of the scene, metres, map frame.
         """
         self._snapshot, self._links, self._ways = snapshot, links, ways
+        self._described: dict[int, dict[str, Any]] = {}
         users = place_users(snapshot, origin)
         self._rows = {int(number): k for k, number in enumerate(snapshot.numbers)}
         self._points = (
@@ -82,45 +83,47 @@ class Instant:
             thresholds: who is asked for.
         """
         boxes: Boxes = picture.boxes
-        camera = picture.camera
-        rows = [self._rows[int(number)] for number in boxes.numbers]
-        masks = encode_masks(picture.instance, boxes.numbers, boxes.picture)
+        rows = np.array([self._rows[int(number)] for number in boxes.numbers], dtype=np.intp)
         points = np.concatenate([boxes.corners, self._points[rows]], axis=1)
-        seen = see_points(points.reshape(-1, 3), camera, picture.depth).reshape(-1, 16, 3)
+        # The picture that is delivered counts: on its way from the renderer it may have been moved.
+        shown = encode_masks(picture.instance, boxes.numbers)
+        seen = see_points(points.reshape(-1, 3), picture.camera, picture.depth).reshape(points.shape)
+        whole = find_whole_boxes(boxes, picture.camera)
+        outside = _shares_outside(whole, picture.camera).tolist()
         return tuple(
-            self._label(row, boxes, k, masks[k], seen[k], camera, tracks, thresholds)
-            for k, row in enumerate(rows)
+            ObjectLabel(
+                track=tracks.number(int(boxes.numbers[k])),
+                box=tuple(shown.boxes[k].tolist()),
+                whole_box=tuple(whole[k].tolist()),
+                pixels=int(shown.pixels[k]),
+                visible=float(boxes.visible[k]),
+                truncated=outside[k],
+                mask=shown.masks[k],
+                keypoints=None if boxes.kinds[k] == Kind.PEDESTRIAN else seen[k],
+                corners=boxes.corners[k],
+                is_ignored=thresholds.hides(int(shown.pixels[k]), float(boxes.visible[k])),
+                **self._describe(int(rows[k])),
+            )
+            for k in np.flatnonzero(shown.pixels).tolist()
         )
 
-    def _label(  # noqa: PLR0917 - all that is known of one road user
-        self, row: int, boxes: Boxes, k: int, mask: str, seen: Floats, camera: Camera, tracks: "Tracks",
-        thresholds: Thresholds,
-    ) -> ObjectLabel:  # fmt: skip
-        snapshot = self._snapshot
-        kind, pixels, visible = Kind(boxes.kinds[k]), int(boxes.pixels[k]), float(boxes.visible[k])
-        whole = find_whole_box(boxes.corners[k], boxes.projected[k], camera)
-        length, width, height = map(float, snapshot.sizes[row])
-        left, top, right, bottom = map(int, boxes.picture[k])
-        return ObjectLabel(
-            track=tracks.number(int(boxes.numbers[k])),
-            id=boxes.ids[k],
-            kind=kind,
-            box=(left, top, right, bottom),
-            whole_box=whole,
-            pixels=pixels,
-            visible=visible,
-            truncated=_share_outside(whole, camera),
-            mask=mask,
-            keypoints=None if kind is Kind.PEDESTRIAN else seen,
-            corners=boxes.corners[k],
-            size=(length, width, height),
-            heading=float(snapshot.headings[row]),
-            speed=float(snapshot.speeds[row]),
-            lane=snapshot.lanes[row],
-            lights=Lights(int(snapshot.lights[row])),
-            is_ignored=thresholds.hides(pixels, visible),
-            **self._ways.follow(snapshot, snapshot.lanes[row], self._links.get(boxes.ids[k])),
-        )
+    def _describe(self, row: int) -> dict[str, Any]:
+        """Tell what is true of a road user in any picture."""
+        if row not in self._described:
+            snapshot = self._snapshot
+            name, lane = snapshot.ids[row], snapshot.lanes[row]
+            length, width, height = snapshot.sizes[row].tolist()
+            self._described[row] = {
+                "id": name,
+                "kind": Kind(snapshot.kinds[row]),
+                "size": (length, width, height),
+                "heading": float(snapshot.headings[row]),
+                "speed": float(snapshot.speeds[row]),
+                "lane": lane,
+                "lights": Lights(int(snapshot.lights[row])),
+                **self._ways.follow(snapshot, lane, self._links.get(name)),
+            }
+        return self._described[row]
 
 
 class Tracks:
@@ -184,35 +187,46 @@ def _read_link(snapshot: Snapshot, coming: NextLink) -> SignalLink | None:
     return SignalLink(signal=signal, link=link, state=letters[link], distance=round(distance, 2))
 
 
-def find_whole_box(corners: Floats, projected: Floats, camera: Camera) -> Box:
-    """Find the box in the picture of a box in space, as far as that is before the camera.
+def find_whole_boxes(boxes: Boxes, camera: Camera) -> Floats:
+    """Find the boxes in the picture of boxes in space, as far as these are before the camera.
 
     Args:
-        corners: (8, 3) metres, map frame, in the order of `Boxes.corners`.
-        projected: (8, 2) the same in the picture; nan behind the camera.
+        boxes: of the road users.
         camera: that looks.
 
     Returns:
-        Left, top, right, bottom, pixels; not cut by the picture's border.
+        (k, 4) left, top, right, bottom, pixels; not cut by the picture's border.
     """
-    away = (corners - camera.position) @ camera.axes[2]
-    if away.min() < camera.near:
-        a, b = corners[_EDGES[:, 0]], corners[_EDGES[:, 1]]
-        near_a, near_b = (away[_EDGES[:, k]] - camera.near for k in (0, 1))
-        crosses = near_a * near_b < 0
-        share = (near_a[crosses] / (near_a - near_b)[crosses])[:, None]
-        cuts = a[crosses] + share * (b[crosses] - a[crosses]) + 1e-6 * camera.axes[2]
-        projected = camera.project(np.concatenate([corners[away >= camera.near], cuts]))[0]
-    low, high = np.clip([projected.min(axis=0), projected.max(axis=0)], -_FARTHEST, _FARTHEST).tolist()
-    return (*low, *high)
+    away = (boxes.corners - camera.position) @ camera.axes[2]
+    found = np.concatenate([boxes.projected.min(axis=1), boxes.projected.max(axis=1)], axis=1)
+    for k in np.flatnonzero(away.min(axis=1) < camera.near):
+        points = camera.project(_cut_off(boxes.corners[k], away[k] - camera.near, camera))[0]
+        found[k] = [*points.min(axis=0), *points.max(axis=0)]
+    return np.clip(found, -_FARTHEST, _FARTHEST)
 
 
-def _share_outside(box: Box, camera: Camera) -> float:
-    left, top, right, bottom = box
-    inside = max(0.0, min(right, camera.width) - max(left, 0.0)) * max(
-        0.0, min(bottom, camera.height) - max(top, 0.0)
-    )
-    return 1.0 - min(1.0, inside / max((right - left) * (bottom - top), 1e-9))
+def _cut_off(corners: Floats, beyond: Floats, camera: Camera) -> Floats:
+    """Give the corners of a box that lie beyond a plane, and where its edges cut that.
+
+    Args:
+        corners: (8, 3) metres, map frame.
+        beyond: (8,) how far beyond the plane each lies, metres.
+        camera: before which the plane is.
+    """
+    a, b = _EDGES.T
+    crosses = beyond[a] * beyond[b] < 0
+    a, b = a[crosses], b[crosses]
+    share = (beyond[a] / (beyond[a] - beyond[b]))[:, None]
+    cuts = corners[a] + share * (corners[b] - corners[a]) + 1e-6 * camera.axes[2]
+    return np.concatenate([corners[beyond >= 0], cuts])
+
+
+def _shares_outside(boxes: Floats, camera: Camera) -> Floats:
+    """Tell what share of each box, (k, 4), lies outside of the picture."""
+    border = np.array([camera.width, camera.height])
+    inside = np.clip(boxes[:, 2:], 0, border) - np.clip(boxes[:, :2], 0, border)
+    areas = np.maximum((boxes[:, 2:] - boxes[:, :2]).prod(axis=1), 1e-9)
+    return 1.0 - np.minimum(1.0, inside.prod(axis=1) / areas)
 
 
 def without_users(snapshot: Snapshot) -> Snapshot:

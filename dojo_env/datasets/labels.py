@@ -88,7 +88,7 @@ class ObjectLabel:
         id: SUMO's.
         kind: what it is.
         box: of its visible pixels.
-        whole_box: of its box in space, as far as it is before the camera; not cut by the picture's border.
+        whole_box: of its box in space, as far as that is before the camera; not cut by the border.
         pixels: visible ones.
         visible: share of the pixels that would show if nothing stood in front.
         truncated: share of `whole_box` outside of the picture.
@@ -99,7 +99,7 @@ class ObjectLabel:
         heading: radians, counter-clockwise from east.
         speed: m/s.
         lane: id of its lane; "" where it is on none.
-        movement: where it goes at the next junction: `straight`, `left` and so on; "" where that is not known.
+        movement: where it goes at the next junction: `straight`, `left` and so on; "" where unknown.
         link: the signal's link that it comes to; None where there is none.
         lights: the lights that are lit.
         is_ignored: too little of it shows to be asked for, by the thresholds of the data set.
@@ -167,7 +167,7 @@ class ObjectLabel:
                 "heading": round(self.heading, 5),
                 "slope": round(_slope(self.corners), 5),
             },
-            "keypoints": None if self.keypoints is None else [_rounded(p, 2) for p in self.keypoints],
+            "keypoints": None if self.keypoints is None else _rounded(self.keypoints, 2),
             "mask": self.mask,
             "speed": round(self.speed, 3),
             "lane": self.lane,
@@ -236,8 +236,8 @@ class PictureLabels:
             "height": camera.height,
             "camera": {
                 **asdict(camera),
-                "K": _rounded_rows(camera.intrinsics),
-                "R": _rounded_rows(camera.axes),
+                "K": _rounded(camera.intrinsics, 9),
+                "R": _rounded(camera.axes, 9),
                 "t": _rounded(-camera.axes @ camera.position, 9),
             },
             "conditions": asdict(self.conditions),
@@ -252,9 +252,6 @@ def _slope(corners: NDArray[np.float64]) -> float:
     return asin(float(ahead[2] / max(np.linalg.norm(ahead), 1e-9)))
 
 
-def _rounded(values: Any, digits: int) -> list[float]:
-    return [round(float(value), digits) for value in values]
-
-
-def _rounded_rows(matrix: NDArray[np.float64]) -> list[list[float]]:
-    return [_rounded(row, 9) for row in matrix]
+def _rounded(values: Any, digits: int) -> Any:
+    """Round numbers of an array of any shape; gives plain lists of them."""
+    return np.round(values, digits).tolist()

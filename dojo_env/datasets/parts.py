@@ -131,8 +131,8 @@ def _take_pictures(settings: DatasetSettings, job: Job, tree: Path) -> Iterator[
         if shooting.taken == before:
             break
     raise ConfigError(
-        f"{job.scenario}: an episode gives {shooting.taken} of {job.pictures} pictures; let it be longer, take "
-        "more cameras, a shorter interval, or fewer pictures per episode"
+        f"{job.scenario}: an episode gives {shooting.taken} of {job.pictures} pictures; let it be longer, or "
+        "take more cameras, a shorter interval, or fewer pictures per episode"
     )
 
 
@@ -240,7 +240,7 @@ def _write(path: Path, picture: NDArray[Any], quality: int) -> None:
     if not is_made:
         raise WriteError(f"{path}: cannot be written as a picture")
     path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_bytes(data)
+    path.write_bytes(data.tobytes())
 
 
 def _plain(name: str) -> str:

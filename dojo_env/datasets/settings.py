@@ -1,4 +1,4 @@
-"""What a data set is made from: settings that refuse contradictions, and the episodes that follow from them."""
+"""What a data set is made from: settings that refuse contradictions, and the episodes that follow."""
 
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field, fields
@@ -129,15 +129,16 @@ class DatasetSettings:
     def command(self) -> str:
         """Write the command that makes such a data set."""
         words = ["dojo-env dataset", *self.scenarios, f"-n {self.pictures}"]
+        usual = DatasetSettings(scenarios=self.scenarios, pictures=self.pictures, format=self.format)
         for each in fields(self):
             value = getattr(self, each.name)
-            if each.name in ("scenarios", "pictures") or (each.default == value and value is not None):
+            if value == (each.default if each.name == "format" else getattr(usual, each.name)):
                 continue
             if each.name == "smooth":
                 words.append("--no-smooth")
             elif value is True:
                 words.append(f"--{each.name}")
-            elif value is not None:
+            else:
                 words.append(f"--{each.name.replace('_', '-')} {_write(each.name, value)}")
         return " ".join(words)
 

@@ -74,7 +74,7 @@ def draw_conditions(texts: Sequence[str], seed: int) -> Conditions:
     return replace(drawn, hour=drawn.hour % 24.0)
 
 
-def _read_end(text: str, last: bool) -> str:  # noqa: FBT001
+def _read_end(text: str, last: bool) -> str:
     """Write `hour=6..22` as `hour=6`, or as `hour=22`."""
     parts = []
     for part in text.split(","):

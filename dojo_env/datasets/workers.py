@@ -76,7 +76,7 @@ def run_calls(calls: Sequence[Call], count: int) -> Iterator[int]:
     """
     with contextlib.ExitStack() as stack:
         waiting = list(enumerate(calls))[::-1]
-        busy: dict[Connection, tuple[Worker, int]] = {}
+        busy: dict[Any, tuple[Worker, int]] = {}
         idle = []
         for _ in range(min(count, len(calls))):
             worker = Worker()
@@ -88,7 +88,7 @@ def run_calls(calls: Sequence[Call], count: int) -> Iterator[int]:
                 worker.begin(call)
                 busy[worker.pipe] = worker, place
             for pipe in wait(list(busy), timeout=1.0):
-                worker, place = busy.pop(pipe)  # type: ignore[arg-type]
+                worker, place = busy.pop(pipe)
                 worker.end()
                 idle.append(worker)
                 yield place
@@ -104,7 +104,8 @@ def _serve(pipe: Connection) -> None:
         while (call := receive(pipe, None)) is not None:
             function, arguments = call
             try:
-                answer = None, function(*arguments)
+                answer = function(*arguments)
             except Exception as error:  # noqa: BLE001 - it is raised at the other end
-                answer = portable(error), None
-            pipe.send(answer)
+                pipe.send((portable(error), None))
+            else:
+                pipe.send((None, answer))

@@ -1,4 +1,4 @@
-"""Writing a data set: episode by episode in processes or on a cluster, resumable, and put together in the end.
+"""Writing a data set: episode by episode, in processes or on a cluster, resumable, and whole in the end.
 
 FOLDER/dataset.json       settings, versions, inputs: who goes on must have the same
 FOLDER/parts/000012/      an episode's part, whole or not there
@@ -13,8 +13,8 @@ from pathlib import Path
 from typing import Any
 
 from dojo_env.camera import read_cameras
-from dojo_env.datasets.card import add_counts, write_card
 from dojo_env.datasets.cameras import NAMES
+from dojo_env.datasets.card import add_counts, write_card
 from dojo_env.datasets.cluster import run_on_cluster
 from dojo_env.datasets.formats import FORMATS
 from dojo_env.datasets.parts import COUNTS, LABELS, TREE, make_part, scenario_config
@@ -195,8 +195,8 @@ def _check_room(folder: Path, settings: DatasetSettings, pictures: int) -> None:
     free = shutil.disk_usage(folder).free
     if free < needed:
         raise WriteError(
-            f"{folder}: {free / 1e9:.1f} GB are free and {needed / 1e9:.1f} GB may be needed; make room, then "
-            "run the same command again"
+            f"{folder}: {free / 1e9:.1f} GB are free and {needed / 1e9:.1f} GB may be needed; make room, "
+            "then run the same command again"
         )
 
 

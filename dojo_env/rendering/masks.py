@@ -1,5 +1,7 @@
 """Masks of road users, run by run, as COCO writes them. Source: pycocotools, common/maskApi.c."""
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -8,25 +10,58 @@ from dojo_env.rendering.compiling import kernel
 Ints = NDArray[np.int32]
 
 
-def encode_masks(instance: Ints, numbers: Ints, boxes: Ints) -> tuple[str, ...]:
-    """Encode the visible pixels of each road user as COCO's compressed run lengths.
+class Shown(NamedTuple):
+    """What an instance picture shows of road users; arrays have one row each.
+
+    Attributes:
+        pixels: (k,) how many show it; 0 where none does.
+        boxes: (k, 4) left, top, right, bottom of these; right and bottom are exclusive.
+        masks: (k,) `counts` of COCO's compressed `{"size": [h, w], "counts": ...}`.
+    """
+
+    pixels: Ints
+    boxes: Ints
+    masks: tuple[str, ...]
+
+
+def encode_masks(instance: Ints, numbers: Ints) -> Shown:
+    """Measure the visible pixels of road users, and encode them as COCO's compressed run lengths.
 
     Args:
         instance: (h, w) the number of the road user that each pixel shows.
         numbers: (k,) whose masks are wanted.
-        boxes: (k, 4) left, top, right, bottom of the pixels of each; right and bottom are exclusive.
-
-    Returns:
-        (k,) texts: `counts` of COCO's `{"size": [h, w], "counts": ...}`.
     """
+    places = np.full(int(instance.max(initial=0)) + 1, -1, np.int32)
+    known = numbers < len(places)
+    places[numbers[known]] = np.flatnonzero(known)
+    pixels, boxes = _measure(instance, places, len(numbers))
     sides = boxes[:, 2:] - boxes[:, :2]
     # A column begins at most one run a pixel, and one more; a count takes at most six letters.
     most = int((sides[:, 0] * (sides[:, 1] + 1)).max(initial=0)) + 2
     counts, letters = np.empty(most, np.int64), np.empty(6 * most, np.uint8)
-    return tuple(
+    masks = (
         letters[: _encode(instance, number, box, counts, letters)].tobytes().decode("ascii")
         for number, box in zip(numbers, boxes, strict=True)
     )
+    return Shown(pixels=pixels, boxes=boxes, masks=tuple(masks))
+
+
+@kernel
+def _measure(instance, places, count):
+    """Count the pixels of each number, and find the box they lie in."""
+    height, width = instance.shape
+    pixels, boxes = np.zeros(count, np.int32), np.zeros((count, 4), np.int32)
+    for row in range(height):
+        for column in range(width):
+            number = instance[row, column]
+            if number > 0 and places[number] >= 0:
+                k = places[number]
+                if pixels[k] == 0:
+                    boxes[k, 0], boxes[k, 1] = column, row
+                pixels[k] += 1
+                boxes[k, 0] = min(boxes[k, 0], column)
+                boxes[k, 2], boxes[k, 3] = max(boxes[k, 2], column + 1), row + 1
+    return pixels, boxes
 
 
 @kernel

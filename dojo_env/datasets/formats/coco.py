@@ -4,6 +4,8 @@ import json
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from dojo_env.datasets.formats.base import Format, Lines
 from dojo_env.datasets.labels import COCO_IDS, KEYPOINTS, SKELETON, Category, ObjectLabel, PictureLabels
 
@@ -19,8 +21,8 @@ _MOST_TRACKS = 1_000_000
 class Coco(Format):
     """`annotations/instances_train.json` and pictures in `train`, as in COCO's own archive.
 
-    `iscrowd` is 1 where too little of a road user shows: trainers leave it out, and pycocotools counts neither
-    finding nor missing it.
+    `iscrowd` is 1 where too little of a road user shows: trainers leave it out, and pycocotools counts
+    neither finding nor missing it.
     """
 
     def place(self, split: str, sequence: str, frame: int, number: int) -> tuple[str, str]:
@@ -83,10 +85,9 @@ def _annotation(picture: PictureLabels, label: ObjectLabel, k: int) -> dict[str,
     left, top, right, bottom = label.box
     points = {}
     if label.keypoints is not None:
-        flat = [(round(float(x), 2), round(float(y), 2), int(seen)) for x, y, seen in label.keypoints]
         points = {
-            "keypoints": [value for point in flat for value in point],
-            "num_keypoints": sum(seen > 0 for _, _, seen in flat),
+            "keypoints": np.round(label.keypoints, 2).ravel().tolist(),
+            "num_keypoints": int(np.count_nonzero(label.keypoints[:, 2])),
         }
     return {
         "id": picture.number * _MOST_OBJECTS + k,

@@ -1,8 +1,8 @@
 """CVAT for images 1.1: boxes that people can look at and correct. Source: docs.cvat.ai, XML format."""
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from xml.sax.saxutils import escape, quoteattr
 from typing import TYPE_CHECKING
+from xml.sax.saxutils import escape, quoteattr
 
 from dojo_env.datasets.formats.base import Format, Lines
 from dojo_env.datasets.labels import Category, ObjectLabel, PictureLabels
@@ -76,5 +76,6 @@ def _write_box(label: ObjectLabel) -> str:
     )
     return (
         f'<box label="{label.category.value}" source="file" occluded="{int(label.visible < _OCCLUDED)}" '
-        f'xtl="{left:.2f}" ytl="{top:.2f}" xbr="{right:.2f}" ybr="{bottom:.2f}" z_order="0">{attributes}</box>'
+        f'xtl="{left:.2f}" ytl="{top:.2f}" xbr="{right:.2f}" ybr="{bottom:.2f}" z_order="0">'
+        f"{attributes}</box>"
     )

@@ -55,7 +55,7 @@ class Kitti(Format):
             camera = picture.camera
             if any(camera.distortion):
                 raise ConfigError(
-                    f"camera {camera.name!r}: its lens bends, and KITTI's pictures are straight; take another format"
+                    f"camera {camera.name!r}: its lens bends, which KITTI cannot say; take another format"
                 )
             rows = (_write(each, camera) for each in picture.objects)
             files[f"training/label_2/{picture.number:06d}.txt"] = "".join(f"{row}\n" for row in rows)
