@@ -35,12 +35,24 @@ def choose_cameras(
     return tuple(found)
 
 
+def check_cameras(texts: Sequence[str]) -> tuple[Path, ...]:
+    """See that each text is a name or a file of cameras; returns the files.
+
+    Raises:
+        ConfigError: it is neither.
+    """
+    files = tuple(Path(text) for text in texts if text not in NAMES)
+    for file in files:
+        if not file.suffix:
+            raise ConfigError(
+                f"cameras {str(file)!r}: expected {', '.join(NAMES)}, or a file that write_cameras wrote"
+            )
+        read_cameras(file)
+    return files
+
+
 def _choose(text: str, scene: Scene, signals: Sequence[str], size: tuple[int, int]) -> list[Camera]:
     if text not in NAMES:
-        if not Path(text).suffix:
-            raise ConfigError(
-                f"cameras {text!r}: expected {', '.join(NAMES)}, or a file that write_cameras wrote"
-            )
         return list(read_cameras(text))
     width, height = size
     return [

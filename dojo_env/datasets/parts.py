@@ -56,7 +56,7 @@ def make_part(settings: DatasetSettings, job: Job, folder: Path) -> None:
     """
     made = FORMATS[settings.format]
     tree = folder / TREE
-    pictures = tuple(_take_pictures(settings, job, tree))
+    pictures = tuple(take_pictures(settings, job, tree))
     files = made.write_part(pictures, settings)
     for path, text in files.items():
         (tree / path).parent.mkdir(parents=True, exist_ok=True)
@@ -109,8 +109,17 @@ def open_scenario(settings: DatasetSettings, scenario: str, controller: str) -> 
 open_stage = lru_cache(maxsize=2)(Stage)
 
 
-def _take_pictures(settings: DatasetSettings, job: Job, tree: Path) -> Iterator[PictureLabels]:
-    """Draw, write and label all pictures of an episode."""
+def take_pictures(settings: DatasetSettings, job: Job, tree: Path) -> Iterator[PictureLabels]:
+    """Take all pictures of an episode: simulate, draw, write and label.
+
+    Args:
+        settings: of the data set.
+        job: the episode.
+        tree: folder that stands for the data set's.
+
+    Raises:
+        ConfigError: the scenario gives too few.
+    """
     random = np.random.default_rng(job.seed)
     controller = settings.controllers[int(random.integers(len(settings.controllers)))]
     conditions = draw_conditions(settings.conditions, int(random.integers(2**31)))
@@ -225,7 +234,7 @@ class _Shooting:
             time=snapshot.time,
             camera=picture.camera,
             conditions=self._stage.eyes.conditions,
-            signals=snapshot.signals,
+            signals=dict(snapshot.signals),
             is_empty=is_empty,
             objects=instant.label(picture, self._tracks, self._thresholds),
         )

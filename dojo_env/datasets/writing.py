@@ -12,8 +12,7 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any
 
-from dojo_env.camera import read_cameras
-from dojo_env.datasets.cameras import NAMES
+from dojo_env.datasets.cameras import check_cameras
 from dojo_env.datasets.card import add_counts, write_card
 from dojo_env.datasets.cluster import run_on_cluster
 from dojo_env.datasets.formats import FORMATS
@@ -112,6 +111,7 @@ def _make_part(settings: DatasetSettings, job: Job, parts: Path) -> None:
 
 def _describe(settings: DatasetSettings, on_stage: Callable[[str], None]) -> dict[str, Any]:
     """Tell what the data set's bytes depend on; maps are converted here where they have not been."""
+    files = check_cameras(settings.cameras)
     scenarios = []
     for name in settings.scenarios:
         scenario = scenario_config(settings, name).scenario
@@ -124,9 +124,6 @@ def _describe(settings: DatasetSettings, on_stage: Callable[[str], None]) -> dic
                 "routes_sha256": [sha256_of(path) for path in scenario.routes],
             }
         )
-    files = [text for text in settings.cameras if text not in NAMES and Path(text).suffix]
-    for file in files:
-        read_cameras(file)
     return {
         "format": _FORMAT,
         "version": _VERSION,
@@ -134,7 +131,7 @@ def _describe(settings: DatasetSettings, on_stage: Callable[[str], None]) -> dic
         "command": settings.command(),
         "versions": {name: _version(name) for name in _PACKAGES},
         "scenarios": scenarios,
-        "cameras_sha256": [sha256_of(Path(file)) for file in files],
+        "cameras_sha256": [sha256_of(file) for file in files],
     }
 
 
