@@ -60,6 +60,8 @@ EXPLAINED = {
     "dojo_maps/viewer.py": {"read_bytes", "ZipFile"},
     "dojo_env/demand.py": {"read_bytes"},
     "dojo_env/cache.py": {"read_bytes", "open"},
+    "dojo_env/datasets/cluster.py": {"read_bytes"},
+    "dojo_env/datasets/writing.py": {"open"},
     "dojo_env/encoders/efficientnet.py": {"load"},
     "dojo_env/encoders/onnx_file.py": {"load"},
     "dojo_env/rendering/compiling.py": {"read_bytes"},

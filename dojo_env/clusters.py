@@ -3,9 +3,10 @@
 import logging
 import os
 import socket
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 from dojo_env.errors import ConfigError
 
@@ -38,23 +39,24 @@ def set_environment(address: str) -> None:
 
 
 @contextmanager
-def open_cluster(address: str, slots: int) -> Iterator[None]:
+def open_cluster(address: str, slots: int, modules: Sequence[Path] = ()) -> Iterator[None]:
     """Connect to a cluster for as long as the context lasts.
 
     Args:
         address: HOST:PORT of a cluster's head, with a node of it on this machine; or `local`, which starts
             one that only this machine reaches, and ends it afterwards.
         slots: how much such a local one runs at once.
+        modules: folders of modules that nodes get from here; the packages are installed there.
 
     Raises:
         ConfigError: Ray is not installed, or no cluster answers.
     """
     set_environment(address)
     try:
-        import ray
+        import ray  # noqa: PLC0415 - optional
     except ImportError as error:
         raise ConfigError('Ray is not installed; pip install "traffic-dojo[distributed]"') from error
-    settings: dict[str, object] = {}
+    settings: dict[str, Any] = {}
     if address == LOCAL:
         settings = {"num_cpus": slots, "include_dashboard": False, "_node_ip_address": "127.0.0.1"}
     else:
@@ -62,8 +64,7 @@ def open_cluster(address: str, slots: int) -> Iterator[None]:
     try:
         ray.init(
             address,
-            # Nodes have the packages installed; the scripts' own modules come from here.
-            runtime_env={"py_modules": [str(Path(__file__).parent)]},
+            runtime_env={"py_modules": [str(folder) for folder in modules]},
             log_to_driver=False,
             logging_level=logging.ERROR,
             **settings,
