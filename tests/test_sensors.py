@@ -16,7 +16,8 @@ from dojo_env.rendering.classes import SEMANTIC_OF_KIND, Semantic
 from dojo_env.rendering.renderer import Renderer
 from dojo_env.rendering.scene import build_scene
 from dojo_env.sensors.lidar import Lidar, LidarScanner
-from dojo_env.sensors.noise import Lens, shake_cameras
+from dojo_env.sensors.mounts import shake_cameras
+from dojo_env.sensors.noise import Lens
 from dojo_env.sensors.placement import find_approaches, place_cameras
 from dojo_env.snapshot import Kind, Snapshot
 from dojo_maps.bundle import read_bundle
