@@ -42,7 +42,7 @@ class Imaging:
     glare: float = 0.0
     shot_noise: float = 0.0
     read_noise: float = 0.0
-    night_gain: float = 8.0
+    night_gain: float = 4.0
     jpeg_quality: float = 0.0
 
     def __post_init__(self) -> None:
@@ -91,8 +91,8 @@ IMAGING_PRESETS: Mapping[str, Imaging] = {
         auto_exposure=0.6,
         vignetting=0.25,
         glare=0.3,
-        shot_noise=3.0,
-        read_noise=0.5,
+        shot_noise=2.0,
+        read_noise=0.3,
         jpeg_quality=75,
     ),
     "webcam": Imaging(
@@ -102,8 +102,8 @@ IMAGING_PRESETS: Mapping[str, Imaging] = {
         adaptation_s=2.0,
         vignetting=0.4,
         glare=0.6,
-        shot_noise=6.0,
-        read_noise=1.5,
+        shot_noise=4.0,
+        read_noise=0.8,
         jpeg_quality=40,
     ),
 }

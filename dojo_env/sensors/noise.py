@@ -22,6 +22,7 @@ _GREY = 0.18
 """Mean of the linear light that automatic exposure wants: what a grey card reflects."""
 _MOST_STOPS = 4.0
 _DARKEST = 1e-4
+_GRAIN_PIXELS = 0.6
 _REC_709 = (0.2126, 0.7152, 0.0722)
 """How bright red, green and blue light are. Source: ITU-R BT.709."""
 
@@ -105,7 +106,7 @@ class Lens:
         if body.shot_noise > 0 or body.read_noise > 0:
             gain *= body.night_gain**self._night
             random = random_of(self._conditions, camera.name, time, "sensor")
-            grain = random.standard_normal(light.shape, dtype=np.float32)
+            grain = _draw_grain(random, light.shape)
             shot, read = body.shot_noise**2 * gain, (body.read_noise * gain) ** 2
             light += grain * np.sqrt(np.float32(shot) * light + np.float32(read)) / np.float32(255)
         return light
@@ -130,6 +131,14 @@ class Lens:
         if key not in self._layers:
             self._layers[key] = make()
         return self._layers[key]
+
+
+def _draw_grain(random: np.random.Generator, shape: tuple[int, ...]) -> Light:
+    """Draw noise of deviation 1 that neighbours share, as they do after colours are interpolated."""
+    grain = random.standard_normal(shape, dtype=np.float32)
+    kernel = cv2.getGaussianKernel(5, _GRAIN_PIXELS, cv2.CV_32F)
+    blurred = np.asarray(cv2.sepFilter2D(grain, -1, kernel, kernel), dtype=np.float32)
+    return blurred / np.float32((kernel**2).sum())
 
 
 def _compress(rgb: Picture, quality: int) -> Picture:

@@ -19,19 +19,21 @@ _SPOTS = 60
 _MUD = np.array([70.0, 62.0, 50.0], dtype=np.float32)
 _STREAKS = 90
 """Streaks of heavy rain in a picture of 100,000 pixels."""
-_DROPS = 70
+_DROPS = 40
 """Drops on a lens that holds no more."""
 _DROP_LASTS = (6.0, 40.0)
 """Seconds until a drop runs off and another one falls."""
-_DROP_RADIUS = (0.012, 0.05)
+_DROP_RADIUS = (0.015, 0.09)
 """Share of the picture's height."""
-_DROP_SHOWS = 5.0
+_DROP_EDGE = 0.45
+"""Share of a drop's radius over which it fades away: it is far out of focus."""
+_DROP_SHOWS = 4.0
 """A drop shows this many times its own surroundings, upside down."""
-_HALO = ((0.5, 3.0), (0.16, 12.0), (0.05, 35.0))
+_HALO = ((1.5, 3.0), (0.5, 12.0), (0.15, 40.0))
 """Stray light of a strong sun: brightness, and degrees over which it falls to a third."""
 _GHOSTS = ((0.45, 0.05, (1.0, 0.7, 0.4)), (0.8, 0.09, (0.5, 0.9, 0.6)), (1.4, 0.14, (0.5, 0.6, 1.0)))
 """Reflections between lenses: how far beyond the middle, radius as a share of the height, colour."""
-_GHOST = 0.05
+_GHOST = 0.1
 _SUN_PIXELS, _SUN_DEG = 9, 1.5
 
 
@@ -77,7 +79,7 @@ def refract(rgb: Picture, drops: float, time: float, seed: tuple[int, ...]) -> P
         (h, w, 3), a new picture.
     """
     height, width = rgb.shape[:2]
-    soft = cv2.GaussianBlur(rgb, (0, 0), 0.008 * height).astype(np.float32)
+    soft = cv2.GaussianBlur(rgb, (0, 0), 0.012 * height).astype(np.float32)
     seen = rgb.copy()
     for k in range(round(_DROPS * drops)):
         lasts, phase = np.random.default_rng([*seed, k]).uniform((_DROP_LASTS[0], 0.0), (_DROP_LASTS[1], 1.0))
@@ -102,8 +104,8 @@ def _refract_drop(seen: Picture, soft: Floats, x: float, y: float, radius: float
         soft, across * reach + np.float32(x), down * reach + np.float32(y),
         cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE,
     )  # fmt: skip
-    rim = 1.0 - 0.45 * from_middle**6
-    cover = np.clip((1.0 - from_middle) * np.float32(radius) / 1.5, 0.0, 1.0)[..., None]
+    rim = 1.0 - 0.3 * from_middle**3
+    cover = np.minimum(1.0, (1.0 - from_middle) / np.float32(_DROP_EDGE))[..., None]
     patch = seen[top:bottom, left:right]
     patch[:] = np.rint(patch * (1 - cover) + shown * rim[..., None] * cover)
 

@@ -27,9 +27,10 @@ QUEUE_IN_VIEW = 75.0
 """Metres of queue before each stop line that a bird's eye view holds, where the road is that long."""
 _INNER_ROAD = 25.0
 """Shorter roads between two junctions of one signal are part of its middle, not an approach, metres."""
-_AHEAD = (0.0, 1.5, -1.5, 3.0, 5.0, 7.0, 10.0)
-_ASIDE = (0.0, 1.5, -1.5, 3.0, -3.0, 5.0, -5.0)
+_AHEAD = (0.0, 1.5, -1.5, 3.0, 5.0, 7.0, 10.0, -8.0, -14.0)
+_ASIDE = (0.0, 1.5, -1.5, 3.0, -3.0, 5.0, -5.0, 8.0, -8.0)
 """Metres along and across the approach from where a camera should hang, tried in this order."""
+_LEAST_AHEAD = 2.5
 _POST_AHEAD = (0.0, -1.5, 1.5, -3.0, 3.0, -5.0, 5.0, -8.0, 8.0, 11.0, 14.0, 17.0, 20.0, 24.0, 28.0)
 _POST_ASIDE = (0.0, 1.0, 2.0, 3.5, 5.0)
 """The same for posts, across away from the road: where nobody drives, if need be across the junction."""
@@ -226,7 +227,8 @@ def _shifts(
 ) -> Iterator[tuple[float, float]]:
     """List metres ahead of the middle of the stop line, and to its left."""
     if preset.beside is None:
-        yield from ((preset.ahead + forward, aside) for forward in _AHEAD for aside in _ASIDE)
+        nearest = [preset.ahead + forward for forward in _AHEAD if preset.ahead + forward >= _LEAST_AHEAD]
+        yield from ((forward, aside) for forward in nearest for aside in _ASIDE)
         return
     lanes = MapIndex(road_map).lanes
     side = 1.0 if road_map.left_hand else -1.0
