@@ -238,7 +238,8 @@ def test_lens_spoils_by_seed_camera_and_time():
     first = Lens(state).spoil(clean, camera, 5.0)
     assert first.dtype == np.uint8
     np.testing.assert_array_equal(first, Lens(state).spoil(clean, camera, 5.0))
-    for other in (Lens(state).spoil(clean, replace(camera, name="b"), 5.0), Lens(state).spoil(clean, camera, 6.0),
+    for other in (Lens(state).spoil(clean, replace(camera, name="b"), 5.0),
+                  Lens(state).spoil(clean, camera, 6.0),
                   Lens(replace(state, seed=4)).spoil(clean, camera, 5.0)):  # fmt: skip
         assert not np.array_equal(first, other)
     np.testing.assert_array_equal(Lens(Conditions()).spoil(clean, camera, 5.0), clean)

@@ -27,8 +27,8 @@ QUEUE_IN_VIEW = 75.0
 """Metres of queue before each stop line that a bird's eye view holds, where the road is that long."""
 _INNER_ROAD = 25.0
 """Shorter roads between two junctions of one signal are part of its middle, not an approach, metres."""
-_AHEAD = (0.0, 1.5, -1.5, 3.0, 5.0, 7.0, 10.0, -8.0, -14.0)
-_ASIDE = (0.0, 1.5, -1.5, 3.0, -3.0, 5.0, -5.0, 8.0, -8.0)
+_AHEAD, _FAR_AHEAD = (0.0, 1.5, -1.5, 3.0, 5.0, 7.0, 10.0), (-8.0, -14.0)
+_ASIDE, _FAR_ASIDE = (0.0, 1.5, -1.5, 3.0, -3.0, 5.0, -5.0), (8.0, -8.0)
 """Metres along and across the approach from where a camera should hang, tried in this order."""
 _LEAST_AHEAD = 2.5
 _POST_AHEAD = (0.0, -1.5, 1.5, -3.0, 3.0, -5.0, 5.0, -8.0, 8.0, 11.0, 14.0, 17.0, 20.0, 24.0, 28.0)
@@ -43,6 +43,8 @@ _PROBE_HEIGHT = 0.7
 _PROBE_SIZE = (64, 89)
 _SEEN_ENOUGH, _WORTH_MOVING = 0.98, 0.02
 """Shares of the lanes in view that end the search, and that make another place better."""
+_NEAR, _SEEN_FAR = len(_AHEAD) * len(_ASIDE), 0.9
+"""So many places are tried for all of the view; those after them only where much less of it is free."""
 _DISTORTED_FIELD_DEG = 40.0
 """How much more than a pinhole of its nominal field of view a lens that bends may see."""
 _LINE_LENGTH = 100.0
@@ -197,10 +199,10 @@ def _approach_camera(
         for place, heading in _places(scene.road_map, approach, preset)
     )
     best = next(candidates)
-    enough = _SEEN_ENOUGH * _share(_find_inside(_small(best), probes)[0])
+    free = _share(_find_inside(_small(best), probes)[0])
     most = _share(find_seen(scene, _small(best), probes))
-    for camera in candidates:
-        if most >= enough:
+    for tried, camera in enumerate(candidates, start=1):
+        if most >= free * (_SEEN_ENOUGH if tried < _NEAR else _SEEN_FAR):
             break
         seen = _share(find_seen(scene, _small(camera), probes))
         if seen > most + _WORTH_MOVING:
@@ -227,8 +229,11 @@ def _shifts(
 ) -> Iterator[tuple[float, float]]:
     """List metres ahead of the middle of the stop line, and to its left."""
     if preset.beside is None:
-        nearest = [preset.ahead + forward for forward in _AHEAD if preset.ahead + forward >= _LEAST_AHEAD]
-        yield from ((forward, aside) for forward in nearest for aside in _ASIDE)
+        yield from ((preset.ahead + forward, aside) for forward in _AHEAD for aside in _ASIDE)
+        yield from ((preset.ahead + forward, aside) for forward in _AHEAD for aside in _FAR_ASIDE)
+        nearer = [preset.ahead + forward for forward in _FAR_AHEAD]
+        far = (*_ASIDE, *_FAR_ASIDE)
+        yield from ((forward, aside) for forward in nearer if forward > _LEAST_AHEAD for aside in far)
         return
     lanes = MapIndex(road_map).lanes
     side = 1.0 if road_map.left_hand else -1.0
@@ -252,8 +257,9 @@ def _shifts(
 
 def _driven(road_map: RoadMap) -> Floats:
     """List where something drives: (n, 2, 2) ends of pieces of centre lines."""
-    lanes = (lane for lane in road_map.lanes if lane.kind not in (LaneKind.SIDEWALK, LaneKind.SHOULDER))
-    lines = [each.shape[:, :2] for each in (*lanes, *road_map.connections)]
+    walked = (LaneKind.SIDEWALK, LaneKind.SHOULDER)
+    lines = [lane.shape[:, :2] for lane in road_map.lanes if lane.kind not in walked]
+    lines += [connection.shape[:, :2] for connection in road_map.connections]
     return np.concatenate([np.stack([line[:-1], line[1:]], axis=1) for line in lines])
 
 
