@@ -29,6 +29,10 @@ class DatasetError(SourceError, ConfigError):
     """A file of a data set is missing, unreadable, or not what it should be."""
 
 
+class DetectorError(SourceError, ConfigError):
+    """A detector's file is missing, unreadable, or no network that finds road users."""
+
+
 class SnapshotError(DojoError, ValueError):
     """A snapshot holds values that no simulated instant can have."""
 
