@@ -25,6 +25,10 @@ class EncoderError(SourceError, ConfigError):
     """An encoder's file is missing, unreadable, or no network that encodes pictures."""
 
 
+class DetectorError(SourceError, ConfigError):
+    """A detector's file is missing, unreadable, or no network that finds road users."""
+
+
 class SnapshotError(DojoError, ValueError):
     """A snapshot holds values that no simulated instant can have."""
 
