@@ -4,6 +4,7 @@ import argparse
 import sys
 from collections.abc import Sequence
 
+from dojo_env.commands.calibrate import add_calibrate
 from dojo_env.commands.prove import add_prove
 from dojo_env.commands.replay import add_replay
 from dojo_env.commands.run import add_run
@@ -26,7 +27,7 @@ def _parser() -> argparse.ArgumentParser:
         prog="dojo-env", description="Traffic signal control on converted maps, with SUMO's traffic."
     )
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
-    for add in (add_run, add_watch, add_replay, add_prove, add_scenarios):
+    for add in (add_run, add_watch, add_replay, add_prove, add_calibrate, add_scenarios):
         add(commands)
     return parser
 

@@ -22,6 +22,29 @@ _HIDDEN = 1e3
 """What a place behind the camera counts, standard deviations."""
 
 
+def find_seen(camera: Camera, places: Floats, margin: float = 0.0) -> tuple[Floats, NDArray[np.bool_]]:
+    """Project places and tell which of them the picture shows, as far as nothing is in front.
+
+    A lens formula folds places far outside of the picture back into it; those are not seen.
+
+    Args:
+        camera: looks.
+        places: (n, 3) metres, map frame.
+        margin: pixels along the picture's border that do not count.
+
+    Returns:
+        (n, 2) pixels, and (n,) whether they are in the picture.
+    """
+    pixels, depth = camera.project(places)
+    inside = (pixels > margin) & (pixels < [camera.width - margin, camera.height - margin])
+    seen = inside.all(axis=1) & (depth > camera.near)
+    if camera.distortion:
+        k1, k2, _, _, k3 = (*camera.distortion, 0.0)[:5]
+        square = ((places - camera.position) ** 2).sum(axis=1) / np.maximum(depth, 1e-9) ** 2 - 1.0
+        seen &= 1 + square * (3 * k1 + square * (5 * k2 + square * 7 * k3)) > 0
+    return pixels, seen
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Sightings:
     """What was measured: lines in the picture that places of the map lie on.
@@ -76,7 +99,7 @@ class Form:
 
     Attributes:
         template: what is not free.
-        ground: metres; the height counts from there, so that a camera cannot be below.
+        ground: metres; heights count from there, so that no camera is below.
         bends: 0 to 3.
     """
 

@@ -14,7 +14,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from dojo_env.calibration.fitting import Fit, Form, Prior, Sightings, fit_vector, jacobian
+from dojo_env.calibration.fitting import Fit, Form, Prior, Sightings, find_seen, fit_vector, jacobian
 from dojo_env.camera import Camera
 from dojo_maps.bundle import Bundle
 
@@ -45,8 +45,6 @@ _SIGMA = 0.5
 """Pixels, of a clean edge."""
 _INDEPENDENT = 4
 """Measurements that one edge counts for, however long: its places err together."""
-_BEST = 0.35
-"""Share of the places that must be found where the camera says, for a picture to count as seen."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -155,7 +153,7 @@ def sharpen(form: Form, points: Sightings, prior: Prior, fit: Fit, picture: Imag
 
 def _look(camera: Camera, edges: Edges) -> tuple[Sightings, NDArray[np.int64]]:
     """Find where edges fall in a picture, with the vectors out of the paint; returns their numbers, too."""
-    at, depth = camera.project(edges.places)
+    at, good = find_seen(camera, edges.places, _WIDEST)
     along = camera.project(edges.places + _INWARD * edges.along)[0] - at
     behind = camera.project(edges.places + _INWARD * edges.inward)[0] - at
     across = np.column_stack([-along[:, 1], along[:, 0]])
@@ -163,8 +161,7 @@ def _look(camera: Camera, edges: Edges) -> tuple[Sightings, NDArray[np.int64]]:
         stretch = np.linalg.norm(across, axis=1)
         across /= stretch[:, None]
         thickness = np.einsum("ij,ij->i", across, behind)
-        good = (at > _WIDEST).all(axis=1) & (at < [camera.width - _WIDEST, camera.height - _WIDEST]).all(axis=1)
-        good &= (depth > 0) & (np.abs(thickness) > _THINNEST) & (stretch / _INWARD * edges.length > _THINNEST)
+        good &= (np.abs(thickness) > _THINNEST) & (stretch / _INWARD * edges.length > _THINNEST)
     chosen = np.flatnonzero(good)
     chosen = chosen[:: len(chosen) // _MOST_PLACES + 1]
     normals = -across[chosen] * np.sign(thickness[chosen])[:, None]

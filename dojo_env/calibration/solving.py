@@ -8,7 +8,6 @@ say more.
 Source: Hartley and Zisserman, Multiple View Geometry, chapters 5 and 7.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from math import asin, atan2, degrees, log, radians, tan
 
@@ -21,7 +20,6 @@ from dojo_env.camera import Camera
 
 Floats = NDArray[np.float64]
 
-LEAST_POINTS = 6
 _FIELDS_OF_VIEW_DEG = (20.0, 30.0, 42.0, 55.0, 70.0, 85.0, 105.0)
 """Where the search begins."""
 _USUAL_HEIGHT, _HEIGHT_SPREAD = 7.5, 0.7
@@ -45,13 +43,13 @@ class Known:
         noise: standard deviation of the points' pixels, in each direction.
         height: metres above the ground; None where it is not known.
         field_of_view_deg: horizontal; None where it is not known.
-        bends: coefficients of the lens to find, 0 to 3.
+        bends: coefficients of the lens to find, 0 to 3; None decides by the number of points.
     """
 
     noise: float = 2.0
     height: float | None = None
     field_of_view_deg: float | None = None
-    bends: int = 0
+    bends: int | None = None
 
 
 def make_prior(form: Form, known: Known) -> Prior:
