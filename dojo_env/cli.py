@@ -10,6 +10,7 @@ from dojo_env.commands.replay import add_replay
 from dojo_env.commands.run import add_run
 from dojo_env.commands.scenarios import add_scenarios
 from dojo_env.commands.watch import add_watch
+from dojo_env.commands.watch_video import add_watch_video
 from dojo_maps.command import Parser, run_command
 
 
@@ -27,7 +28,15 @@ def _parser() -> argparse.ArgumentParser:
         prog="dojo-env", description="Traffic signal control on converted maps, with SUMO's traffic."
     )
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
-    for add in (add_run, add_watch, add_replay, add_prove, add_calibrate, add_scenarios):
+    for add in (
+        add_run,
+        add_watch,
+        add_replay,
+        add_prove,
+        add_calibrate,
+        add_watch_video,
+        add_scenarios,
+    ):
         add(commands)
     return parser
 

@@ -33,6 +33,14 @@ class PhotographError(SourceError, ConfigError):
     """A photograph is missing, unreadable, or too large."""
 
 
+class FilmError(SourceError, ConfigError):
+    """A film, a folder of pictures or a stream cannot be read."""
+
+
+class RegionError(SourceError, ConfigError):
+    """A file of regions cannot be read, or holds what no region can be."""
+
+
 class CalibrationError(SourceError, ConfigError):
     """Control points cannot be read, or no camera can be found from them."""
 

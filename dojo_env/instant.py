@@ -7,7 +7,7 @@ no longer be measured, and asking for it is an error, never an answer about anot
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 
@@ -73,6 +73,36 @@ class Instant:
         self._snapshot: Snapshot | None = None
         self._lanes = dict(lanes)
         self._approaches: dict[str, Approach] = {}
+
+    @classmethod
+    def of_values(
+        cls,
+        time: float,
+        signals: Mapping[str, SignalView],
+        *,
+        lanes: Mapping[str, tuple[str, ...]],
+        approaches: Mapping[str, Approach],
+    ) -> Self:
+        """Make an instant of what something else than a simulation has measured; nothing more can be asked.
+
+        Args:
+            time: seconds.
+            signals: each signal that is controlled, by id.
+            lanes: ids of the vehicles on lanes.
+            approaches: who is on the way to each signal.
+        """
+        vehicles = {vehicle for listed in lanes.values() for vehicle in listed}
+        halting = sum(int(view.lanes.total_halting) for view in signals.values())
+        instant = cls.__new__(cls)
+        instant.time = time
+        instant.traffic = TrafficReading(
+            running=len(vehicles), backlogged=0, stopped=halting, waiting_time=0.0, mean_speed=0.0, arrived=0,
+            departed=0, teleported=0, pedestrians=0, pedestrian_waiting=0.0,
+        )  # fmt: skip
+        instant.signals = MappingProxyType(dict(signals))
+        instant._simulation, instant._moment, instant._snapshot = None, 0, None
+        instant._lanes, instant._approaches = dict(lanes), dict(approaches)
+        return instant
 
     @property
     def snapshot(self) -> Snapshot:

@@ -1,0 +1,198 @@
+"""Regions of a picture, by lane: who is in which, for films of places that no map shows.
+
+A region is a polygon in pixels. A road user is in the one that holds the middle of its foot. Speeds come from
+how far a box moves between two looks, in car heights of 1.5 m: good enough to tell who stands.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from dojo_env.detectors.base import Detections
+from dojo_env.errors import RegionError
+from dojo_env.films.measuring import LaneState, Measured, Seen
+from dojo_env.snapshot import Kind
+from dojo_maps.safe_json import read_json
+
+Floats = NDArray[np.float64]
+
+_FORMAT = ("dojo-regions", 1)
+_MOST, _MOST_CORNERS = 1000, 1000
+_FOOT = 0.15
+"""Share of a box's height above its lower edge, where a road user stands on the road."""
+_CAR_HEIGHT = 1.5
+"""Metres."""
+_STANDING = 0.5
+"""m/s; boxes tremble, so what is slower stands."""
+_NEAR = 1.2
+"""Box heights from where a road user is expected, and the share of its own way, within which it may be found."""
+_FASTEST = 20.0
+"""m/s, of who has been seen once."""
+_PATIENCE = 2.0
+"""Seconds for which one is remembered unseen."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Region:
+    """A lane's part of the picture.
+
+    Attributes:
+        lane: its name; the id of a map's lane where a controller is to know it.
+        polygon: (n, 2) pixels.
+    """
+
+    lane: str
+    polygon: Floats
+
+
+def read_regions(path: Path) -> tuple[tuple[Region, ...], tuple[int, int]]:
+    """Read regions: `{"format": "dojo-regions", "version": 1, "width", "height", "regions": {LANE: [[u, v]]}}`.
+
+    Returns:
+        The regions, and width and height of the picture that they were drawn over.
+
+    Raises:
+        RegionError: the file is missing, not JSON, or holds no regions.
+    """
+    value = read_json(path, error=RegionError)
+    if not isinstance(value, dict) or (value.get("format"), value.get("version")) != _FORMAT:
+        raise RegionError(path, "not a dojo-regions file of version 1")
+    size, told = (value.get("width"), value.get("height")), value.get("regions")
+    if not all(isinstance(side, int) and 1 <= side <= 8192 for side in size):
+        raise RegionError(path, f"width and height are {size}; expected those of the picture, in pixels")
+    if not isinstance(told, dict) or not 1 <= len(told) <= _MOST:
+        raise RegionError(path, f"regions: expected an object of 1 to {_MOST} polygons by lane")
+    return tuple(_read_region(path, lane, corners) for lane, corners in told.items()), size
+
+
+def _read_region(path: Path, lane: str, corners: object) -> Region:
+    try:
+        polygon = np.array(corners, np.float64)
+    except (TypeError, ValueError):
+        polygon = np.empty(0)
+    if polygon.ndim != 2 or polygon.shape[1:] != (2,) or not 3 <= len(polygon) <= _MOST_CORNERS:
+        raise RegionError(path, f"expected 3 to {_MOST_CORNERS} corners [u, v]", f"region {lane!r}")
+    if not (np.abs(polygon) <= 1e5).all():
+        raise RegionError(path, "its corners are no pixels", f"region {lane!r}")
+    return Region(lane=lane, polygon=polygon)
+
+
+@dataclass(slots=True, kw_only=True, eq=False)
+class _Track:
+    """A road user followed in the picture; places and speeds are pixels and pixels a second."""
+
+    number: int
+    box: Floats
+    seen: float
+    way: Floats = field(default_factory=lambda: np.zeros(2))
+    looks: int = 1
+
+
+class RegionMeasurer:
+    """Measures the regions of a picture."""
+
+    def __init__(self, regions: Sequence[Region]) -> None:
+        """Take the regions, in the picture's own pixels."""
+        self.lanes = tuple(region.lane for region in regions)
+        self._polygons = [region.polygon.astype(np.float32).reshape(-1, 1, 2) for region in regions]
+        self._tracks: list[_Track] = []
+        self._count = 0
+
+    def update(self, time: float, found: Detections) -> Measured:
+        """Take what a look has found."""
+        tracks = self._follow(time, found.boxes)
+        self._tracks = [
+            *tracks,
+            *(t for t in self._tracks if t not in tracks and time - t.seen <= _PATIENCE),
+        ]
+        seen = tuple(
+            self._describe(track, Kind(kind)) for track, kind in zip(tracks, found.kinds.tolist(), strict=True)
+        )
+        return Measured(lanes={lane: _read_lane(lane, seen) for lane in self.lanes}, seen=seen)
+
+    def _describe(self, track: _Track, kind: Kind) -> Seen:
+        speed = _speed(track) if track.looks > 1 else None
+        left, top, right, bottom = track.box.tolist()
+        return Seen(
+            number=track.number,
+            kind=kind,
+            box=(left, top, right, bottom),
+            lane="" if kind == Kind.PEDESTRIAN else self._find_lane(_foot(track.box)),
+            speed=speed,
+            is_halting=speed is not None and speed < _STANDING,
+        )
+
+    def _find_lane(self, at: Floats) -> str:
+        for lane, polygon in zip(self.lanes, self._polygons, strict=True):
+            if cv2.pointPolygonTest(polygon, (float(at[0]), float(at[1])), False) >= 0:
+                return lane
+        return ""
+
+    def _follow(self, time: float, boxes: Floats) -> list[_Track]:
+        """Give each box its track: the nearest pairs first, what is left begins new ones."""
+        given: dict[int, _Track] = {}
+        pairs = sorted(
+            (_distance(track, box, time), row, column)
+            for row, track in enumerate(self._tracks)
+            for column, box in enumerate(boxes)
+        )
+        used: set[int] = set()
+        for distance, row, column in pairs:
+            if distance > 1.0:
+                break
+            if row not in used and column not in given:
+                used.add(row)
+                given[column] = self._tracks[row]
+                _move(given[column], boxes[column], time)
+        for column, box in enumerate(boxes):
+            if column not in given:
+                self._count += 1
+                given[column] = _Track(number=self._count, box=box, seen=time)
+        return [given[column] for column in range(len(boxes))]
+
+
+def _read_lane(lane: str, seen: Sequence[Seen]) -> LaneState:
+    """Count a lane; who is lowest in the picture is taken to be nearest to the stop line."""
+    on = sorted((each for each in seen if each.lane == lane), key=lambda each: -each.box[3])
+    speeds = [each.speed for each in on if each.speed is not None]
+    return LaneState(
+        vehicles=tuple(each.number for each in on),
+        halting=frozenset(each.number for each in on if each.is_halting),
+        speed=sum(speeds) / len(speeds) if speeds else None,
+    )
+
+
+def _foot(box: Floats) -> Floats:
+    return np.array([(box[0] + box[2]) / 2, box[3] - _FOOT * (box[3] - box[1])])
+
+
+def _speed(track: _Track) -> float:
+    """Estimate m/s; away from the camera, ways look shorter than they are."""
+    height = max(float(track.box[3] - track.box[1]), 1.0)
+    return float(np.hypot(*track.way)) / height * _CAR_HEIGHT
+
+
+def _distance(track: _Track, box: Floats, time: float) -> float:
+    """How far a box is from where a track's is expected, in what is allowed; sizes must be alike."""
+    step = time - track.seen
+    sizes = track.box[2:] - track.box[:2], box[2:] - box[:2]
+    ratio = sizes[0] / np.maximum(sizes[1], 1e-6)
+    if not (0.4 < ratio).all() or not (ratio < 2.5).all():
+        return np.inf
+    height = float(np.sqrt(sizes[0][1] * sizes[1][1]))
+    allowed = _NEAR * height
+    if track.looks == 1:
+        allowed += _FASTEST / _CAR_HEIGHT * height * min(step, 0.25)
+    off = _foot(box) - _foot(track.box) - track.way * step
+    return float(np.hypot(*off)) / max(allowed, 1e-6)
+
+
+def _move(track: _Track, box: Floats, time: float) -> None:
+    step = max(time - track.seen, 1e-6)
+    way = (_foot(box) - _foot(track.box)) / step
+    track.way = way if track.looks == 1 else 0.5 * (track.way + way)
+    track.box, track.seen, track.looks = box, time, track.looks + 1
