@@ -4,6 +4,7 @@ picture -> `DetectorModel` -> detections -> `grounding` (lane and place) -> `tra
 queues and speeds of lanes). `sensors.video_detector` hangs all of it at a signal.
 """
 
+from collections.abc import Mapping
 from dataclasses import fields
 from pathlib import Path
 from typing import Any
@@ -55,11 +56,13 @@ def _read_description(path: Path) -> tuple[dict[str, Any], Path]:
     return value, path.parent / model
 
 
-def _build_settings(told: dict[str, Any]) -> DetectorSettings:
+def _build_settings(told: Mapping[str, Any]) -> DetectorSettings:
     known = [each.name for each in fields(DetectorSettings)]
     if unknown := [name for name in told if name not in known]:
         raise ConfigError(f"detector: no setting {unknown[0]!r}; it has {', '.join(known)}")
-    values = {name: tuple(value) if isinstance(value, list) else value for name, value in told.items()}
+    values: dict[str, Any] = {
+        name: tuple(value) if isinstance(value, list) else value for name, value in told.items()
+    }
     try:
         if isinstance(scaling := values.get("scaling"), dict):
             values["scaling"] = Scaling(**scaling)
