@@ -1,6 +1,5 @@
 """From control points, and the photograph they were marked in, to a camera and how far it can be trusted."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -19,7 +18,7 @@ Image = NDArray[np.uint8]
 _BENT_FROM = 8
 """Points from which on a lens is found as a bent one, unless the user says otherwise."""
 _LIMIT = 3.1
-"""Standard deviations of the cost's own spread above which points do not fit each other: one in a thousand."""
+"""Standard deviations, of the cost's own spread, that one set of points in a thousand exceeds."""
 _HOPELESS = 12.0
 """Times the expected misfit from which on there is no camera to speak of."""
 _SEEN = 0.5
@@ -70,7 +69,7 @@ class Calibration:
     paint_share: float | None
 
     def deviations(self) -> Floats:
-        """Standard deviations: metres (x, y, height), degrees (heading, pitch, roll, field of view), k1..."""
+        """Give standard deviations: x, y, height (m), heading, pitch, roll, view (degrees), k1 and on."""
         scales = np.ones(len(self.fit.vector))
         scales[2] = self.camera.position[2] - self.form.ground
         scales[3:6] = np.degrees(1.0)
@@ -100,7 +99,7 @@ class Calibration:
         )
 
     def ground_covariance(self, places: Floats) -> Floats:
-        """How pixels scatter on the ground: (n, 2, 2) square metres, for the pixels of (n, 3) places on it."""
+        """How pixels scatter on the ground: (n, 2, 2) square metres, for those of (n, 3) places on it."""
         count, vector = len(places), self.fit.vector
         by_camera = jacobian(lambda v: self.form.camera(v).project(places)[0], vector).reshape(count, 2, -1)
         shifts = np.eye(3)[:2] * 1e-3
@@ -144,7 +143,7 @@ def calibrate(
         raise CalibrationError(
             points.path,
             f"no camera fits the points: they are off by {_typical(form, fit, points):.0f} px; "
-            "see that photograph and map show the same place, and that u counts from the left and v from the top",
+            "see that photograph and map show one place, and that u counts from the left, v from the top",
         )
     fit = replace(fit, covariance=fit.covariance * max(scale, 1.0) ** 2)
     paint = share = None
@@ -200,7 +199,7 @@ def _freedom(points: ControlPoints) -> int:
 
 
 def _is_usual(cost: float, freedom: int) -> bool:
-    """Tell whether so many squared standard deviations are to be expected. Source: Wilson and Hilferty 1931."""
+    """Tell whether such a sum of squared deviations is to be expected. Source: Wilson and Hilferty 1931."""
     spread = 2.0 / (9.0 * freedom)
     return cost <= freedom * (1.0 - spread + _LIMIT * spread**0.5) ** 3
 
@@ -225,10 +224,11 @@ def _agrees(paint: Sharpened, form: Form, points: ControlPoints, known: Known) -
 
 
 def _rounded(camera: Camera) -> Camera:
-    """Leave out digits that nobody measured: micrometres and millionths of degrees."""
+    """Leave out digits that nobody measured."""
+    x, y, z = camera.position
     return replace(
         camera,
-        position=tuple(round(each, 4) for each in camera.position),
+        position=(round(x, 4), round(y, 4), round(z, 4)),
         **{
             name: round(getattr(camera, name), 5)
             for name in ("heading_deg", "pitch_deg", "roll_deg", "field_of_view_deg")

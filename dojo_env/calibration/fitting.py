@@ -1,8 +1,8 @@
-"""A camera as a vector of numbers, and the vector that fits what was seen: Levenberg and Marquardt's method."""
+"""A camera as a vector of numbers, and the vector that fits what was seen, by Levenberg and Marquardt."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from math import atan, degrees, exp, log, radians, tan
+from math import atan, degrees, exp, log, radians
 
 import numpy as np
 from numpy.typing import NDArray
@@ -199,7 +199,7 @@ def fit_vector(form: Form, sightings: Sightings, prior: Prior, start: Floats) ->
         slopes = jacobian(residuals, vector)
         if gain < _CONVERGED:
             break
-    return Fit(vector=vector, cost=cost, covariance=np.linalg.inv(slopes.T @ slopes))
+    return Fit(vector=vector, cost=cost, covariance=np.asarray(np.linalg.inv(slopes.T @ slopes), np.float64))
 
 
 def jacobian(function: Callable[[Floats], Floats], at: Floats) -> Floats:

@@ -39,6 +39,8 @@ _RIVAL = 0.5
 _WIDEST, _NARROWEST = 24.0, 2.5
 """Bounds of the search to either side, pixels."""
 _STEP = 0.5
+_BLUR = 0.8
+"""Pixels between places of the search, and the deviation by which noise is blurred first."""
 _MOST_PLACES = 6000
 _ROUNDS = 6
 _SIGMA = 0.5
@@ -77,8 +79,10 @@ def list_edges(bundle: Bundle) -> Edges:
     shift = np.array([*bundle.road_map.origin, 0.0])
     for mesh in bundle.read_meshes():
         if mesh.layer in _LAYERS:
-            a, b, c = _outline(mesh.vertices + shift, mesh.faces)
-            starts.append(a), ends.append(b), insides.append(c)
+            for parts, found in zip(
+                (starts, ends, insides), _outline(mesh.vertices + shift, mesh.faces), strict=True
+            ):
+                parts.append(found)
     start, end, inside = (np.concatenate(parts) for parts in (starts, ends, insides))
     length = np.linalg.norm(end - start, axis=1)
     kept = length > _SHORTEST
@@ -137,7 +141,7 @@ def sharpen(form: Form, points: Sightings, prior: Prior, fit: Fit, picture: Imag
         picture: (h, w, 3) uint8.
         edges: of the map's paint.
     """
-    grey = cv2.GaussianBlur(cv2.cvtColor(picture, cv2.COLOR_RGB2GRAY).astype(np.float32), (0, 0), 0.8)
+    grey = np.asarray(cv2.GaussianBlur(cv2.cvtColor(picture, cv2.COLOR_RGB2GRAY), (0, 0), _BLUR), np.float32)
     edges = edges.near(form.camera(fit.vector).position)
     found, share = points, 0.0
     for _ in range(_ROUNDS):

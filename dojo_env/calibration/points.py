@@ -76,7 +76,9 @@ class ControlPoints:
             at = int(np.argmax(outside))
             u, v = self.pixels[at]
             raise CalibrationError(
-                self.path, f"pixel {u:g}, {v:g} lies outside the picture of {width} x {height}", self.labels[at]
+                self.path,
+                f"pixel {u:g}, {v:g} lies outside the picture of {width} x {height}",
+                self.labels[at],
             )
         for values, what, unit in ((self.pixels, "pixels", "px"), (self.places, "places", "m")):
             distinct = np.unique(np.round(values, 2), axis=0)
@@ -92,7 +94,7 @@ class ControlPoints:
             if what == "pixels" and spread[0] < _NARROWEST * width:
                 raise CalibrationError(
                     self.path,
-                    f"all points lie within {2 * spread[0]:.0f} {unit} of each other; spread them over the picture",
+                    f"all points lie near one place, within {2 * spread[0]:.0f} {unit}; spread them out",
                 )
 
 
@@ -141,7 +143,9 @@ def _read_csv(data: bytes, path: Path) -> Iterator[tuple[str, Row]]:
             if not head:
                 head = [name.lower() for name in row]
                 if not {"u", "v"} <= set(head) or not set(_WAYS) & set(head):
-                    raise CalibrationError(path, f"the head is {','.join(row)!r}; expected {_EXPECTED}", where)
+                    raise CalibrationError(
+                        path, f"the head is {','.join(row)!r}; expected {_EXPECTED}", where
+                    )
                 continue
             if len(row) != len(head):
                 raise CalibrationError(path, f"{len(row)} values for {len(head)} columns", where)

@@ -76,7 +76,6 @@ def fit_points(form: Form, places: Floats, pixels: Floats, known: Known) -> Fit:
 
 def _list_starts(form: Form, places: Floats, pixels: Floats) -> list[Camera]:
     """For each field of view, where a camera with it would hang, as far as there is an answer."""
-    width, height = form.template.width, form.template.height
     middle = places.mean(axis=0)
     starts = []
     for field_of_view in _FIELDS_OF_VIEW_DEG:
@@ -85,7 +84,7 @@ def _list_starts(form: Form, places: Floats, pixels: Floats) -> list[Camera]:
             places - middle, pixels, camera.intrinsics, None, flags=cv2.SOLVEPNP_SQPNP
         )
         for turn, shift in zip(turns[:found], shifts[:found], strict=True):
-            axes = cv2.Rodrigues(turn)[0]
+            axes = np.asarray(cv2.Rodrigues(turn)[0], np.float64)
             position = middle - (axes.T @ shift).ravel()
             if np.isfinite(position).all() and np.abs(position).max() < 1e7:
                 starts.append(_hang(camera, position, axes))

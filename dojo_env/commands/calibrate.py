@@ -27,7 +27,11 @@ def add_calibrate(commands: Commands) -> None:
         help="six or more: CSV or JSON of u, v (pixels) and x, y (and z), or lon, lat, or element",
     )
     calibrate.add_argument(
-        "-o", "--output", type=Path, metavar="FILE", help="where the camera goes (default: IMAGE.cameras.json)"
+        "-o",
+        "--output",
+        type=Path,
+        metavar="FILE",
+        help="where the camera goes (default: IMAGE.cameras.json)",
     )
     calibrate.add_argument(
         "--overlay", type=Path, metavar="PNG", help="also draw lanes and stop lines over the photograph"
@@ -148,11 +152,12 @@ def _tell(found: "Calibration") -> None:
             )
         print(f"{f'ground at {distance:.0f} m':16}{words}")
     if found.paint is not None:
-        print(f"{'paint':16}{found.paint_share:.0%} of {len(found.paint.paint.places)} places found on its lines")
+        count = len(found.paint.paint.places)
+        print(f"{'paint':16}found at {count} places, {found.paint.share:.0%} of those in view")
     elif found.paint_share is not None:
         print(
-            f"dojo-env: the map's painted lines are not those of the photograph (found {found.paint_share:.0%}); "
-            "only the points were used",
+            "dojo-env: the photograph's painted lines are not the map's "
+            f"({found.paint_share:.0%} found); only the points were used",
             file=sys.stderr,
         )
     print(f"{'misfit':>10}  point")

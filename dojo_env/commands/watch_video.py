@@ -27,10 +27,15 @@ _USUAL_RATE = 25.0
 def add_watch_video(commands: Commands) -> None:
     """Add the command to the parser."""
     watch = add_command(
-        commands, "watch-video", _watch_video, "count the lanes of a film, and tell what a controller would do"
+        commands,
+        "watch-video",
+        _watch_video,
+        "count the lanes of a film, and tell what a controller would do",
     )
     watch.add_argument(
-        "film", metavar="FILM", help="a film, a folder of JPEGs or PNGs, or a stream's rtsp:// or http:// address"
+        "film",
+        metavar="FILM",
+        help="a film, a folder of JPEGs or PNGs, or a stream's rtsp:// or http:// address",
     )
     watch.add_argument(
         "--detector", required=True, type=Path, metavar="FILE", help="an .onnx network, or a .json about one"
@@ -44,7 +49,9 @@ def add_watch_video(commands: Commands) -> None:
     watch.add_argument("--policy", metavar="NAME", help="such as max-pressure; needs a map")
     watch.add_argument("--signals", nargs="+", metavar="ID", help="those to advise on (default: all in view)")
     watch.add_argument("--every", type=float, default=1.0, metavar="S", help="seconds from look to look")
-    watch.add_argument("--rate", type=float, metavar="FPS", help="pictures a second (default: the film's, or 1)")
+    watch.add_argument(
+        "--rate", type=float, metavar="FPS", help="pictures a second (default: the film's, or 1)"
+    )
     watch.add_argument("--seconds", type=float, metavar="S", help="of the film (default: all)")
     watch.add_argument("--json", type=Path, metavar="FILE", help="write the lines there, and print a table")
     watch.add_argument("--output", type=Path, metavar="FILE", help="also write an annotated .mp4 or .webm")
@@ -68,7 +75,8 @@ def _watch_video(options: argparse.Namespace) -> int:
     begun, count = time.monotonic(), 0
     with ExitStack() as stack:
         outputs = list(_open_outputs(options, place, stack))
-        for count, look in enumerate(looks, 1):
+        for look in looks:
+            count += 1
             for put in outputs:
                 put(look)
     if not options.quiet:

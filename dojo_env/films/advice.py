@@ -4,8 +4,9 @@ The controller switches a signal of its own that nobody sees, under the constrai
 green, yellow, walkers' clearance, longest red. Its minutes pass as the film's do.
 """
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
+from functools import partial
 from math import floor
 
 import numpy as np
@@ -73,8 +74,7 @@ class Advice:
         if self.choice == self.phase:
             return f"phase {self.phase} stays: {words}"
         return (
-            f"phase {self.choice} next: {words}, phase {self.phase} has {shown.vehicles} "
-            f"and {shown.halting}"
+            f"phase {self.choice} next: {words}, phase {self.phase} has {shown.vehicles} and {shown.halting}"
         )
 
 
@@ -115,7 +115,7 @@ class Advisor:
         self._reds = {
             s: LongestRed(plan, self._config, interval=INTERVAL, time=0.0) for s, plan in self.plans.items()
         }
-        self._decided: dict[str, tuple[int, bool]] = {signal: (0, False) for signal in self.plans}
+        self._decided: dict[str, tuple[int, bool]] = dict.fromkeys(self.plans, (0, False))
         self._due: float | None = None
         self._groups = LaneGroups([(p.lanes, p.limits, p.lengths) for p in self.plans.values()])
 
@@ -151,9 +151,7 @@ class Advisor:
         instant = self._measure(time, lanes)
         for signal, plan in self.plans.items():
             switch, view = self._switches[signal], instant.signals[signal]
-            self._reds[signal].decide(
-                time, view.lanes.halting_row, lambda links, plan=plan: _list_waiting(plan, links, lanes)
-            )
+            self._reds[signal].decide(time, view.lanes.halting_row, partial(_list_waiting, plan, lanes))
             if self._follows_program and plan.greens:
                 choice = _find_green(plan, time)
             else:
@@ -238,11 +236,8 @@ def _count_demand(plan: SignalPlan, lanes: Mapping[str, LaneState]) -> tuple[Pha
     return tuple(demand)
 
 
-def _list_waiting(plan: SignalPlan, links: Iterable[int], lanes: Mapping[str, LaneState]) -> set[int]:
-    wanted = set(links)
-    return {
-        link for link, lane, _ in plan.links if link in wanted and lanes.get(lane, LaneState()).halting
-    }
+def _list_waiting(plan: SignalPlan, lanes: Mapping[str, LaneState], links: set[int]) -> set[int]:
+    return {link for link, lane, _ in plan.links if link in links and lanes.get(lane, LaneState()).halting}
 
 
 def _find_green(plan: SignalPlan, time: float) -> int:

@@ -1,4 +1,4 @@
-"""A film's frame with what was seen in it: boxes, lanes with their counts, and what the controller would do."""
+"""A film's frame with what was seen in it: boxes, lanes and their counts, and what a controller would do."""
 
 import cv2
 import numpy as np
@@ -32,7 +32,9 @@ def draw_look(look: Look, backdrop: Backdrop) -> Image:
             _write(drawn, f"{each.number}", (left, top - 3), 0.4 * thick, colour)
     for lane, (u, v) in backdrop.labels.items():
         state = look.measured.lanes[lane]
-        _write(drawn, f"{len(state.vehicles)} / {len(state.halting)}", (round(u), round(v)), 0.5 * thick, _WHITE)
+        _write(
+            drawn, f"{len(state.vehicles)} / {len(state.halting)}", (round(u), round(v)), 0.5 * thick, _WHITE
+        )
     lines = [f"{look.frame.time:.1f} s   vehicles / standing"]
     lines += [f"{each.signal[:28]}: {each.describe()}" for each in look.advice]
     strip = np.full((_STRIP * len(lines), picture.shape[1], 3), _BACK, np.uint8)
@@ -42,8 +44,9 @@ def draw_look(look: Look, backdrop: Backdrop) -> Image:
     return np.ascontiguousarray(whole[: len(whole) // 2 * 2, : whole.shape[1] // 2 * 2])
 
 
-def _write(picture: Image, words: str, at: tuple[int, int], size: float, colour: tuple[int, int, int]) -> None:
+def _write(
+    picture: Image, words: str, at: tuple[int, int], size: float, colour: tuple[int, int, int]
+) -> None:
     width = max(1, round(size * 2))
     cv2.putText(picture, words, at, _FONT, size, _BACK, width + 2, cv2.LINE_AA)
     cv2.putText(picture, words, at, _FONT, size, colour, width, cv2.LINE_AA)
-

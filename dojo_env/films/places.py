@@ -114,7 +114,9 @@ class MapPlace:
         return bool((find_seen(self._camera, places)[1] & near).any())
 
     def _fitted(self, width: int, height: int) -> Camera:
-        _check_shape((self._camera.width, self._camera.height), (width, height), f"camera {self._camera.name!r}")
+        _check_shape(
+            (self._camera.width, self._camera.height), (width, height), f"camera {self._camera.name!r}"
+        )
         return replace(self._camera, width=width, height=height)
 
 

@@ -7,11 +7,13 @@ how far a box moves between two looks, in car heights of 1.5 m: good enough to t
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import TypeGuard
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from dojo_env.camera import LARGEST_SIDE
 from dojo_env.detectors.base import Detections
 from dojo_env.errors import RegionError
 from dojo_env.films.measuring import LaneState, Measured, Seen
@@ -29,7 +31,7 @@ _CAR_HEIGHT = 1.5
 _STANDING = 0.5
 """m/s; boxes tremble, so what is slower stands."""
 _NEAR = 1.2
-"""Box heights from where a road user is expected, and the share of its own way, within which it may be found."""
+"""Box heights from where a road user is expected within which it may be found."""
 _FASTEST = 20.0
 """m/s, of who has been seen once."""
 _PATIENCE = 2.0
@@ -50,7 +52,11 @@ class Region:
 
 
 def read_regions(path: Path) -> tuple[tuple[Region, ...], tuple[int, int]]:
-    """Read regions: `{"format": "dojo-regions", "version": 1, "width", "height", "regions": {LANE: [[u, v]]}}`.
+    """Read regions.
+
+    Args:
+        path: JSON, `{"format": "dojo-regions", "version": 1, "width": W, "height": H, "regions": {LANE: [[u, v],
+            ...]}}`, in pixels of a picture of that size.
 
     Returns:
         The regions, and width and height of the picture that they were drawn over.
@@ -61,12 +67,16 @@ def read_regions(path: Path) -> tuple[tuple[Region, ...], tuple[int, int]]:
     value = read_json(path, error=RegionError)
     if not isinstance(value, dict) or (value.get("format"), value.get("version")) != _FORMAT:
         raise RegionError(path, "not a dojo-regions file of version 1")
-    size, told = (value.get("width"), value.get("height")), value.get("regions")
-    if not all(isinstance(side, int) and 1 <= side <= 8192 for side in size):
-        raise RegionError(path, f"width and height are {size}; expected those of the picture, in pixels")
+    width, height, told = (value.get(name) for name in ("width", "height", "regions"))
+    if not _is_side(width) or not _is_side(height):
+        raise RegionError(path, "width and height are missing; give those of the picture, in pixels")
     if not isinstance(told, dict) or not 1 <= len(told) <= _MOST:
         raise RegionError(path, f"regions: expected an object of 1 to {_MOST} polygons by lane")
-    return tuple(_read_region(path, lane, corners) for lane, corners in told.items()), size
+    return tuple(_read_region(path, lane, corners) for lane, corners in told.items()), (width, height)
+
+
+def _is_side(value: object) -> TypeGuard[int]:
+    return isinstance(value, int) and 1 <= value <= LARGEST_SIDE
 
 
 def _read_region(path: Path, lane: str, corners: object) -> Region:
@@ -110,7 +120,8 @@ class RegionMeasurer:
             *(t for t in self._tracks if t not in tracks and time - t.seen <= _PATIENCE),
         ]
         seen = tuple(
-            self._describe(track, Kind(kind)) for track, kind in zip(tracks, found.kinds.tolist(), strict=True)
+            self._describe(track, Kind(kind))
+            for track, kind in zip(tracks, found.kinds.tolist(), strict=True)
         )
         return Measured(lanes={lane: _read_lane(lane, seen) for lane in self.lanes}, seen=seen)
 
@@ -181,7 +192,7 @@ def _distance(track: _Track, box: Floats, time: float) -> float:
     step = time - track.seen
     sizes = track.box[2:] - track.box[:2], box[2:] - box[:2]
     ratio = sizes[0] / np.maximum(sizes[1], 1e-6)
-    if not (0.4 < ratio).all() or not (ratio < 2.5).all():
+    if not (ratio > 0.4).all() or not (ratio < 2.5).all():
         return np.inf
     height = float(np.sqrt(sizes[0][1] * sizes[1][1]))
     allowed = _NEAR * height

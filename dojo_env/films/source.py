@@ -51,8 +51,8 @@ def read_frames(source: str, *, every: float = 1.0, rate: float | None = None) -
     """Give a frame for each look.
 
     Args:
-        source: a film (MP4, MOV, MKV, WebM, AVI, MPEG-TS), a folder of JPEG or PNG pictures, which come in the
-            order of their names, or the address of a stream (rtsp, http), which is opened only if it is one.
+        source: a film (MP4, MOV, MKV, WebM, AVI, MPEG-TS), a folder of JPEG or PNG pictures, in the order of
+            their names, or the address of a stream (rtsp, http).
         every: seconds from look to look.
         rate: pictures a second of a folder (default 1), or of a film that tells none or a wrong one.
 
@@ -109,7 +109,9 @@ def _read_stream(address: str, every: float) -> Iterator[Frame]:
                     break
                 yield Frame(time=now, name=str(number), picture=picture)
                 due = max(due + every, now)
-        raise FilmError(_without_password(address), "the stream has broken off" if number else "gives no picture")
+        raise FilmError(
+            _without_password(address), "the stream has broken off" if number else "gives no picture"
+        )
 
 
 class _Capture:

@@ -12,6 +12,7 @@ from dojo_env.films.places import Place
 from dojo_env.films.source import Frame
 from dojo_maps.interruption import heed
 
+
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Look:
     """What one frame tells.

@@ -3,7 +3,6 @@
 from typing import Any
 
 import numpy as np
-import numpy as np
 import pyproj
 
 from dojo_maps.errors import ExportError
