@@ -55,8 +55,8 @@ def read_regions(path: Path) -> tuple[tuple[Region, ...], tuple[int, int]]:
     """Read regions.
 
     Args:
-        path: JSON, `{"format": "dojo-regions", "version": 1, "width": W, "height": H, "regions": {LANE: [[u, v],
-            ...]}}`, in pixels of a picture of that size.
+        path: JSON, `{"format": "dojo-regions", "version": 1, "width": W, "height": H, "regions": {LANE:
+            [[u, v], ...]}}`, in pixels of a picture of that size.
 
     Returns:
         The regions, and width and height of the picture that they were drawn over.
