@@ -195,11 +195,30 @@ class Instant:
 def _read_approach(simulation: Simulation, plan: SignalPlan) -> Approach:
     coming = simulation.list_approaching(plan.signal, (*plan.lanes, *plan.upstream))
     near = [vehicle for vehicle in coming if vehicle[1] <= REACH]
-    standing = dict(zip(plan.out_lanes, simulation.count_halting(plan.out_lanes), strict=True))
+    return build_approach(
+        plan,
+        [link for link, _, _ in near],
+        [speed < HALTING for _, _, speed in near],
+        simulation.count_halting(plan.out_lanes),
+    )
+
+
+def build_approach(
+    plan: SignalPlan, links: Iterable[int], halting: Iterable[bool], beyond: Iterable[float]
+) -> Approach:
+    """Put together who is on the way to a signal.
+
+    Args:
+        plan: of the signal.
+        links: the link that each vehicle will take.
+        halting: whether it stands.
+        beyond: vehicles that stand on each of `plan.out_lanes`.
+    """
+    standing = dict(zip(plan.out_lanes, beyond, strict=True))
     full = {lane for lane, room in zip(plan.out_lanes, plan.room, strict=True) if standing[lane] >= room}
     return Approach(
-        links=tuple(link for link, _, _ in near),
-        halting=tuple(speed < HALTING for _, _, speed in near),
+        links=tuple(links),
+        halting=tuple(halting),
         blocked=frozenset(link for link, lanes in plan.exits.items() if full.issuperset(lanes)),
         beyond={
             link: sum(standing[lane] for lane in lanes) / len(lanes) for link, lanes in plan.exits.items()
