@@ -75,33 +75,25 @@ class Instant:
         self._approaches: dict[str, Approach] = {}
 
     @classmethod
-    def of_values(
-        cls,
-        time: float,
-        signals: Mapping[str, SignalView],
-        *,
-        lanes: Mapping[str, tuple[str, ...]],
-        approaches: Mapping[str, Approach],
-    ) -> Self:
-        """Make an instant of what something else than a simulation has measured; nothing more can be asked.
+    def of_views(cls, time: float, signals: Mapping[str, SignalView]) -> Self:
+        """Make an instant that no simulation has measured, and of which nothing more can be asked.
 
         Args:
             time: seconds.
             signals: each signal that is controlled, by id.
-            lanes: ids of the vehicles on lanes.
-            approaches: who is on the way to each signal.
         """
-        vehicles = {vehicle for listed in lanes.values() for vehicle in listed}
-        halting = sum(int(view.lanes.total_halting) for view in signals.values())
+        count, halting = (
+            sum(int(getattr(view.lanes, name)) for view in signals.values())
+            for name in ("total_vehicles", "total_halting")
+        )
         instant = cls.__new__(cls)
-        instant.time = time
+        instant.time, instant.signals = time, MappingProxyType(dict(signals))
         instant.traffic = TrafficReading(
-            running=len(vehicles), backlogged=0, stopped=halting, waiting_time=0.0, mean_speed=0.0, arrived=0,
+            running=count, backlogged=0, stopped=halting, waiting_time=0.0, mean_speed=0.0, arrived=0,
             departed=0, teleported=0, pedestrians=0, pedestrian_waiting=0.0,
         )  # fmt: skip
-        instant.signals = MappingProxyType(dict(signals))
         instant._simulation, instant._moment, instant._snapshot = None, 0, None
-        instant._lanes, instant._approaches = dict(lanes), dict(approaches)
+        instant._lanes, instant._approaches = {}, {}
         return instant
 
     @property

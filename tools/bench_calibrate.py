@@ -35,7 +35,7 @@ Floats = NDArray[np.float64]
 DISTANCE = 50.0
 LIMIT = 0.3
 SIZES = ((1280, 896), (1920, 1080))
-REACH = 90.0
+REACH, NARROWEST = 90.0, 0.1
 CLASSES = ((3.0, 6.0), (6.0, 12.0), (12.0, 18.0))
 
 
@@ -81,7 +81,8 @@ def draw_trials(bundle: Bundle, count: int, seed: int) -> Iterator[Trial]:
             continue
         chosen = spread_out(pixels[seen] / [camera.width, camera.height])
         places = corners[seen][chosen]
-        if np.linalg.svd(places - places.mean(axis=0))[1][1] < 5.0:
+        narrow = pixels[seen][chosen].std(axis=0).max() < NARROWEST * camera.width
+        if narrow or np.linalg.svd(places - places.mean(axis=0))[1][1] < 5.0:
             continue
         count -= 1
         yield Trial(camera, arc[seen_arc], pixels[seen][chosen], places)

@@ -25,7 +25,7 @@ _MOST_BYTES, _MOST = 1 << 22, 10_000
 _WAYS = ("x", "lon", "element")
 _COLUMNS = ("u", "v", "x", "y", "z", "lon", "lat", "element")
 _EXPECTED = "u, v and one of: x, y (and z); lon, lat; element"
-_NARROWEST, _THINNEST = 0.05, 0.02
+_NARROWEST, _THINNEST = 0.03, 0.02
 """Shares: of the picture's width that the points span, and of their own length across."""
 _FARTHEST = 1e8
 

@@ -7,6 +7,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from itertools import takewhile
+from math import isnan
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -130,9 +131,9 @@ def _open_outputs(options: argparse.Namespace, place: "Place", stack: ExitStack)
 
 def _print_row(look: "Look") -> None:
     cells = []
-    for state in look.measured.lanes.values():
-        speed = "" if state.speed is None else f" {state.speed:.1f}"
-        cells.append(f"{f'{len(state.vehicles)}/{len(state.halting)}{speed}':^12}")
+    for _, vehicles, halting, speed in look.measured.rows():
+        cell = f"{vehicles}/{halting}" + ("" if isnan(speed) else f" {speed:.1f}")
+        cells.append(f"{cell if vehicles else '-':^12}")
     advice = "; ".join(f"{each.signal}: {each.describe()}" for each in look.advice)
     print(f"{look.frame.time:8.1f}" + "".join(cells) + advice, flush=True)
 

@@ -13,11 +13,11 @@ import numpy as np
 
 from dojo_env.config import SignalConfig
 from dojo_env.controllers import CONTROLLERS, Controller, make_controller
+from dojo_env.detectors.measuring import LaneMeasurements
 from dojo_env.errors import ConfigError
-from dojo_env.films.measuring import LaneState
 from dojo_env.instant import Instant, SignalView
 from dojo_env.managers.map import MapManager
-from dojo_env.reading import Approach, LaneGroups
+from dojo_env.perceived import PerceivedInstant, read_lanes
 from dojo_env.signals.longest_red import LongestRed
 from dojo_env.signals.plan import SignalPlan
 from dojo_env.signals.switching import SignalSwitch
@@ -30,8 +30,6 @@ _OF_SUMO = ("actuated", "delay-based")
 _BY_PROGRAM = ("fixed-time", "pretimed")
 POLICIES = tuple(name for name in CONTROLLERS if name not in _OF_SUMO)
 """The controllers that can be asked."""
-_CAR = 5.0
-"""Metres, where nobody has measured how long vehicles are."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -106,6 +104,9 @@ class Advisor:
         self._config = SignalConfig(ts_ids=tuple(signals) if signals is not None else None, **settings)
         self.plans: Mapping[str, SignalPlan] = MapManager(bundle, self._config).plans
         self._follows_program = policy in _BY_PROGRAM
+        self._lanes = tuple(
+            dict.fromkeys(lane for plan in self.plans.values() for lane in (*plan.lanes, *plan.out_lanes))
+        )
         self.reset()
 
     def reset(self) -> None:
@@ -117,15 +118,14 @@ class Advisor:
         }
         self._decided: dict[str, tuple[int, bool]] = dict.fromkeys(self.plans, (0, False))
         self._due: float | None = None
-        self._groups = LaneGroups([(p.lanes, p.limits, p.lengths) for p in self.plans.values()])
 
-    def advise(self, time: float, lanes: Mapping[str, LaneState]) -> tuple[Advice, ...]:
+    def advise(self, measured: LaneMeasurements) -> tuple[Advice, ...]:
         """Let the film's time pass at the controller's signals, and let it decide where a decision is due.
 
         Args:
-            time: seconds; later than the last one's.
-            lanes: what is measured, by lane; others are taken to be empty.
+            measured: of lanes, later than the last ones; others are taken to be empty.
         """
+        time, measured = measured.time, _complete(measured, self._lanes)
         for switch in self._switches.values():
             while switch.clock + 1.0 <= floor(time + 1e-6):
                 switch.advance()
@@ -133,7 +133,7 @@ class Advisor:
             self._reds[signal].look(time, switch.state)
         if self._due is None or time >= self._due - 1e-6:
             self._due = max((self._due or time) + INTERVAL, time)
-            self._decide(time, lanes)
+            self._decide(time, measured)
         return tuple(
             Advice(
                 signal=signal,
@@ -142,16 +142,16 @@ class Advisor:
                 green_time=self._switches[signal].green_time,
                 choice=self._decided[signal][0],
                 is_overruled=self._decided[signal][1],
-                demand=_count_demand(plan, lanes),
+                demand=_count_demand(plan, measured),
             )
             for signal, plan in self.plans.items()
         )
 
-    def _decide(self, time: float, lanes: Mapping[str, LaneState]) -> None:
-        instant = self._measure(time, lanes)
+    def _decide(self, time: float, measured: LaneMeasurements) -> None:
+        instant = self._perceive(time, measured)
         for signal, plan in self.plans.items():
             switch, view = self._switches[signal], instant.signals[signal]
-            self._reds[signal].decide(time, view.lanes.halting_row, partial(_list_waiting, plan, lanes))
+            self._reds[signal].decide(time, view.lanes.halting_row, partial(_list_waiting, plan, measured))
             if self._follows_program and plan.greens:
                 choice = _find_green(plan, time)
             else:
@@ -160,84 +160,51 @@ class Advisor:
             switch.request_phase(choice if due is None else due)
             self._decided[signal] = (choice, due is not None)
 
-    def _measure(self, time: float, lanes: Mapping[str, LaneState]) -> Instant:
-        """Give controllers what they get of a simulation."""
-        states = [lanes.get(lane, LaneState()) for lane in self._groups.lanes]
-        limits = np.concatenate([plan.limits for plan in self.plans.values()]).tolist()
-        rows = [
-            [float(len(state.vehicles)) for state in states],
-            [float(len(state.halting)) for state in states],
-            [
-                limit if state.speed is None else state.speed
-                for state, limit in zip(states, limits, strict=True)
-            ],
-            [_CAR if state.vehicles else 0.0 for state in states],
-            [0.0] * len(states),
-            [0.0] * len(states),
-        ]
-        readings = dict(zip(self.plans, self._groups.divide(rows), strict=True))
-        signals = {
+    def _perceive(self, time: float, measured: LaneMeasurements) -> Instant:
+        """Give the controller what it gets of an environment whose cameras count."""
+        views = {
             signal: SignalView(
                 plan=plan,
                 phase=self._switches[signal].phase,
                 state=self._switches[signal].state,
                 green_time=self._switches[signal].green_time,
                 may_change=self._switches[signal].may_change,
-                lanes=readings[signal],
+                lanes=read_lanes(measured, plan),
             )
             for signal, plan in self.plans.items()
         }
-        asked = {lane for plan in self.plans.values() for lane in (*plan.lanes, *plan.out_lanes)}
-        return Instant.of_values(
-            time,
-            signals,
-            lanes={lane: tuple(map(str, lanes.get(lane, LaneState()).vehicles)) for lane in asked},
-            approaches={signal: _approach(plan, lanes) for signal, plan in self.plans.items()},
-        )
+        return PerceivedInstant(Instant.of_views(time, views), dict.fromkeys(self.plans, measured))
 
 
-def _approach(plan: SignalPlan, lanes: Mapping[str, LaneState]) -> Approach:
-    """Tell who is on the way. Pictures do not show where to: a lane's vehicles take its links in turn."""
-    taken = [
-        (links[place % len(links)], vehicle in state.halting)
-        for lane, links in _links_by_lane(plan).items()
-        for state in (lanes.get(lane, LaneState()),)
-        for place, vehicle in enumerate(state.vehicles)
-    ]
-    standing = {lane: len(lanes.get(lane, LaneState()).halting) for lane in plan.out_lanes}
-    full = {lane for lane, room in zip(plan.out_lanes, plan.room, strict=True) if standing[lane] >= room}
-    return Approach(
-        links=tuple(link for link, _ in taken),
-        halting=tuple(halting for _, halting in taken),
-        blocked=frozenset(link for link, ways in plan.exits.items() if full.issuperset(ways)),
-        beyond={link: sum(standing[w] for w in ways) / len(ways) for link, ways in plan.exits.items()},
+def _complete(measured: LaneMeasurements, lanes: Sequence[str]) -> LaneMeasurements:
+    """Add lanes that were not measured, as empty ones."""
+    missing = tuple(lane for lane in lanes if lane not in measured.lanes)
+    none = np.zeros(len(missing))
+    return LaneMeasurements(
+        time=measured.time,
+        lanes=(*measured.lanes, *missing),
+        vehicles=np.append(measured.vehicles, none),
+        halting=np.append(measured.halting, none),
+        mean_speed=np.append(measured.mean_speed, none + np.nan),
+        mean_length=np.append(measured.mean_length, none),
+        waiting=np.append(measured.waiting, none),
+        tracks=(*measured.tracks, *((),) * len(missing)),
     )
 
 
-def _links_by_lane(plan: SignalPlan) -> dict[str, list[int]]:
-    found: dict[str, list[int]] = {}
-    for link, lane, _ in plan.links:
-        found.setdefault(lane, []).append(link)
-    return found
-
-
-def _count_demand(plan: SignalPlan, lanes: Mapping[str, LaneState]) -> tuple[PhaseDemand, ...]:
+def _count_demand(plan: SignalPlan, measured: LaneMeasurements) -> tuple[PhaseDemand, ...]:
     demand = []
     for phase, letters in enumerate(plan.phases):
         served = dict.fromkeys(lane for link, lane, _ in plan.links if link in green_links(letters))
-        states = [lanes.get(lane, LaneState()) for lane in served]
-        demand.append(
-            PhaseDemand(
-                phase=phase,
-                vehicles=sum(len(state.vehicles) for state in states),
-                halting=sum(len(state.halting) for state in states),
-            )
-        )
+        rows = [measured.lanes.index(lane) for lane in served]
+        vehicles, halting = int(measured.vehicles[rows].sum()), int(measured.halting[rows].sum())
+        demand.append(PhaseDemand(phase=phase, vehicles=vehicles, halting=halting))
     return tuple(demand)
 
 
-def _list_waiting(plan: SignalPlan, lanes: Mapping[str, LaneState], links: set[int]) -> set[int]:
-    return {link for link, lane, _ in plan.links if link in links and lanes.get(lane, LaneState()).halting}
+def _list_waiting(plan: SignalPlan, measured: LaneMeasurements, links: set[int]) -> set[int]:
+    standing = dict(zip(measured.lanes, measured.halting.tolist(), strict=True))
+    return {link for link, lane, _ in plan.links if link in links and standing[lane]}
 
 
 def _find_green(plan: SignalPlan, time: float) -> int:

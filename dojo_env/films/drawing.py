@@ -30,11 +30,10 @@ def draw_look(look: Look, backdrop: Backdrop) -> Image:
         cv2.rectangle(drawn, (left, top), (right, bottom), colour, thick)
         if each.number:
             _write(drawn, f"{each.number}", (left, top - 3), 0.4 * thick, colour)
-    for lane, (u, v) in backdrop.labels.items():
-        state = look.measured.lanes[lane]
-        _write(
-            drawn, f"{len(state.vehicles)} / {len(state.halting)}", (round(u), round(v)), 0.5 * thick, _WHITE
-        )
+    for lane, vehicles, halting, _ in look.measured.rows():
+        if lane in backdrop.labels:
+            u, v = backdrop.labels[lane]
+            _write(drawn, f"{vehicles} / {halting}", (round(u), round(v)), 0.5 * thick, _WHITE)
     lines = [f"{look.frame.time:.1f} s   vehicles / standing"]
     lines += [f"{each.signal[:28]}: {each.describe()}" for each in look.advice]
     strip = np.full((_STRIP * len(lines), picture.shape[1], 3), _BACK, np.uint8)

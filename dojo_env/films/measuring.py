@@ -1,14 +1,12 @@
 """What is measured of a film's lanes: by regions drawn over the picture, or by a camera on a map."""
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from typing import Protocol
-
-import numpy as np
 
 from dojo_env.camera import Camera
 from dojo_env.detectors.base import Detections
-from dojo_env.detectors.measuring import LaneWatch
+from dojo_env.detectors.measuring import LaneMeasurements, LaneWatch
 from dojo_env.snapshot import Kind
 from dojo_maps.description import RoadMap
 
@@ -38,26 +36,19 @@ class Seen:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class LaneState:
-    """What is measured of a lane.
-
-    Attributes:
-        vehicles: numbers of those that are on it, who is nearest to the stop line first.
-        halting: which of them stand.
-        speed: m/s, their mean; None where it is not known.
-    """
-
-    vehicles: tuple[int, ...] = ()
-    halting: frozenset[int] = field(default_factory=frozenset)
-    speed: float | None = None
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
 class Measured:
-    """All that one look tells: every lane, and who is in the picture."""
+    """All that one look tells: figures of lanes, and who is in the picture."""
 
-    lanes: Mapping[str, LaneState]
+    lanes: LaneMeasurements
     seen: tuple[Seen, ...]
+
+    def rows(self) -> Iterator[tuple[str, int, int, float]]:
+        """Give each lane with its vehicles, those that stand, and their mean speed, m/s, or nan."""
+        lanes = self.lanes
+        for lane, vehicles, halting, speed in zip(
+            lanes.lanes, lanes.vehicles, lanes.halting, lanes.mean_speed, strict=True
+        ):
+            yield lane, int(vehicles), int(halting), float(speed)
 
 
 class Measurer(Protocol):
@@ -89,18 +80,7 @@ class MapMeasurer:
     def update(self, time: float, found: Detections) -> Measured:
         """Take what a look has found."""
         measured = self._watch.update(time, (found,))
-        tracks = {track.number: track for track in self._watch.tracks}
-        lanes = {
-            lane: LaneState(
-                vehicles=numbers,
-                halting=frozenset(number for number in numbers if tracks[number].is_halting),
-                speed=None if np.isnan(speed) else speed,
-            )
-            for lane, numbers, speed in zip(
-                measured.lanes, measured.tracks, measured.mean_speed.tolist(), strict=True
-            )
-        }
-        shown = {track.source[1]: track for track in tracks.values() if track.seen == time}
+        shown = {track.source[1]: track for track in self._watch.tracks if track.seen == time}
         seen = []
         for number, (box, kind) in enumerate(zip(found.boxes.tolist(), found.kinds.tolist(), strict=True)):
             track = shown.get(number)
@@ -114,4 +94,4 @@ class MapMeasurer:
                     is_halting=track.is_halting if track else False,
                 )
             )
-        return Measured(lanes=lanes, seen=tuple(seen))
+        return Measured(lanes=measured, seen=tuple(seen))

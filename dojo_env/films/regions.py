@@ -15,8 +15,9 @@ from numpy.typing import NDArray
 
 from dojo_env.camera import LARGEST_SIDE
 from dojo_env.detectors.base import Detections
+from dojo_env.detectors.measuring import LaneMeasurements
 from dojo_env.errors import RegionError
-from dojo_env.films.measuring import LaneState, Measured, Seen
+from dojo_env.films.measuring import Measured, Seen
 from dojo_env.snapshot import Kind
 from dojo_maps.safe_json import read_json
 
@@ -26,7 +27,7 @@ _FORMAT = ("dojo-regions", 1)
 _MOST, _MOST_CORNERS = 1000, 1000
 _FOOT = 0.15
 """Share of a box's height above its lower edge, where a road user stands on the road."""
-_CAR_HEIGHT = 1.5
+_CAR_HEIGHT, _CAR_LENGTH = 1.5, 4.7
 """Metres."""
 _STANDING = 0.5
 """m/s; boxes tremble, so what is slower stands."""
@@ -100,6 +101,26 @@ class _Track:
     seen: float
     way: Floats = field(default_factory=lambda: np.zeros(2))
     looks: int = 1
+    waited: float = 0.0
+
+    @property
+    def speed(self) -> float | None:
+        """Estimate m/s, too little where the way leads away from the camera; None after one look."""
+        height = max(float(self.box[3] - self.box[1]), 1.0)
+        return float(np.hypot(*self.way)) / height * _CAR_HEIGHT if self.looks > 1 else None
+
+    @property
+    def is_halting(self) -> bool:
+        """It has been seen to stand."""
+        return self.speed is not None and self.speed < _STANDING
+
+    def move(self, box: Floats, time: float) -> None:
+        """Go to where it has been seen."""
+        step = max(time - self.seen, 1e-6)
+        way = (_foot(box) - _foot(self.box)) / step
+        self.way = way if self.looks == 1 else 0.5 * (self.way + way)
+        self.box, self.seen, self.looks = box, time, self.looks + 1
+        self.waited += step if self.is_halting else 0.0
 
 
 class RegionMeasurer:
@@ -110,7 +131,7 @@ class RegionMeasurer:
         self.lanes = tuple(region.lane for region in regions)
         self._polygons = [region.polygon.astype(np.float32).reshape(-1, 1, 2) for region in regions]
         self._tracks: list[_Track] = []
-        self._count = 0
+        self._last = 0
 
     def update(self, time: float, found: Detections) -> Measured:
         """Take what a look has found."""
@@ -123,18 +144,34 @@ class RegionMeasurer:
             self._describe(track, Kind(kind))
             for track, kind in zip(tracks, found.kinds.tolist(), strict=True)
         )
-        return Measured(lanes={lane: _read_lane(lane, seen) for lane in self.lanes}, seen=seen)
+        return Measured(lanes=self._count(time, seen), seen=seen)
 
     def _describe(self, track: _Track, kind: Kind) -> Seen:
-        speed = _speed(track) if track.looks > 1 else None
         left, top, right, bottom = track.box.tolist()
         return Seen(
             number=track.number,
             kind=kind,
             box=(left, top, right, bottom),
             lane="" if kind == Kind.PEDESTRIAN else self._find_lane(_foot(track.box)),
-            speed=speed,
-            is_halting=speed is not None and speed < _STANDING,
+            speed=track.speed,
+            is_halting=track.is_halting,
+        )
+
+    def _count(self, time: float, seen: Sequence[Seen]) -> LaneMeasurements:
+        """Count the lanes; who is lowest in the picture is taken to be nearest to the stop line."""
+        below = sorted(seen, key=lambda each: -each.box[3])
+        held = [[each for each in below if each.lane == lane] for lane in self.lanes]
+        waited = {track.number: track.waited for track in self._tracks}
+        speeds = [[each.speed for each in on if each.speed is not None] for on in held]
+        return LaneMeasurements(
+            time=time,
+            lanes=self.lanes,
+            vehicles=np.array([len(on) for on in held], np.float64),
+            halting=np.array([sum(each.is_halting for each in on) for on in held], np.float64),
+            mean_speed=np.array([np.mean(each) if each else np.nan for each in speeds]),
+            mean_length=np.array([_CAR_LENGTH if on else 0.0 for on in held]),
+            waiting=np.array([sum(waited[each.number] for each in on) for on in held]),
+            tracks=tuple(tuple(each.number for each in on) for on in held),
         )
 
     def _find_lane(self, at: Floats) -> str:
@@ -158,33 +195,16 @@ class RegionMeasurer:
             if row not in used and column not in given:
                 used.add(row)
                 given[column] = self._tracks[row]
-                _move(given[column], boxes[column], time)
+                given[column].move(boxes[column], time)
         for column, box in enumerate(boxes):
             if column not in given:
-                self._count += 1
-                given[column] = _Track(number=self._count, box=box, seen=time)
+                self._last += 1
+                given[column] = _Track(number=self._last, box=box, seen=time)
         return [given[column] for column in range(len(boxes))]
-
-
-def _read_lane(lane: str, seen: Sequence[Seen]) -> LaneState:
-    """Count a lane; who is lowest in the picture is taken to be nearest to the stop line."""
-    on = sorted((each for each in seen if each.lane == lane), key=lambda each: -each.box[3])
-    speeds = [each.speed for each in on if each.speed is not None]
-    return LaneState(
-        vehicles=tuple(each.number for each in on),
-        halting=frozenset(each.number for each in on if each.is_halting),
-        speed=sum(speeds) / len(speeds) if speeds else None,
-    )
 
 
 def _foot(box: Floats) -> Floats:
     return np.array([(box[0] + box[2]) / 2, box[3] - _FOOT * (box[3] - box[1])])
-
-
-def _speed(track: _Track) -> float:
-    """Estimate m/s; away from the camera, ways look shorter than they are."""
-    height = max(float(track.box[3] - track.box[1]), 1.0)
-    return float(np.hypot(*track.way)) / height * _CAR_HEIGHT
 
 
 def _distance(track: _Track, box: Floats, time: float) -> float:
@@ -200,10 +220,3 @@ def _distance(track: _Track, box: Floats, time: float) -> float:
         allowed += _FASTEST / _CAR_HEIGHT * height * min(step, 0.25)
     off = _foot(box) - _foot(track.box) - track.way * step
     return float(np.hypot(*off)) / max(allowed, 1e-6)
-
-
-def _move(track: _Track, box: Floats, time: float) -> None:
-    step = max(time - track.seen, 1e-6)
-    way = (_foot(box) - _foot(track.box)) / step
-    track.way = way if track.looks == 1 else 0.5 * (track.way + way)
-    track.box, track.seen, track.looks = box, time, track.looks + 1

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Iterator
 from dataclasses import asdict, dataclass
+from math import isnan
 from typing import Any
 
 from dojo_env.detectors.base import DetectorModel
@@ -34,11 +35,11 @@ class Look:
             "frame": self.frame.name,
             "lanes": {
                 lane: {
-                    "vehicles": len(state.vehicles),
-                    "halting": len(state.halting),
-                    "speed": None if state.speed is None else round(state.speed, 2),
+                    "vehicles": vehicles,
+                    "halting": halting,
+                    "speed": None if isnan(speed) else round(speed, 2),
                 }
-                for lane, state in self.measured.lanes.items()
+                for lane, vehicles, halting, speed in self.measured.rows()
             },
             "signals": {
                 each.signal: {
@@ -76,5 +77,5 @@ def watch_film(
         if size != (width, height):
             raise ConfigError(f"frame {frame.name}: {width} x {height} pixels, the first has {size}")
         measured = measurer.update(frame.time, detector.detect(frame.picture))
-        advice = advisor.advise(frame.time, measured.lanes) if advisor is not None else ()
+        advice = advisor.advise(measured.lanes) if advisor is not None else ()
         yield Look(frame=frame, measured=measured, advice=advice)
