@@ -33,6 +33,22 @@ class DetectorError(SourceError, ConfigError):
     """A detector's file is missing, unreadable, or no network that finds road users."""
 
 
+class PhotographError(SourceError, ConfigError):
+    """A photograph is missing, unreadable, or too large."""
+
+
+class FilmError(SourceError, ConfigError):
+    """A film, a folder of pictures or a stream cannot be read."""
+
+
+class RegionError(SourceError, ConfigError):
+    """A file of regions cannot be read, or holds what no region can be."""
+
+
+class CalibrationError(SourceError, ConfigError):
+    """Control points cannot be read, or no camera can be found from them."""
+
+
 class SnapshotError(DojoError, ValueError):
     """A snapshot holds values that no simulated instant can have."""
 

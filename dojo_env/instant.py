@@ -7,7 +7,7 @@ no longer be measured, and asking for it is an error, never an answer about anot
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 
@@ -73,6 +73,28 @@ class Instant:
         self._snapshot: Snapshot | None = None
         self._lanes = dict(lanes)
         self._approaches: dict[str, Approach] = {}
+
+    @classmethod
+    def of_views(cls, time: float, signals: Mapping[str, SignalView]) -> Self:
+        """Make an instant that no simulation has measured, and of which nothing more can be asked.
+
+        Args:
+            time: seconds.
+            signals: each signal that is controlled, by id.
+        """
+        count, halting = (
+            sum(int(getattr(view.lanes, name)) for view in signals.values())
+            for name in ("total_vehicles", "total_halting")
+        )
+        instant = cls.__new__(cls)
+        instant.time, instant.signals = time, MappingProxyType(dict(signals))
+        instant.traffic = TrafficReading(
+            running=count, backlogged=0, stopped=halting, waiting_time=0.0, mean_speed=0.0, arrived=0,
+            departed=0, teleported=0, pedestrians=0, pedestrian_waiting=0.0,
+        )  # fmt: skip
+        instant._simulation, instant._moment, instant._snapshot = None, 0, None
+        instant._lanes, instant._approaches = {}, {}
+        return instant
 
     @property
     def snapshot(self) -> Snapshot:
