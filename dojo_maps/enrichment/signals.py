@@ -27,10 +27,10 @@ from dojo_maps.index import MapIndex
 
 _STOPPING_STATES = "sw"
 """Connections of these states belong to a stop sign or an all-way stop."""
-_STOP_BACK = 0.5
-"""Metres from a lane's end back to the middle of its stop line."""
-_STOP_GAP = 0.3
-"""Metres between a stop line's edge and the crossing behind it, beyond half the line's width."""
+_STOP_BACK = 0.15
+"""Metres from a lane's end back to the middle of its stop line, which SUMO's vehicles stop before."""
+_STOP_GAP = 0.8
+"""Metres from a crossing on the lane back to the middle of the stop line."""
 _CROSSING_REACH = 15.0
 """Crossings farther than this from a lane's end belong to no stop line, metres."""
 HEAD_HEIGHT = 5.2
@@ -76,8 +76,8 @@ def _stop_distance(lane: Lane, crossings: shapely.STRtree) -> float:
     for k in crossings.query(line, predicate="intersects"):
         met = shapely.get_coordinates(line.intersection(crossings.geometries[k]))
         before_end = line.length - float(shapely.line_locate_point(line, shapely.points(met)).min())
-        if before_end < _CROSSING_REACH:
-            distance = max(distance, before_end + _STOP_BACK + _STOP_GAP)
+        if before_end < min(_CROSSING_REACH, line.length / 2):
+            distance = max(distance, before_end + _STOP_GAP)
     return distance
 
 
