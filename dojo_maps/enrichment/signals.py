@@ -27,12 +27,11 @@ from dojo_maps.index import MapIndex
 
 _STOPPING_STATES = "sw"
 """Connections of these states belong to a stop sign or an all-way stop."""
-_STOP_BACK = 0.5
-"""Metres from a lane's end back to the middle of its stop line."""
-_STOP_GAP = 0.3
-"""Metres between a stop line's edge and the crossing behind it, beyond half the line's width."""
+_STOP_BACK = 0.15
+"""Metres from a lane's end back to the middle of its stop line, which SUMO's vehicles stop before."""
+_STOP_GAP = 0.75
+"""Metres from a crossing on the lane, or right past its end, back to the middle of the stop line."""
 _CROSSING_REACH = 15.0
-"""Crossings farther than this from a lane's end belong to no stop line, metres."""
 HEAD_HEIGHT = 5.2
 POLE_HEIGHT = 6.0
 WALK_HEAD_HEIGHT = 2.3
@@ -52,7 +51,8 @@ _NO_STOP_LINE = (LaneKind.RAIL, LaneKind.WATERWAY, LaneKind.SIDEWALK)
 def place_stop_lines(road_map: RoadMap) -> tuple[StopLine, ...]:
     """Put a stop line before the end of every lane that ends at a signal or a stop sign.
 
-    Where a crossing lies on the lane, the line lies before the crossing.
+    SUMO's vehicles stop up to a metre before the end of their lane, and there the line lies. Where a crossing
+    lies on the lane, the line lies before the crossing.
     """
     stopping = {
         c.from_lane
@@ -71,13 +71,16 @@ def place_stop_lines(road_map: RoadMap) -> tuple[StopLine, ...]:
 
 def _stop_distance(lane: Lane, crossings: shapely.STRtree) -> float:
     """Measure how far before a lane's end its stop line lies, metres."""
-    line = shapely.LineString(lane.shape[:, :2])
+    shape = drop_repeats(lane.shape)[:, :2]
+    step = shape[-1] - shape[-2]
+    line = shapely.LineString([*shape, shape[-1] + step / np.hypot(*step)])
     distance = _STOP_BACK
     for k in crossings.query(line, predicate="intersects"):
         met = shapely.get_coordinates(line.intersection(crossings.geometries[k]))
-        before_end = line.length - float(shapely.line_locate_point(line, shapely.points(met)).min())
-        if before_end < _CROSSING_REACH:
-            distance = max(distance, before_end + _STOP_BACK + _STOP_GAP)
+        before_end = line.length - 1.0 - float(shapely.line_locate_point(line, shapely.points(met)).min())
+        # Farther ones belong to no stop line, and those in a short lane's first half to the road before it.
+        if before_end < min(_CROSSING_REACH, line.length / 2):
+            distance = max(distance, before_end + _STOP_GAP)
     return distance
 
 
