@@ -178,7 +178,11 @@ def _floors(block: shapely.Geometry, plot: shapely.Geometry, *, is_alone: bool) 
 
 def _house(outline: Points, *, front: Floats, floors: int, may_have_gables: bool) -> Prop:
     name = f"generated:house:{outline[0, 0]:.1f}:{outline[0, 1]:.1f}"
-    tags = [GENERATED, ("building", "apartments" if floors > 2 else "house"), ("building:levels", str(floors))]
+    tags = [
+        GENERATED,
+        ("building", "apartments" if floors > 2 else "house"),
+        ("building:levels", str(floors)),
+    ]
     height = _FLOOR * floors + _PARAPET
     if may_have_gables and chance("roof", name) < _GABLED:
         roof = round(2.6 + 1.4 * chance("ridge", name), 1)

@@ -71,7 +71,9 @@ class Roadside:
             length = shapely.LineString(shape[:, :2]).length
             if length > 2 * _FROM_ENDS:
                 count = max(1, round((length - 2 * _FROM_ENDS) / _LAMP_SPACING)) + 1
-                spot, outward, _ = self._beside(lane, shape, np.linspace(_FROM_ENDS, length - _FROM_ENDS, count))
+                spot, outward, _ = self._beside(
+                    lane, shape, np.linspace(_FROM_ENDS, length - _FROM_ENDS, count)
+                )
                 spots.append(spot)
                 headings.append(outward + np.pi)
         places, arms = np.concatenate(spots), np.concatenate(headings)
@@ -107,7 +109,11 @@ class Roadside:
                 kind="sign",
                 height=_SIGN_HEIGHT,
                 position=(float(x), float(y), float(z)),
-                tags=(GENERATED, ("heading", f"{np.remainder(heading, 2 * np.pi):.4f}"), ("maxspeed", str(speed))),
+                tags=(
+                    GENERATED,
+                    ("heading", f"{np.remainder(heading, 2 * np.pi):.4f}"),
+                    ("maxspeed", str(speed)),
+                ),
             )
             for (x, y, z), heading, speed in zip(
                 self._lifted(places[kept]), faced[kept], np.array(speeds)[kept], strict=True
@@ -187,7 +193,9 @@ class Roadside:
         """Choose the places (n, 2) that are free and take them; of those close to each other, the first."""
         spots = shapely.points(places)
         kept = shapely.contains(self._near.focus, spots)
-        kept &= ~self._is_close(self._driven, places, _POST_CLEAR) & ~self._is_close(self._crossings, places, 1.5)
+        kept &= ~self._is_close(self._driven, places, _POST_CLEAR) & ~self._is_close(
+            self._crossings, places, 1.5
+        )
         kept &= ~self._is_close(shapely.STRtree(np.concatenate(self._posts)), places, _APART)
         one, other = shapely.STRtree(spots).query(spots, "dwithin", distance=apart)
         for first, second in sorted(zip(one.tolist(), other.tolist(), strict=True)):
@@ -198,7 +206,9 @@ class Roadside:
 
     def _room(self, places: Floats) -> Floats:
         """Measure how wide a crown may be at each place before it comes near a lane, metres."""
-        spot, distance = self._driven.query_nearest(shapely.points(places), return_distance=True, all_matches=False)
+        spot, distance = self._driven.query_nearest(
+            shapely.points(places), return_distance=True, all_matches=False
+        )
         room = np.zeros(len(places))
         room[spot[0]] = distance - _CLEAR_OF_LANES
         return room
