@@ -118,7 +118,8 @@ class Lens:
         wanted = body.auto_exposure * log2(_GREY / max(mean, _DARKEST))
         wanted = min(_MOST_STOPS, max(-_MOST_STOPS, wanted))
         before, stops = self._stops.get(camera, (time, wanted))
-        left = exp(-(time - before) / body.adaptation_s) if body.adaptation_s > 0 else 0.0
+        passed = max(0.0, time - before)
+        left = exp(-passed / body.adaptation_s) if body.adaptation_s > 0 else 0.0
         stops = wanted + (stops - wanted) * left
         self._stops[camera] = (time, stops)
         return stops
