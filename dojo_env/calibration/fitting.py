@@ -176,9 +176,7 @@ def fit_vector(form: Form, sightings: Sightings, prior: Prior, start: Floats) ->
     """
 
     def residuals(vector: Floats) -> Floats:
-        return np.concatenate(
-            [sightings.residuals(form.camera(vector)), (vector - prior.means) / prior.sigmas]
-        )
+        return _residuals(form, sightings, prior, vector)
 
     vector, damping = start, 1e-3
     values = residuals(vector)
@@ -200,6 +198,16 @@ def fit_vector(form: Form, sightings: Sightings, prior: Prior, start: Floats) ->
         if gain < _CONVERGED:
             break
     return Fit(vector=vector, cost=cost, covariance=np.asarray(np.linalg.inv(slopes.T @ slopes), np.float64))
+
+
+def measure_cost(form: Form, sightings: Sightings, prior: Prior, vector: Floats) -> float:
+    """Sum the squared residuals of a vector."""
+    values = _residuals(form, sightings, prior, vector)
+    return float(values @ values)
+
+
+def _residuals(form: Form, sightings: Sightings, prior: Prior, vector: Floats) -> Floats:
+    return np.concatenate([sightings.residuals(form.camera(vector)), (vector - prior.means) / prior.sigmas])
 
 
 def jacobian(function: Callable[[Floats], Floats], at: Floats) -> Floats:
