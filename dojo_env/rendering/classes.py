@@ -72,6 +72,13 @@ LAYERS = {
     "terrain/water": (Semantic.WATER, Surface.WATER, (70, 100, 120)),
 }
 """Semantic class, surface and sRGB colour by node of scene.glb, or by its layer."""
+FACADES = (
+    (224, 216, 198), (206, 190, 162), (232, 229, 222), (214, 196, 150), (182, 176, 166), (198, 172, 150),
+    (152, 108, 92), (222, 206, 184), (176, 184, 182),
+)  # fmt: skip
+TILES = ((146, 80, 62), (128, 72, 58), (84, 82, 86), (110, 82, 70), (70, 72, 78))
+FLAT_ROOF = (128, 126, 122)
+"""sRGB colours that buildings have, and their roofs where these slope or are flat."""
 OTHER_LAYER = (Semantic.BUILDING, Surface.PLAIN, (150, 150, 150))
 
 SEMANTIC_OF_KIND = np.array(

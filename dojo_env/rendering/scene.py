@@ -1,14 +1,15 @@
 """The static world of a map, ready to draw: triangles and what they are, signal lamps, and link paths."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import NamedTuple
+from zlib import crc32
 
 import numpy as np
 from numpy.typing import NDArray
 
-from dojo_env.rendering.classes import LAYERS, OTHER_LAYER, Semantic, Surface
+from dojo_env.rendering.classes import FACADES, FLAT_ROOF, LAYERS, OTHER_LAYER, TILES, Semantic, Surface
 from dojo_env.rendering.lighting import to_linear
 from dojo_maps.bundle import Bundle
 from dojo_maps.description import LinkKind, RoadMap, Signal
@@ -18,6 +19,8 @@ Floats = NDArray[np.float64]
 LAMP_COLOURS = to_linear(np.array([(255, 40, 24), (255, 190, 30), (40, 255, 130)], dtype=np.uint8))
 """Linear light of a lit lamp: red, yellow, green."""
 _DARK_LAMP = 0.4
+_SLOPED, _LEVEL = 0.3, 0.99
+"""Upward parts of the normals from which a building's face is a roof, and a flat one."""
 _LAMPS = ("signal/red", "signal/yellow", "signal/green")
 _PATH_HALF_WIDTH = 0.22
 _PATH_LIFT = 0.08
@@ -65,14 +68,18 @@ def build_scene(bundle: Bundle) -> Scene:
     """
     vertices: list[Floats] = [np.empty((0, 3))]
     faces = [np.empty((0, 3), dtype=np.int64)]
-    looks: list[tuple[int, Semantic, Surface, Floats]] = []
+    looks: list[tuple[int, Semantic, Surface]] = []
+    colours = [np.empty((0, 3))]
     count = 0
     for mesh in bundle.read_meshes():
         semantic, surface, colour = LAYERS.get(mesh.name) or LAYERS.get(mesh.layer, OTHER_LAYER)
         dark = _DARK_LAMP if mesh.name in _LAMPS else 1.0
         vertices.append(mesh.vertices)
         faces.append(mesh.faces + count)
-        looks.append((len(mesh.faces), semantic, surface, to_linear(np.array(colour)) * dark))
+        looks.append((len(mesh.faces), semantic, surface))
+        colours.append(np.tile(to_linear(np.array(colour)) * dark, (len(mesh.faces), 1)))
+        if mesh.name == "building":
+            colours[-1] = _paint_buildings(_normals(mesh.vertices, mesh.faces), mesh.sources, mesh.ids)
         count += len(mesh.vertices)
     counts = [look[0] for look in looks]
     corners, triangles = np.concatenate(vertices), np.concatenate(faces)
@@ -84,8 +91,25 @@ def build_scene(bundle: Bundle) -> Scene:
         normals=_normals(corners, triangles),
         semantics=np.repeat(np.array([look[1] for look in looks], dtype=np.uint8), counts),
         surfaces=np.repeat(np.array([look[2] for look in looks], dtype=np.uint8), counts),
-        colours=np.repeat(np.array([look[3] for look in looks], np.float32).reshape(-1, 3), counts, axis=0),
+        colours=np.concatenate(colours).astype(np.float32),
     )
+
+
+def _paint_buildings(normals: Floats, owners: NDArray[np.int64], ids: Sequence[str]) -> Floats:
+    """Give each building a colour of its own, and its roof one, tiled where it slopes: (m, 3) linear.
+
+    Args:
+        normals: (m, 3) of its faces.
+        owners: (m,) the building of each, an index into `ids`.
+        ids: what the buildings are called.
+    """
+    drawn = np.array([crc32(name.encode()) for name in ids], dtype=np.int64)[owners]
+    facades, tiles = to_linear(np.array(FACADES)), to_linear(np.array(TILES))
+    colours = facades[drawn % len(facades)]
+    slopes, level = normals[:, 2] > _SLOPED, normals[:, 2] > _LEVEL
+    colours[slopes] = tiles[drawn[slopes] // len(facades) % len(tiles)]
+    colours[level] = to_linear(np.array(FLAT_ROOF))
+    return colours
 
 
 def _normals(vertices: Floats, faces: NDArray[np.int64]) -> Floats:
