@@ -94,7 +94,12 @@ def _add_bundle_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--no-generated",
         action="store_true",
-        help="add no sidewalks and crossings that the network does not have",
+        help="add no sidewalks, crossings and surroundings that the source does not tell of",
+    )
+    parser.add_argument(
+        "--no-surroundings",
+        action="store_true",
+        help="add no houses, trees and street lamps that the source does not tell of",
     )
     parser.add_argument(
         "--export", nargs="+", action="extend", default=[], choices=EXPORT_NAMES, help="also write"
@@ -123,6 +128,7 @@ def _convert(options: argparse.Namespace) -> int:
 
     wanted = ConvertOptions(
         generated=not options.no_generated,
+        surroundings=not options.no_surroundings,
         enrich_net=options.enrich_net,
         exports=tuple(dict.fromkeys(options.export)),
         jobs=options.jobs,

@@ -45,7 +45,8 @@ class ConvertOptions:
     """How to convert.
 
     Attributes:
-        generated: add sidewalks and crossings to look at where the network has none.
+        generated: add what the source does not tell of to look at: sidewalks, crossings, surroundings.
+        surroundings: whether houses, trees and street lamps are among it.
         enrich_net: add real sidewalks and crossings to the network itself.
         exports: further formats, by their names in `EXPORTERS`.
         jobs: threads for cutting triangles; None takes one per core.
@@ -53,6 +54,7 @@ class ConvertOptions:
     """
 
     generated: bool = True
+    surroundings: bool = True
     enrich_net: bool = False
     exports: tuple[str, ...] = ()
     jobs: int | None = None
@@ -129,6 +131,7 @@ def _convert(
         road_map, meshes, uncut = draw(
             described,
             generated=options.generated,
+            surroundings=options.surroundings,
             jobs=options.jobs or os.cpu_count() or 1,
             on_stage=on_stage,
         )

@@ -13,20 +13,19 @@ across into plots, so houses stand in rows, never on each other and never on a s
 
 import zlib
 from collections.abc import Iterator
+from itertools import pairwise
 
 import numpy as np
 import shapely
 
 from dojo_maps.description import LaneKind, Origin, Points, Prop, Sidewalk
-from dojo_maps.enrichment.vicinity import Vicinity
+from dojo_maps.enrichment.vicinity import FORECOURT, Vicinity
 from dojo_maps.geometry.pieces import GRID, flat_polygons, lane_strips
-from dojo_maps.geometry.polylines import Flags, Floats, Ints, Shapes, along, lift_to_nearest
+from dojo_maps.geometry.polylines import Flags, Floats, Ints, Shapes, along
 
 GENERATED = ("origin", "generated")
 """The tag of things that no source tells of."""
 _NOT_ROAD = (LaneKind.RAIL, LaneKind.WATERWAY)
-FORECOURT = 3.5
-"""Metres between the street's edge and the houses."""
 _DEPTH = 11.0
 _ROOM = _DEPTH + 4.0
 """Blocks narrower than twice this, two rows with a yard between, are not built upon, metres."""
@@ -58,20 +57,19 @@ def chance(*parts: object) -> float:
 
 
 def generate_houses(near: Vicinity) -> tuple[Prop, ...]:
-    """Build houses along the pavement: props of kind `building` with the tags that OpenStreetMap has for them."""
+    """Build houses along the pavement: props of kind `building`, with the tags of OpenStreetMap."""
     blocks = _blocks(near)
     plots, is_alone = _plots(blocks, near)
     if not len(plots):
         return ()
     edges = shapely.multilinestrings([*shapely.get_exterior_ring(blocks)])
     ways = shapely.get_coordinates(shapely.shortest_line(shapely.centroid(plots), edges)).reshape(-1, 2, 2)
-    corners, plot = shapely.get_coordinates(shapely.get_exterior_ring(plots), return_index=True)
-    lifted = lift_to_nearest(np.round(corners, 3), [lane.shape for lane in near.road_map.lanes])
+    outlines = near.lift_outlines(plots)
     block = shapely.STRtree(blocks).nearest(plots)
     is_plain = shapely.get_num_coordinates(shapely.simplify(plots, 0.3)) == 5
     return tuple(
         _house(
-            lifted[plot == k][:-1],
+            outlines[k],
             front=ways[k, 1] - ways[k, 0],
             floors=_floors(blocks[block[k]], plots[k], is_alone=is_alone[k]),
             may_have_gables=is_plain[k],
@@ -80,35 +78,28 @@ def generate_houses(near: Vicinity) -> tuple[Prop, ...]:
     )
 
 
-def generate_forecourts(near: Vicinity, houses: Shapes) -> Iterator[Sidewalk]:
+def generate_forecourts(near: Vicinity, houses: Shapes) -> tuple[Sidewalk, ...]:
     """Pave what lies between the street and houses that stand wall to wall, in parts without holes."""
     rows = shapely.buffer(shapely.multipolygons(houses), FORECOURT + _STRAIGHTENED, join_style="mitre")
     rails = lane_strips([lane for lane in near.road_map.lanes if lane.kind in _NOT_ROAD])
-    paved = shapely.difference(shapely.intersection(rows, _cleared(near)), shapely.union_all(rails))
-    for part in flat_polygons(np.array([shapely.set_precision(paved, GRID)]), larger_than=1.0)[0]:
-        for piece in _without_holes(part):
-            ring = np.round(shapely.get_coordinates(piece.exterior)[:-1], 3)
-            yield Sidewalk(
-                id=f"generated:forecourt:{_name(piece)}",
-                origin=Origin.GENERATED,
-                road=None,
-                polygon=lift_to_nearest(ring, [lane.shape for lane in near.road_map.lanes]),
-            )
+    paved = shapely.difference(shapely.intersection(rows, near.cleared), shapely.union_all(rails))
+    parts = flat_polygons(np.array([shapely.set_precision(paved, GRID)]), larger_than=1.0)[0]
+    pieces = np.array([piece for part in parts for piece in _without_holes(part)], dtype=object)
+    return tuple(
+        Sidewalk(
+            id=f"generated:forecourt:{_name(piece)}", origin=Origin.GENERATED, road=None, polygon=outline
+        )
+        for piece, outline in zip(pieces, near.lift_outlines(pieces), strict=True)
+    )
 
 
 def _blocks(near: Vicinity) -> Shapes:
     """Find the ground between streets that is wide enough to be built upon."""
-    closed = shapely.union_all([_cleared(near), *near.sights], grid_size=GRID)
+    closed = shapely.union_all([near.cleared, *near.sights], grid_size=GRID)
     ground = shapely.difference(near.reach, closed, grid_size=GRID)
     core = shapely.buffer(ground, -_ROOM, join_style="mitre")
     wide = shapely.intersection(shapely.buffer(core, _ROOM, join_style="mitre"), ground, grid_size=GRID)
     return flat_polygons(np.array([shapely.simplify(wide, _STRAIGHTENED)]), larger_than=_SMALLEST)[0]
-
-
-def _cleared(near: Vicinity) -> shapely.Geometry:
-    """Join all ground that is taken with the forecourts along it."""
-    ground = shapely.multipolygons(flat_polygons(near.taken)[0])
-    return shapely.make_valid(shapely.buffer(ground, FORECOURT, join_style="mitre", mitre_limit=2.0))
 
 
 def _plots(blocks: Shapes, near: Vicinity) -> tuple[Shapes, Flags]:
@@ -153,7 +144,7 @@ def _cuts(ring: Floats) -> Iterator[Floats]:
         ahead = np.roll(ahead, -bends[0], axis=0)
     length = along(ring)
     corners = [*length[bends - bends[0]], length[-1]] if len(bends) else [0.0, length[-1]]
-    for start, end in zip(corners[:-1], corners[1:], strict=True):
+    for start, end in pairwise(corners):
         margin = _DEPTH + 1.0 if len(bends) else 0.0
         width = end - start - 2 * margin
         if width <= 0.0:
@@ -171,7 +162,7 @@ def _cuts(ring: Floats) -> Iterator[Floats]:
 def _floors(block: shapely.Geometry, plot: shapely.Geometry, *, is_alone: bool) -> int:
     """Choose how high a house is: much like its neighbours."""
     if is_alone:
-        return 1 + round(chance("floors", _name(plot)))
+        return 1 + (chance("floors", _name(plot)) < 0.8)
     usual = 3 + int(2.99 * chance("floors", _name(block)))
     return min(6, max(3, usual + int(3 * chance("floors", _name(plot))) - 1))
 

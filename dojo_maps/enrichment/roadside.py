@@ -5,11 +5,11 @@ from collections.abc import Iterator
 import numpy as np
 import shapely
 
-from dojo_maps.description import Lane, LaneKind, Points, Prop, points
-from dojo_maps.enrichment.houses import FORECOURT, GENERATED, chance
-from dojo_maps.enrichment.vicinity import Vicinity
+from dojo_maps.description import Lane, LaneKind, Points, Prop
+from dojo_maps.enrichment.houses import GENERATED, chance
+from dojo_maps.enrichment.vicinity import FORECOURT, Vicinity
 from dojo_maps.geometry.pieces import GRID, flat_polygons
-from dojo_maps.geometry.polylines import Flags, Floats, Shapes, drop_repeats, lift_to_nearest, places_on
+from dojo_maps.geometry.polylines import Flags, Floats, Shapes, drop_repeats, places_on
 
 LAMP_HEIGHT = 8.0
 _LAMP_SPACING = 30.0
@@ -39,7 +39,7 @@ _ROW = 70.0
 """Side of the squares that have a row of trees, or have none, metres."""
 _WITH_ROW, _MISSING = 0.7, 0.12
 """Shares of the squares with rows, and of the places in rows where a tree is missing."""
-_YARD_FROM, _YARD_SPACING = 6.0, 13.0
+_YARD_FROM, _YARD_SPACING = 6.0, 18.0
 """How far behind houses trees stand, and how far apart, metres."""
 
 _HEDGE_HEIGHT, _HEDGE_HALF = 1.2, 0.4
@@ -55,14 +55,12 @@ class Roadside:
         """Take a vicinity and the outlines of its houses (n,), map frame."""
         road_map = near.road_map
         self._near = near
-        self._ground = shapely.multipolygons(flat_polygons(near.taken)[0])
         self._driven, self._walked = shapely.STRtree(near.driven), shapely.STRtree(near.walked)
         self._sights, self._walls = shapely.STRtree(near.sights), shapely.STRtree(walls)
         crossings = [shapely.Polygon(crossing.polygon[:, :2]) for crossing in road_map.crossings]
         self._crossings = shapely.STRtree(shapely.make_valid(np.array(crossings, dtype=object)))
         poles = [prop.position[:2] for prop in road_map.props if prop.position is not None]
         self._posts = [shapely.points(np.array(poles).reshape(-1, 2))]
-        self._lines = [lane.shape for lane in road_map.lanes]
 
     def put_lamps(self) -> tuple[Prop, ...]:
         """Put street lamps behind the kerb, about every 30 m; their arms reach over the carriageway."""
@@ -86,7 +84,7 @@ class Roadside:
                 position=(float(x), float(y), float(z)),
                 tags=(GENERATED, ("heading", f"{np.remainder(arm, 2 * np.pi):.4f}")),
             )
-            for (x, y, z), arm in zip(self._lifted(places[kept]), arms[kept], strict=True)
+            for (x, y, z), arm in zip(self._near.lift(places[kept]), arms[kept], strict=True)
         )
 
     def put_signs(self) -> tuple[Prop, ...]:
@@ -116,13 +114,13 @@ class Roadside:
                 ),
             )
             for (x, y, z), heading, speed in zip(
-                self._lifted(places[kept]), faced[kept], np.array(speeds)[kept], strict=True
+                self._near.lift(places[kept]), faced[kept], np.array(speeds)[kept], strict=True
             )
         )
 
     def plant_trees(self) -> tuple[Prop, ...]:
         """Plant rows of trees behind the pavement, and some trees in the yards behind houses."""
-        rows = self._along(shapely.buffer(self._ground, _BEHIND_PAVEMENT), _TREE_SPACING)
+        rows = self._along(shapely.buffer(self._near.cleared, _BEHIND_PAVEMENT - FORECOURT), _TREE_SPACING)
         beside = self._is_close(self._walked, rows, _BEHIND_PAVEMENT + 0.2)
         beside &= self._chances("row", rows // _ROW) < _WITH_ROW
         rows = rows[beside & (self._chances("tree", rows) > _MISSING)]
@@ -145,14 +143,14 @@ class Roadside:
                 position=(float(x), float(y), float(z)),
                 tags=(GENERATED,),
             )
-            for (x, y, z), tall in zip(self._lifted(spots[kept]), height[kept], strict=True)
+            for (x, y, z), tall in zip(self._near.lift(spots[kept]), height[kept], strict=True)
         )
 
-    def plant_hedges(self, gardens: Shapes) -> Iterator[Prop]:
+    def plant_hedges(self, gardens: Shapes) -> tuple[Prop, ...]:
         """Plant hedges between the pavement and the gardens of houses, with a gate before each house."""
         if not len(gardens):
-            return
-        edge = shapely.boundary(shapely.buffer(self._ground, _HEDGE_BEHIND))
+            return ()
+        edge = shapely.boundary(shapely.buffer(self._near.cleared, _HEDGE_BEHIND - FORECOURT))
         before = shapely.union_all(shapely.buffer(gardens, FORECOURT + 1.0, join_style="mitre"))
         gates = shapely.buffer(shapely.shortest_line(shapely.centroid(gardens), edge), 1.2)
         open_ground = shapely.union_all([*gates, *self._near.sights, *self._crossings.geometries])
@@ -160,17 +158,17 @@ class Roadside:
         hedges = shapely.difference(
             shapely.buffer(line, _HEDGE_HALF, cap_style="flat"), shapely.union_all(self._near.driven)
         )
-        for hedge in flat_polygons(np.array([shapely.set_precision(hedges, GRID)]), larger_than=1.0)[0]:
-            if len(hedge.interiors):
-                continue
-            ring = self._lifted(np.round(shapely.get_coordinates(hedge.exterior)[:-1], 3))
-            yield Prop(
+        parts = flat_polygons(np.array([shapely.set_precision(hedges, GRID)]), larger_than=1.0)[0]
+        return tuple(
+            Prop(
                 id=f"generated:hedge:{ring[0, 0]:.1f}:{ring[0, 1]:.1f}",
                 kind="hedge",
                 height=_HEDGE_HEIGHT,
                 polygon=ring,
                 tags=(GENERATED,),
             )
+            for ring in self._near.lift_outlines(parts[shapely.get_num_interior_rings(parts) == 0])
+        )
 
     def _outer_lanes(self) -> Iterator[tuple[Lane, Points]]:
         """List each road's outermost lane that vehicles use, with its shape without repeats."""
@@ -196,6 +194,7 @@ class Roadside:
         kept &= ~self._is_close(self._driven, places, _POST_CLEAR) & ~self._is_close(
             self._crossings, places, 1.5
         )
+        kept &= ~self._is_close(self._walls, places, _POST_CLEAR)
         kept &= ~self._is_close(shapely.STRtree(np.concatenate(self._posts)), places, _APART)
         one, other = shapely.STRtree(spots).query(spots, "dwithin", distance=apart)
         for first, second in sorted(zip(one.tolist(), other.tolist(), strict=True)):
@@ -212,9 +211,6 @@ class Roadside:
         room = np.zeros(len(places))
         room[spot[0]] = distance - _CLEAR_OF_LANES
         return room
-
-    def _lifted(self, places: Floats) -> Points:
-        return lift_to_nearest(np.round(places, 3), self._lines)
 
     @staticmethod
     def _along(area: shapely.Geometry, spacing: float) -> Floats:

@@ -9,27 +9,26 @@ from dojo_maps.enrichment.surroundings import prop_shapes
 from dojo_maps.enrichment.vicinity import look_around
 
 _TELLS_ITSELF = ("osm",)
-"""Kinds of sources that say what stands around a street, or that nothing does."""
+"""Kinds of sources that say what stands around a street, but for its lamps."""
 
 
 def build_town(road_map: RoadMap) -> RoadMap:
-    """Build a town around the signals of a furnished map whose source tells of none."""
-    near = None if road_map.source.kind in _TELLS_ITSELF else look_around(road_map)
+    """Build a town around the signals of a furnished map, or only lamps where its source tells of houses."""
+    near = look_around(road_map)
     if near is None:
         return road_map
-    houses = generate_houses(near)
-    rows = tuple(house for house in houses if dict(house.tags)["building"] == "apartments")
-    gardens = tuple(house for house in houses if house not in rows)
-    roadside = Roadside(near, prop_shapes(houses))
+    is_told = road_map.source.kind in _TELLS_ITSELF
+    houses = () if is_told else generate_houses(near)
+    known = tuple(prop for prop in road_map.props if prop.kind == "building")
+    roadside = Roadside(near, prop_shapes(known + houses))
+    props = houses + roadside.put_lamps()
+    if is_told:
+        return replace(road_map, props=road_map.props + props)
+    rows = prop_shapes(tuple(house for house in houses if ("building", "apartments") in house.tags))
+    gardens = prop_shapes(tuple(house for house in houses if ("building", "house") in house.tags))
+    props += roadside.put_signs() + roadside.plant_trees() + roadside.plant_hedges(gardens)
     return replace(
         road_map,
-        sidewalks=road_map.sidewalks + tuple(generate_forecourts(near, prop_shapes(rows))),
-        props=(
-            *road_map.props,
-            *houses,
-            *roadside.put_lamps(),
-            *roadside.put_signs(),
-            *roadside.plant_trees(),
-            *roadside.plant_hedges(prop_shapes(gardens)),
-        ),
+        sidewalks=road_map.sidewalks + generate_forecourts(near, rows),
+        props=road_map.props + props,
     )

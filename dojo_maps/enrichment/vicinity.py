@@ -1,20 +1,21 @@
 """What lies around a map's signals, where cameras look: the ground that is taken, and what must be seen."""
 
 from collections import defaultdict
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 import shapely
-import shapely.ops
 
-from dojo_maps.description import Lane, LaneKind, LinkKind, Points, RoadMap
-from dojo_maps.geometry.pieces import lane_strips
-from dojo_maps.geometry.polylines import Floats, Shapes, drop_repeats
+from dojo_maps.description import Lane, LaneKind, LinkKind, Points, RoadMap, points
+from dojo_maps.geometry.pieces import flat_polygons, lane_strips
+from dojo_maps.geometry.polylines import Floats, Shapes, along, drop_repeats, lift_to_nearest
 
+FORECOURT = 3.5
+"""Metres between the street's edge and houses."""
 _RADII = (150.0, 120.0, 90.0, 60.0, 40.0)
 """How far around signals things may stand, metres; the first that leaves few enough lanes, or the last."""
-_MOST_LANES = 40_000.0
+_MOST_LANES = 25_000.0
 """Metres of lanes within that distance of signals."""
 _BEYOND = 40.0
 """How far around that the streets are looked at, metres."""
@@ -27,6 +28,8 @@ _PAST_END = 45.0
 _PAST_END_HALF = 4.0
 """Half the width of what is kept open there for each lane, metres."""
 
+_TURNAROUNDS = ("t", "T")
+
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Vicinity:
@@ -38,8 +41,8 @@ class Vicinity:
         reach: what is known of here, which is more.
         driven: (n,) what vehicles use: lanes and the floors of junctions, overlaps and all.
         walked: (m,) pavement.
-        taken: (k,) all ground that is claimed.
-        sights: (j,) what stays open between cameras and traffic, and where roads go on past the map.
+        cleared: all ground that is taken, with the forecourts around it.
+        sights: (k,) what stays open between cameras and traffic, and where roads go on past the map.
     """
 
     road_map: RoadMap
@@ -47,8 +50,18 @@ class Vicinity:
     reach: shapely.Geometry
     driven: Shapes
     walked: Shapes
-    taken: Shapes
+    cleared: shapely.Geometry
     sights: Shapes
+
+    def lift(self, places: Floats) -> Points:
+        """Give places (n, 2) the heights of the nearest lanes; to the millimetre."""
+        return lift_to_nearest(np.round(places, 3), [lane.shape for lane in self.road_map.lanes])
+
+    def lift_outlines(self, polygons: Shapes) -> list[Points]:
+        """Give the corners of polygons the heights of the nearest lanes: one ring (n, 3) for each."""
+        corners, polygon = shapely.get_coordinates(shapely.get_exterior_ring(polygons), return_index=True)
+        ends = np.cumsum(np.bincount(polygon, minlength=len(polygons)))
+        return [points(ring[:-1]) for ring in np.split(self.lift(corners), ends[:-1])] if len(ends) else []
 
 
 def look_around(road_map: RoadMap) -> Vicinity | None:
@@ -73,14 +86,17 @@ def look_around(road_map: RoadMap) -> Vicinity | None:
     islands = areas([p.polygon for p in road_map.props if p.kind == "island" and p.polygon is not None])
     strips = lane_strips([lane for lane in lanes if lane.kind is not LaneKind.SIDEWALK])
     driven = np.concatenate([strips, areas([junction.polygon for junction in junctions])])
+    taken = np.concatenate([driven, walked, islands[shapely.intersects(reach, islands)]])
+    # Buffering all ground at once joins it, much faster than a union does.
+    ground = shapely.multipolygons(flat_polygons(taken)[0])
     return Vicinity(
         road_map=replace(road_map, lanes=lanes, roads=roads, junctions=junctions),
         focus=focus,
         reach=reach,
         driven=driven,
         walked=walked,
-        taken=np.concatenate([driven, walked, islands[shapely.intersects(reach, islands)]]),
-        sights=np.array([*_sights(road_map), *_open_ends(road_map, lanes)], dtype=object),
+        cleared=shapely.make_valid(shapely.buffer(ground, FORECOURT, join_style="mitre", mitre_limit=2.0)),
+        sights=np.concatenate([_sights(road_map), _open_ends(road_map, lanes)]),
     )
 
 
@@ -107,46 +123,50 @@ def _focus(places: Shapes, lines: Shapes) -> shapely.Geometry:
     return focus
 
 
-def _sights(road_map: RoadMap) -> Iterator[shapely.Geometry]:
-    """Outline what lies between the lanes that a signal stops and a camera over the junction."""
+def _sights(road_map: RoadMap) -> Shapes:
+    """Outline what lies between the lanes that a signal stops and cameras over the junction."""
     lane_of = {lane.id: lane for lane in road_map.lanes}
-    stopped: dict[str, dict[str, Lane]] = defaultdict(dict)
-    for signal in road_map.signals:
-        for link in signal.links:
-            if link.kind is LinkKind.VEHICLE and len(drop_repeats(lane_of[link.from_id].shape)) > 1:
-                lane = lane_of[link.from_id]
-                stopped[lane.road][lane.id] = lane
-    for lanes in stopped.values():
-        tails = [_tail(lane) for lane in lanes.values()]
-        ends = np.array([tail[-1] for tail in tails])
-        ways = np.array([tail[-1] - tail[-2] for tail in tails])
-        ahead = ways.sum(axis=0) / max(float(np.hypot(*ways.sum(axis=0))), 1e-9)
-        camera = ends.mean(axis=0) + _CAMERA_AHEAD * ahead
-        strips = [
-            shapely.LineString(tail).buffer(lane.width / 2, cap_style="flat")
-            for tail, lane in zip(tails, lanes.values(), strict=True)
-        ]
-        yield shapely.union_all([*strips, shapely.Point(camera)]).convex_hull
+    links = [link for signal in road_map.signals for link in signal.links if link.kind is LinkKind.VEHICLE]
+    seen: dict[str, list[Floats]] = defaultdict(list)
+    for lane in (lane_of[name] for name in dict.fromkeys(link.from_id for link in links)):
+        shape = drop_repeats(lane.shape)[:, :2]
+        if len(shape) > 1:
+            seen[lane.road].append(_seen_from_ahead(shape, lane.width))
+    corners = [np.concatenate(parts) for parts in seen.values()]
+    hulls: Shapes = shapely.convex_hull(
+        np.array([shapely.multipoints(part) for part in corners], dtype=object)
+    )
+    return hulls
 
 
-def _tail(lane: Lane) -> Floats:
-    """Take a lane's last metres (n, 2), n >= 2."""
-    line = shapely.LineString(drop_repeats(lane.shape)[:, :2])
-    tail = shapely.ops.substring(line, max(0.0, line.length - _SIGHT), line.length)
-    return shapely.get_coordinates(tail)
+def _seen_from_ahead(shape: Floats, width: float) -> Floats:
+    """List points along both edges of a lane's last metres, and where a camera hangs that looks at them."""
+    length = along(shape)
+    start = max(0.0, float(length[-1]) - _SIGHT)
+    first = [np.interp(start, length, axis) for axis in shape.T]
+    line = np.vstack([first, shape[length > start]])
+    ahead = np.diff(shape, axis=0)[-1] / np.hypot(*np.diff(shape, axis=0)[-1])
+    aside = np.array([-ahead[1], ahead[0]]) * width / 2
+    return np.vstack([line + aside, line - aside, line[-1] + _CAMERA_AHEAD * ahead])
 
 
-def _open_ends(road_map: RoadMap, lanes: Sequence[Lane]) -> Iterator[shapely.Geometry]:
-    """Carry each lane on past the map's edge, where none follows or leads to it."""
-    followed = {c.from_lane for c in road_map.connections}
-    entered = {c.to_lane for c in road_map.connections}
+def _open_ends(road_map: RoadMap, lanes: Sequence[Lane]) -> Shapes:
+    """Carry each lane on past the map's edge, where none follows or leads to it but to turn around."""
+    passed = [c for c in road_map.connections if c.direction not in _TURNAROUNDS]
+    followed, entered = {c.from_lane for c in passed}, {c.to_lane for c in passed}
+    lines, widths = [np.empty((0, 2, 2))], [np.empty(0)]
     for lane in lanes:
         shape = drop_repeats(lane.shape)[:, :2]
         if lane.kind is LaneKind.SIDEWALK or len(shape) < 2:
             continue
-        ends = [(shape[-1], shape[-2])] if lane.id not in followed else []
-        ends += [(shape[0], shape[1])] if lane.id not in entered else []
-        for end, inner in ends:
-            step = (end - inner) / np.hypot(*(end - inner))
-            line = shapely.LineString([end, end + step * _PAST_END])
-            yield line.buffer(lane.width / 2 + _PAST_END_HALF, cap_style="flat")
+        for is_open, end, inner in (
+            (lane.id not in followed, shape[-1], shape[-2]),
+            (lane.id not in entered, *shape[:2]),
+        ):
+            if is_open:
+                step = (end - inner) / np.hypot(*(end - inner))
+                lines.append(np.array([[end, end + step * _PAST_END]]))
+                widths.append(np.array([lane.width / 2 + _PAST_END_HALF]))
+    return shapely.buffer(
+        shapely.linestrings(np.concatenate(lines)), np.concatenate(widths), cap_style="flat"
+    )

@@ -45,7 +45,7 @@ def raise_outlines(name: str, buildings: Sequence[Prop], shift: Floats) -> Mesh:
     faces, owner = faces[solid], owner[solid]
     building = places[:, 0].astype(np.int64)
     vertices = np.column_stack([places[:, 1:], ground[building]])
-    rise = roofs.heights(building, places[:, 1:])
+    rise = roofs.heights(building, vertices[:, :2])
     vertices, faces, origin = extrude(vertices, faces, rise, _FOOTING + slope)
     return compact(name, vertices, faces, owner[origin], [prop.id for prop in buildings])
 
@@ -74,17 +74,18 @@ class _Roofs:
         """Cut outlines (n,) along their ridges: (2 n,), one side of each, then the others, empty if flat."""
         parts = np.full((2, len(shapes)), shapely.Polygon(), dtype=object)
         parts[0] = shapes
-        for k in np.flatnonzero(self.rises):
-            across, ridge = np.array([-self.down[k, 1], self.down[k, 0]]), self.down[k] * self.ridges[k]
-            ends = ridge - _FAR * across, ridge + _FAR * across
-            for side, sign in enumerate((1.0, -1.0)):
-                beyond = [end + sign * _FAR * self.down[k] for end in ends]
-                half = shapely.Polygon([*ends, *beyond[::-1]])
-                parts[side, k] = shapely.intersection(shapes[k], half, grid_size=GRID)
+        cut = np.flatnonzero(self.rises)
+        down = self.down[cut] * _FAR
+        across = np.column_stack([-down[:, 1], down[:, 0]])
+        ridge = self.down[cut] * self.ridges[cut, None]
+        for part, way in zip(parts, (down, -down), strict=True):
+            corners = [ridge - across, ridge + across, ridge + across + way, ridge - across + way]
+            halves = shapely.polygons(np.stack(corners, axis=1))
+            part[cut] = shapely.intersection(shapes[cut], halves, grid_size=GRID)
         return parts.ravel()
 
     def heights(self, building: Ints, places: Floats) -> Floats:
-        """Tell how high the roof of a building is over a place: (m,) metres over (m,) buildings, (m, 2) places."""
+        """Tell how high the roofs of buildings (m,) are over places (m, 2) in them: (m,) metres."""
         away = np.abs((places * self.down[building]).sum(axis=1) - self.ridges[building])
         lower = self.rises[building] * np.minimum(1.0, away / self.halves[building])
         heights: Floats = self.tops[building] - lower

@@ -8,7 +8,7 @@ from functools import cache
 import numpy as np
 import trimesh
 
-from dojo_maps.description import Prop, RoadMap
+from dojo_maps.description import STREET_LAMP_REACH, Prop, RoadMap, heading_of
 from dojo_maps.geometry.polylines import Floats, Ints
 from dojo_maps.meshes.buildings import raise_outlines
 from dojo_maps.meshes.mesh import Mesh, join
@@ -21,8 +21,6 @@ _CROWN_WIDTH = 0.32
 """Radius of a crown, as a share of the tree's height."""
 _TRUNK_RADIUS = 0.02
 _SLIM, _THICK = 0.08, 0.35
-LAMP_REACH = 1.4
-"""How far a street lamp hangs from its post, metres."""
 _PLATE = 0.3
 """Radius of a sign, metres."""
 
@@ -97,8 +95,8 @@ def _lamp_post(lamp: Prop, shift: Floats) -> tuple[Floats, Ints]:
     arm, arm_faces = _box()
     parts = (
         (post, faces),
-        (arm * [LAMP_REACH, 0.07, 0.07] + [LAMP_REACH / 2, 0.0, lamp.height - 0.08], arm_faces),
-        (arm * [0.7, 0.24, 0.1] + [LAMP_REACH, 0.0, lamp.height - 0.02], arm_faces),
+        (arm * [STREET_LAMP_REACH, 0.07, 0.07] + [STREET_LAMP_REACH / 2, 0.0, lamp.height - 0.08], arm_faces),
+        (arm * [0.7, 0.24, 0.1] + [STREET_LAMP_REACH, 0.0, lamp.height - 0.02], arm_faces),
     )
     return _stood(parts, lamp, shift)
 
@@ -125,7 +123,7 @@ def _plate(top: float, radius: float, ahead: float) -> tuple[Floats, Ints]:
 
 def _stood(parts: Sequence[tuple[Floats, Ints]], prop: Prop, shift: Floats) -> tuple[Floats, Ints]:
     """Put parts together, turn what looks to +x to a thing's heading, and stand them in its place."""
-    heading = float(dict(prop.tags)["heading"])
+    heading = heading_of(prop)
     cos, sin = np.cos(heading), np.sin(heading)
     turn = np.array([[cos, sin, 0.0], [-sin, cos, 0.0], [0.0, 0.0, 1.0]])
     starts = np.cumsum([0, *(len(vertices) for vertices, _ in parts)])
