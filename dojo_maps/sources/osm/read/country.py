@@ -1,4 +1,4 @@
-"""What a country decides for its roads: the side to drive on, and speeds where no sign says otherwise.
+"""What a country decides for its roads: the side to drive on, where signals hang, speeds without a sign.
 
 The data's own evidence comes first: a tag, then the way its roundabouts turn, then where it lies.
 """
@@ -29,6 +29,15 @@ _MILES = (
     ((-11.0, 49.85, 1.77, 61.0), {"": 30}),
 )
 """Where limits are in miles per hour: urban defaults by kind of road."""
+_FAR_SIDE = (
+    (-168.0, 24.5, -52.0, 72.0), (-161.0, 18.8, -154.0, 22.3), (-11.0, 49.85, 1.77, 61.0),
+    (112.0, -44.0, 154.0, -10.0), (165.0, -48.0, 180.0, -33.0), (16.4, -34.9, 33.0, -22.1),
+    (129.5, 31.0, 146.0, 45.6), (122.9, 24.0, 131.5, 31.2), (125.8, 33.0, 129.5, 38.6),
+    (119.3, 21.8, 122.1, 25.4), (98.7, 23.4, 123.0, 41.5), (108.3, 18.1, 117.5, 23.4),
+    (119.0, 41.5, 130.0, 48.0), (99.5, 0.8, 104.6, 6.5),
+)  # fmt: skip
+"""Boxes around North America, the British Isles, Australia, New Zealand, South Africa, Japan, Korea, Taiwan,
+China, Malaysia and Singapore, where signals hang across the junction, too."""
 _MPH = 0.44704
 _KMH = 1 / 3.6
 _URBAN = {
@@ -49,6 +58,11 @@ def drives_left(data: OsmData) -> bool:
         return sum(turning) < 0
     lon, lat = centre_of(data)
     return _inside(_LEFT_HAND, lon, lat) and not _inside(_RIGHT_HAND, lon, lat)
+
+
+def has_far_side_signals(data: OsmData) -> bool:
+    """Tell whether traffic in an extract's country also looks at signals across the junction."""
+    return bool(data.nodes) and _inside(_FAR_SIDE, *centre_of(data))
 
 
 def default_speed(kind: str, lon: float, lat: float) -> float:
