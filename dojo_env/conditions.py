@@ -11,7 +11,6 @@ import numpy as np
 
 from dojo_env.ranges import check_limits, draw_values, read_values
 
-
 LOOKS = ("street", "plain")
 """How what moves is drawn: as well as we can, or in fewer faces that mirror nothing, for speed."""
 

@@ -451,7 +451,8 @@ def test_cameras_of_a_file_take_the_pictures(tmp_path: Path) -> None:
     )
     write_cameras([middle], file)
     made = write_dataset(
-        tmp_path / "set", scenarios="cologne1", pictures=2, split=(1,), cameras=str(file), seconds=300, smooth=False,
+        tmp_path / "set", scenarios="cologne1", pictures=2, split=(1,), cameras=str(file), seconds=300,
+        smooth=False,
         conditions="day", jobs=1, per_episode=2, interval=2,
     )  # fmt: skip
     assert made["counts"]["pictures by camera"] == {"cologne1: ../up": 2}

@@ -18,7 +18,9 @@ _TOLERANCE = 0.3
 _APART = 0.15
 """A lamp nearer to the middle than this share of the width is neither the left nor the right one."""
 _NO_POINT = np.full(3, np.nan)
-_WITHOUT = {Kind.MOTORCYCLE, Kind.BICYCLE, Kind.SCOOTER, Kind.PEDESTRIAN, Kind.SHIP}
+_WITHOUT = {
+    Kind.MOTORCYCLE, Kind.BICYCLE, Kind.SCOOTER, Kind.PEDESTRIAN, Kind.SHIP, Kind.WHEELCHAIR, Kind.PRAM,
+}  # fmt: skip
 """Kinds without left and right wheels or lamps."""
 
 
@@ -32,9 +34,10 @@ def model_points() -> Floats:
     """
     return np.array(
         [
-            np.full((8, 3), np.nan) if kind in _WITHOUT else [*_wheels(levels[0]), *_lamps(levels[0])]
-            for kind, variants in zip(Kind, build_models(), strict=True)
-            for levels in variants
+            np.full((8, 3), np.nan) if kind in _WITHOUT else [*_wheels(pose[0]), *_lamps(pose[0])]
+            for kind, variants in build_models().items()
+            for variant in variants
+            for pose in variant.poses
         ]
     )
 

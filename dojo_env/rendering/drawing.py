@@ -59,7 +59,7 @@ _SUN, _SUN_COLOUR, _SKY_COLOUR, _GROUND_COLOUR, _ZENITH, _HORIZON, WEATHER = ran
 
 @kernel
 def users_in_view(users, beyond, view):
-    """Find the road users whose bounding spheres, widened by some metres, reach into the view: (k,) indices."""
+    """Find the road users whose bounding spheres, widened by metres, reach into the view: (k,) indices."""
     kept = np.empty(len(users.places), dtype=np.int32)
     count = 0
     lens = view.lens

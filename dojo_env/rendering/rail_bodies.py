@@ -11,7 +11,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from dojo_env.rendering.shapes import Face, Part, box, disc, lights, loft, mirrored, ring, tube, windows
+from dojo_env.rendering.shapes import Face, Part, box, disc, loft, mirrored, tube, windows
 
 Floats = NDArray[np.float64]
 
@@ -57,7 +57,9 @@ def build_rail(shape: RailShape) -> Callable[[int], list[Face]]:
             ends = k == 0, k == shape.sections - 1
             faces += _section(shape, nose, tail, ends, detail)
             if k:
-                faces += box(nose + _JOINT, nose - _JOINT, 0.44 * shape.width, 0.5, 0.94 * shape.height, Part.TRIM)
+                faces += box(
+                    nose + _JOINT, nose - _JOINT, 0.44 * shape.width, 0.5, 0.94 * shape.height, Part.TRIM
+                )
         if detail < _COARSEST:
             faces += _end(shape, detail)
             faces += _turned(_end(shape, detail, rear=True), shape.length)
@@ -87,9 +89,7 @@ def _rounded(shape: RailShape) -> list[tuple[float, float, float]]:
     return [(0.0, 0.62, 0.75), (0.12, 0.76, 0.5), (0.4 * shape.nose, 0.9, 0.2), (shape.nose, 1.0, 0.0)]
 
 
-def _section(
-    shape: RailShape, nose: float, tail: float, ends: tuple[bool, bool], detail: int
-) -> list[Face]:
+def _section(shape: RailShape, nose: float, tail: float, ends: tuple[bool, bool], detail: int) -> list[Face]:
     cuts = _rounded(shape) if detail < _COARSEST else [(0.0, 0.8, 0.4), (shape.nose, 1.0, 0.0)]
     front = [(nose - x, share, drop) for x, share, drop in cuts] if ends[0] else [(nose - 0.2, 1.0, 0.0)]
     rear = [(tail + x, share, drop) for x, share, drop in cuts[::-1]] if ends[1] else [(tail + 0.2, 1.0, 0.0)]
@@ -106,7 +106,14 @@ def _section(
     for x in (nose - 0.2 * (nose - tail), tail + 0.2 * (nose - tail)) if shape.floor > 0.5 else (middle,):
         faces += _bogie(shape, x, detail)
     if detail < _FAR:
-        faces += box(middle + 1.6, middle - 1.6, 0.32 * shape.width, shape.height - 0.02, shape.height + 0.22, Part.CHROME)
+        faces += box(
+            middle + 1.6,
+            middle - 1.6,
+            0.32 * shape.width,
+            shape.height - 0.02,
+            shape.height + 0.22,
+            Part.CHROME,
+        )
     return faces
 
 
@@ -124,7 +131,11 @@ def _side(
     length, wide = begin - end, 1.3
     middles = [begin - length * (k + 0.5) / doors for k in range(doors)]
     faces: list[Face] = []
-    edges = [begin, *(x for middle in middles for x in (middle + wide / 2 + 0.1, middle - wide / 2 - 0.1)), end]
+    edges = [
+        begin,
+        *(x for middle in middles for x in (middle + wide / 2 + 0.1, middle - wide / 2 - 0.1)),
+        end,
+    ]
     for a, b in zip(edges[::2], edges[1::2], strict=True):
         panes = np.linspace(a, b, 1 + max(1, round((a - b) / 1.6)))
         for front, rear in pairwise(panes):
@@ -143,8 +154,7 @@ def _bogie(shape: RailShape, x: float, detail: int) -> list[Face]:
         return faces
     half = 0.42 * shape.width
     for axle in (x + 0.85, x - 0.85):
-        wheel = disc((axle, half, 0.33), 0.33, 0.02, 10, Part.TYRE)
-        faces += mirrored(wheel[:1] + ring((axle, half, 0.33), (0.0, 0.33), 0.02, 10, Part.TYRE)[2:3])
+        faces += mirrored(disc((axle, half, 0.33), 0.33, 0.02, 10, Part.TYRE)[:1])
     return faces
 
 
@@ -153,17 +163,13 @@ def _end(shape: RailShape, detail: int, *, rear: bool = False) -> list[Face]:
     half, high = 0.5 * shape.width, shape.height
     reach = 0.66 * half
     low, top = 0.43 * high, high - 0.8
-    tip, slope = _GAP, 0.0
-    pane = np.array([(tip, -0.9 * reach, low), (tip, 0.9 * reach, low), (tip + slope, 0.9 * reach, top), (tip + slope, -0.9 * reach, top)])
-    faces: list[Face] = [(pane, Part.GLASS)]
+    tip = _GAP
+    faces: list[Face] = [(_patch(tip, (-0.9 * reach, 0.9 * reach), low, top), Part.GLASS)]
     bent = np.array(
         [(tip, 0.9 * reach, low), (0.06 - 0.4 * shape.nose, 0.9 * half + _GAP, low),
          (0.06 - 0.4 * shape.nose, 0.9 * half + _GAP, top), (tip, 0.9 * reach, top)]
     )  # fmt: skip
-    if not rear:
-        faces += mirrored([(bent, Part.GLASS)])
-    else:
-        faces += mirrored([(bent, Part.GLASS)])
+    faces += mirrored([(bent, Part.GLASS)])
     left, right = (Part.RIGHT, Part.LEFT) if rear else (Part.LEFT, Part.RIGHT)
     lamp = Part.BRAKE if rear else Part.HEADLAMP
     for side, turn in ((1.0, left), (-1.0, right)):
@@ -171,8 +177,15 @@ def _end(shape: RailShape, detail: int, *, rear: bool = False) -> list[Face]:
             y = sorted((side * a * reach, side * b * reach))
             faces.append((_patch(tip, (y[0], y[1]), 0.26 * high, 0.32 * high), part))
     if detail < _FAR:
-        faces.append((_patch(tip, (-0.95 * reach, 0.95 * reach), shape.floor + 0.28, shape.floor + 0.42), Part.TRIM))
-        faces.append((_patch(2 * tip, (-0.6 * reach, 0.6 * reach), top - 0.3, top - 0.06), Part.RIGHT if not rear else Part.TRIM))
+        faces.append(
+            (_patch(tip, (-0.95 * reach, 0.95 * reach), shape.floor + 0.28, shape.floor + 0.42), Part.TRIM)
+        )
+        faces.append(
+            (
+                _patch(2 * tip, (-0.6 * reach, 0.6 * reach), top - 0.3, top - 0.06),
+                Part.RIGHT if not rear else Part.TRIM,
+            )
+        )
     return faces
 
 
@@ -191,6 +204,3 @@ def _pantograph(shape: RailShape, x: float, detail: int) -> list[Face]:
         faces += tube(arm, [0.035, 0.035, 0.03], 4, Part.TRIM)
     bow = np.array([(x, 0.8, low + 1.05), (x, 0.5, low + 1.14), (x, -0.5, low + 1.14), (x, -0.8, low + 1.05)])
     return faces + tube(bow, [0.035] * 4, 4, Part.TRIM)
-
-
-_ = lights

@@ -141,7 +141,7 @@ def library() -> Library:
         planes=np.concatenate([_planes(model) for model in levels]),
         parts=np.concatenate([model.parts for model in levels]),
         spans=spans.astype(np.int32).reshape(-1, DETAILS, 4),
-        profiles=np.array([_profile(each[0].vertices) for variants in build_models() for each in variants]),
+        profiles=np.array([_profile(pose[0].vertices) for variant in every for pose in variant.poses]),
     )
 
 
