@@ -43,6 +43,33 @@ class Boxes:
     corners: NDArray[np.float64]
     projected: NDArray[np.float64]
 
+    def turned(self, camera: Camera, homography: NDArray[np.float64]) -> "Boxes":
+        """Move boxes along with a picture that is turned into another camera's.
+
+        Args:
+            camera: the other one, at the same place.
+            homography: (3, 3) from pixels of the picture to its.
+
+        Returns:
+            Those that are still in the picture, clipped to it.
+        """
+        corners = np.stack([self.picture[:, [0, 0, 2, 2]], self.picture[:, [1, 3, 1, 3]]], axis=2)
+        moved = np.concatenate([corners, np.ones_like(corners[..., :1])], axis=2) @ homography.T
+        pixels = np.rint(moved[..., :2] / moved[..., 2:]).clip(0, (camera.width, camera.height))
+        picture = np.concatenate([pixels.min(axis=1), pixels.max(axis=1)], axis=1).astype(np.int32)
+        kept = np.flatnonzero((picture[:, 2:] > picture[:, :2]).all(axis=1))
+        projected, _ = camera.project(self.corners[kept].reshape(-1, 3))
+        return Boxes(
+            ids=tuple(self.ids[k] for k in kept),
+            numbers=self.numbers[kept],
+            kinds=self.kinds[kept],
+            picture=picture[kept],
+            pixels=self.pixels[kept],
+            visible=self.visible[kept],
+            corners=self.corners[kept],
+            projected=projected.reshape(-1, 8, 2),
+        )
+
 
 def measure_boxes(
     target: Target, count_alone: Callable[[Ints], Ints], users: Users, snapshot: Snapshot, camera: Camera

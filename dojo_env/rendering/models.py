@@ -22,7 +22,8 @@ from dojo_env.rendering.people import (
     under_umbrella,
     walking,
 )
-from dojo_env.rendering.shapes import Face, Part, box, lights, loft, screen, section, windows
+from dojo_env.rendering.rail_bodies import RailShape, build_rail
+from dojo_env.rendering.shapes import Face, Part, box, lights, loft, section
 from dojo_env.rendering.two_wheelers import (
     build_cyclists,
     build_motorcyclist,
@@ -169,35 +170,6 @@ def _fire_engine(detail: int) -> list[Face]:
     return body(detail) + box(-0.6, -0.9, 1.0, 3.09, 3.3, Part.BLUE)
 
 
-def _rail_car(height: float, length: float, sections: int) -> Callable[[int], list[Face]]:
-    def build(detail: int) -> list[Face]:
-        half, cut = 1.2, length / sections
-        faces: list[Face] = []
-        for k in range(sections):
-            nose, tail = -k * cut - (0.15 if k else 0.0), -(k + 1) * cut + (0.15 if k < sections - 1 else 0.0)
-            ends = [section(nose, half, 0.3, height), section(tail, half, 0.3, height)]
-            if k == 0:
-                ends = [
-                    section(0.0, 0.75 * half, 0.4, 0.8 * height),
-                    section(-0.9, half, 0.3, height),
-                    ends[1],
-                ]
-            if k == sections - 1:
-                ends = [*ends[:-1], section(tail + 0.9, half, 0.3, height)]
-                ends.append(section(tail, 0.75 * half, 0.4, 0.8 * height))
-            faces += loft(ends, Part.BODY)
-            if detail < _COARSEST:
-                faces += windows(nose - 1.1, tail + 1.1, half + 0.01, 0.45 * height, 0.8 * height)
-            if k:
-                faces += box(nose + 0.3, nose, 0.8 * half, 0.4, 0.92 * height, Part.TRIM)
-        if detail < _COARSEST:
-            faces += screen(0.0, -0.6, 0.65 * half, 0.45 * height, 0.72 * height)
-            faces += lights(-length, 0.75 * half, (0.5, 0.75), (0.5, 0.75))
-        return faces
-
-    return build
-
-
 def _ship(_detail: int) -> list[Face]:
     faces = loft(
         [section(0.0, 0.3, 0.6, 2.0), section(-4.0, 2.4, 0.0, 1.8), section(-17.0, 2.2, 0.0, 1.8)],
@@ -287,6 +259,9 @@ def _cyclist(look: Look) -> _Figure:
 
 
 _Builder = _Car | _Body | _Figure | Callable[[int], list[Face]]
+_TRAM = RailShape(length=30.0, width=2.4, height=3.4, sections=3, stripe=True)
+_TRAIN = RailShape(length=80.0, width=2.8, height=3.9, sections=4, floor=0.7, nose=2.2)
+
 _BUILDERS: dict[Kind, tuple[_Builder, ...]] = {
     Kind.CAR: tuple(_Car(shape=shape) for shape in (_SALOON, _HATCHBACK, _ESTATE, _SUV, _MINI, _HATCHBACK)),
     Kind.TAXI: (_Car(shape=_ESTATE, on_roof=tuple(box(-2.4, -2.6, 0.3, 1.47, 1.6, Part.WHITE))),),
@@ -295,8 +270,8 @@ _BUILDERS: dict[Kind, tuple[_Builder, ...]] = {
     Kind.COACH: (_COACH,),
     Kind.TRUCK: (_LORRY,),
     Kind.TRAILER: (_ARTICULATED,),
-    Kind.TRAM: (_rail_car(3.4, 30.0, 3),),
-    Kind.TRAIN: (_rail_car(3.9, 80.0, 4),),
+    Kind.TRAM: (_Body(build=build_rail(_TRAM), size=(_TRAM.length, _TRAM.width, _TRAM.height)),),
+    Kind.TRAIN: (_Body(build=build_rail(_TRAIN), size=(_TRAIN.length, _TRAIN.width, _TRAIN.height)),),
     Kind.MOTORCYCLE: (_rider(build_motorcyclist, _MOTORCYCLIST, (2.04, 0.86, 1.6)),),
     Kind.BICYCLE: tuple(_cyclist(look) for look in _RIDERS),
     Kind.SCOOTER: tuple(_rider(build_scooter_rider, look, (1.15, 0.55, 1.85)) for look in _RIDERS),

@@ -109,6 +109,8 @@ class Library(NamedTuple):
         planes: (m, 4) unit normal of each face and its distance from 0, in the unit box.
         parts: (m,) `Part`.
         spans: (models, levels, 4) first and last vertex, first and last face; last ones are exclusive.
+        profiles: (models, 4) what throws shadows, in the unit box: height of the nose, and of what stands
+            higher the rear and front end and half the width.
     """
 
     vertices: Floats
@@ -116,8 +118,11 @@ class Library(NamedTuple):
     planes: Floats
     parts: NDArray[np.uint8]
     spans: Ints
+    profiles: Floats
 
 
+_NOSE, _HIGH = 0.16, 0.8
+"""Share of the length that is the nose; share of the height over which a road user is high."""
 MOST_FACES, MOST_VERTICES = 2000, 4096
 """No model has more of them; kernels make room for as many."""
 
@@ -136,7 +141,14 @@ def library() -> Library:
         planes=np.concatenate([_planes(model) for model in levels]),
         parts=np.concatenate([model.parts for model in levels]),
         spans=spans.astype(np.int32).reshape(-1, DETAILS, 4),
+        profiles=np.array([_profile(pose[0].vertices) for variant in every for pose in variant.poses]),
     )
+
+
+def _profile(vertices: Floats) -> tuple[float, float, float, float]:
+    """Measure what of a model throws its shadow; see `Library.profiles`."""
+    nose, high = vertices[vertices[:, 0] > -_NOSE], vertices[vertices[:, 2] > _HIGH]
+    return nose[:, 2].max(), high[:, 0].min(), high[:, 0].max(), np.abs(high[:, 1]).max()
 
 
 def _planes(model: Model) -> Floats:
