@@ -55,7 +55,9 @@ def open_eye(scene: Scene, camera: Camera, light: Light, factor: int, *, plain: 
     samples = SAMPLES // factor
     if not camera.distortion:
         background = draw_background(scene, view, light, samples)
-        return Eye(view=view, canvas=Canvas(view, background.depths, light, plain=plain), background=background)
+        return Eye(
+            view=view, canvas=Canvas(view, background.depths, light, plain=plain), background=background
+        )
     from dojo_env.rendering.lens import bend_background, straightened  # noqa: PLC0415 - OpenCV is large; few need it
 
     x, y = straightened(camera, view)

@@ -181,7 +181,7 @@ def _sky(x, y, z, light, c):
     clear = light[_HORIZON, c] * (1.0 - share) + light[_ZENITH, c] * share + glow
     if z < 0.03:
         return clear
-    white = 0.55 * light[_SKY_COLOUR, 1] + 0.2 * light[_SUN_COLOUR, c]
+    white = light[_HORIZON, c] + 0.15 * light[_SUN_COLOUR, c]
     hidden = textures.clouds(1.1 * x / (z + 0.12), 1.1 * y / (z + 0.12)) * min(1.0, 4.0 * (z - 0.03))
     return clear + hidden * (white - clear)
 
@@ -190,7 +190,11 @@ def _sky(x, y, z, light, c):
 def _show_pane(pane, normal, ray, light, shown):
     """Show a window: what it mirrors over the dark behind it, or at night somebody's lamp."""
     along = normal[0] * ray[0] + normal[1] * ray[1] + normal[2] * ray[2]
-    x, y, z = ray[0] - 2.0 * along * normal[0], ray[1] - 2.0 * along * normal[1], ray[2] - 2.0 * along * normal[2]
+    x, y, z = (
+        ray[0] - 2.0 * along * normal[0],
+        ray[1] - 2.0 * along * normal[1],
+        ray[2] - 2.0 * along * normal[2],
+    )
     mirrored = 0.1 + 0.9 * (1.0 - min(1.0, abs(along))) ** 5
     opens = min(1.0, max(0.0, 4.0 * z + 0.3))
     for c in range(3):
@@ -232,7 +236,9 @@ def _tone(surface, face, place, normal, pixel, world, lane):
         tone = textures.grass(x, y, pixel)
     elif surface == _ASPHALT or surface == _PAINT:  # noqa: PLR1714 - numba makes a search of `in`
         find_lane(x, y, world.lanes, lane)
-        tone = textures.asphalt(x, y, lane, pixel) if surface == _ASPHALT else textures.paint(x, y, lane, pixel)
+        tone = (
+            textures.asphalt(x, y, lane, pixel) if surface == _ASPHALT else textures.paint(x, y, lane, pixel)
+        )
     elif surface == _PAVING:
         tone = textures.paving(x, y, pixel) if level else textures.kerb(along, pixel)
     elif surface == _BALLAST:
@@ -241,7 +247,9 @@ def _tone(surface, face, place, normal, pixel, world, lane):
         tone = textures.foliage(x, y, z, pixel) * (0.75 + 0.25 * normal[2])
     elif surface == _FACADE and normal[2] > 0.2:
         across = sqrt(max(1e-6, 1.0 - normal[2] ** 2))
-        tone = textures.tiles(along / across, z, pixel) if normal[2] < _LEVEL else textures.gravel(x, y, pixel)
+        tone = (
+            textures.tiles(along / across, z, pixel) if normal[2] < _LEVEL else textures.gravel(x, y, pixel)
+        )
     elif surface == _FACADE:
         foot, top, number = world.things[face, 0], world.things[face, 1], world.things[face, 2]
         tone, pane = textures.facade(along, z - foot, top - z, number, pixel)
@@ -308,7 +316,10 @@ def _sunlit(place, normal, facing, sun):
         across -= sun.frame[0, axis] * normal[axis]
         along -= sun.frame[1, axis] * normal[axis]
     size_y, size_x = sun.heights.shape
-    u, v = size_x / 2 + (x - sun.place[1]) * sun.place[0] - 0.5, size_y / 2 - (y - sun.place[2]) * sun.place[0] - 0.5
+    u, v = (
+        size_x / 2 + (x - sun.place[1]) * sun.place[0] - 0.5,
+        size_y / 2 - (y - sun.place[2]) * sun.place[0] - 0.5,
+    )
     left, top = floor(u), floor(v)
     if left < 1 or top < 1 or left + 2 >= size_x or top + 2 >= size_y:
         return 1.0
