@@ -14,6 +14,7 @@ from dojo_env.rendering.raster import draw_from_above, draw_mesh
 from dojo_env.rendering.scene import Scene
 from dojo_env.rendering.shading import LAMP_HEIGHT, HeightMap, Surroundings, shade
 from dojo_env.rendering.view import View
+from dojo_maps.description import hung_lamp
 
 Floats = NDArray[np.float64]
 Picture = NDArray[np.uint8]
@@ -119,7 +120,14 @@ def _smoothed(heights: NDArray[np.float32], side: int) -> NDArray[np.float32]:
 
 
 def street_lamps(scene: Scene, centre: Floats, reach: float) -> Floats:
-    """Hang a street lamp over every pole and every 30 m of road near a place: (n, 3), scene frame."""
+    """List the street lamps near a place: (n, 3), scene frame.
+
+    On a map without any, one hangs over every pole and every 30 m of road.
+    """
+    hung = [hung_lamp(prop) for prop in scene.road_map.props if prop.kind == "lamp" and prop.position]
+    if hung:
+        lamps = np.array(hung) - scene.origin
+        return lamps[np.hypot(*(lamps[:, :2] - centre[:2]).T) < reach + _LAMP_SPACING]
     spots = [np.empty((0, 3))]
     spots += [
         np.array([prop.position])

@@ -28,12 +28,15 @@ _PALETTE = to_linear(
         [
             (0, 0, 0), (16, 19, 22), (17, 17, 18), (30, 31, 34), (236, 238, 228), (120, 16, 14),
             (190, 110, 30), (190, 110, 30), (40, 80, 230), (205, 160, 130), (46, 52, 76), (232, 232, 230),
-            (150, 154, 160),
+            (150, 154, 160), (56, 38, 27), (60, 60, 64), (226, 206, 40),
         ],
         dtype=np.uint8,
     )
 )  # fmt: skip
-"""Linear colour by `Part`; the body's own is each road user's."""
+"""Linear colour by `Part`, of those that are the same for all road users."""
+_OWN = np.full(len(Part), -1)
+"""Row of a road user's own colours by `Part`; -1 where it has none."""
+_OWN[[Part.BODY, Part.SKIN, Part.LEGS, Part.HAIR, Part.GEAR]] = range(5)
 _EMITTED = np.minimum(1.0, _PALETTE * 1.2)
 """Linear light of a lit part."""
 _EMITTED[_HEADLAMP] = (1.0, 0.97, 0.86)
@@ -56,7 +59,7 @@ _SUN, _SUN_COLOUR, _SKY_COLOUR, _GROUND_COLOUR, _ZENITH, _HORIZON, WEATHER = ran
 
 @kernel
 def users_in_view(users, beyond, view):
-    """Find the road users whose bounding spheres, widened by some metres, reach into the view: (k,) indices."""
+    """Find the road users whose bounding spheres, widened by metres, reach into the view: (k,) indices."""
     kept = np.empty(len(users.places), dtype=np.int32)
     count = 0
     lens = view.lens
@@ -210,12 +213,13 @@ def _see(vertices, first, last, users, k, view, seen):
 @inner
 def _detail(users, k, plain, view):
     """Level of detail for the size that a road user has on the screen."""
-    z = square = 0.0
+    z = long = tall = 0.0
     for axis in range(3):
         part = users.frames[k, axis, 0]
         z += view.axes[2, axis] * (users.places[k, axis] - 0.5 * part - view.eye[axis])
-        square += part * part
-    pixels = view.lens[0] * sqrt(square) / max(z, view.lens[3]) / (_COARSER if plain else 1.0)
+        long += part * part
+        tall += users.frames[k, axis, 2] ** 2
+    pixels = view.lens[0] * sqrt(max(long, tall)) / max(z, view.lens[3]) / (_COARSER if plain else 1.0)
     return 0 if pixels > _FINEST else (1 if pixels > _FINE else (2 if pixels > _MIDDLE else 3))
 
 
@@ -239,6 +243,7 @@ def _emission(part, lights, headlights):
 def _shade_face(users, k, models, face, height, inside, veil, light, plain, shades, row):
     """Light a face: what it emits, or sun and sky on its colour and what it mirrors of them; then fog."""
     part = models.parts[face]
+    own = _OWN[part]
     glow = _emission(part, users.lights[k], light[WEATHER, 0])
     square = facing = level = 0.0
     seen = -models.planes[face, 3]
@@ -263,7 +268,7 @@ def _shade_face(users, k, models, face, height, inside, veil, light, plain, shad
         if glow >= 0.0:
             value = glow * _EMITTED[part, c]
         else:
-            base = users.colours[k, c] if part == _BODY else _PALETTE[part, c]
+            base = users.colours[k, own, c] if own >= 0 else _PALETTE[part, c]
             soft = share * light[_SKY_COLOUR, c] + (1.0 - share) * light[_GROUND_COLOUR, c]
             soft += light[WEATHER, 0] * _STREET[c] * (0.4 + 0.6 * share)
             around = _AROUND * light[_SKY_COLOUR, c]

@@ -56,7 +56,7 @@ def _lines(road_map: RoadMap) -> Iterator[tuple[str, Floats, float, bool]]:
             yield way.id, way.shape, _WAY_WIDTH, True
 
 
-def _pieces(name: str, line: Floats, width: float, is_way: bool) -> Iterator[tuple[float, ...]]:  # noqa: FBT001
+def _pieces(name: str, line: Floats, width: float, is_way: bool) -> Iterator[tuple[float, ...]]:
     steps = np.diff(line[:, :2], axis=0)
     lengths = np.hypot(*steps.T)
     total, along = float(lengths.sum()), 0.0

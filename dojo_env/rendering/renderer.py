@@ -51,6 +51,7 @@ class Renderer:
         self.show_links = show_links
         self.look = look
         self._light = compute_light(conditions or Conditions())
+        self._rain = conditions.rain if conditions else 0.0
         self._faces = SignalFaces(scene)
         self._eyes: dict[tuple[Camera, int], Eye] = {}
 
@@ -68,7 +69,7 @@ class Renderer:
             ConfigError: an output has no such name.
         """
         passes = _plan(tuple(outputs), smooth=self.smooth)
-        users = place_users(snapshot, self.scene.origin)
+        users = place_users(snapshot, self.scene.origin, rain=self._rain)
         return tuple(self._picture(snapshot, users, camera, passes) for camera in cameras)
 
     def forget(self, cameras: Iterable[Camera] | None = None) -> None:

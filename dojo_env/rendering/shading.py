@@ -234,7 +234,7 @@ def _tone(surface, face, place, normal, pixel, world, lane):
     tone, pane = 1.0, -1.0
     if surface == _GRASS:
         tone = textures.grass(x, y, pixel)
-    elif surface == _ASPHALT or surface == _PAINT:  # noqa: PLR1714 - numba makes a search of `in`
+    elif surface == _ASPHALT or surface == _PAINT:  # noqa: PLR1714, SIM109 - numba makes a search of `in`
         find_lane(x, y, world.lanes, lane)
         tone = (
             textures.asphalt(x, y, lane, pixel) if surface == _ASPHALT else textures.paint(x, y, lane, pixel)

@@ -208,7 +208,7 @@ def tiles(along, z, pixel):
 
 
 @kernel
-def facade(along, height, left, number, pixel):
+def facade(along, height, left, number, pixel):  # noqa: PLR0911 - one for each thing of a wall
     """Plaster with windows in frames on each floor, a cornice, and perhaps shops on the ground floor.
 
     Args:
