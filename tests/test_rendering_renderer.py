@@ -323,7 +323,7 @@ def test_thousands_of_road_users_are_drawn(scene, cameras):
 def test_empty_scene_is_bare_ground_and_sky(scene):
     bare = replace(scene, vertices=np.empty((0, 3)), faces=np.empty((0, 3), np.int32),
                    normals=np.empty((0, 3)), semantics=np.empty(0, np.uint8), surfaces=np.empty(0, np.uint8),
-                   colours=np.empty((0, 3), np.float32))  # fmt: skip
+                   colours=np.empty((0, 3), np.float32), things=np.empty((0, 3), np.float32))  # fmt: skip
     level = Camera(name="c", position=(0.0, 0.0, 5.0), pitch_deg=0.0)
     picture = Renderer(bare).render(Snapshot(time=0), [level], ALL)[0]
     assert (picture.semantic == Semantic.SKY).all()

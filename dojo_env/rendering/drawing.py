@@ -15,7 +15,7 @@ from dojo_env.snapshot import Lights
 
 _FINEST, _FINE, _MIDDLE = 100.0, 36.0, 12.0
 """Pixels from which a road user is drawn at each level of detail but the coarsest."""
-_COARSER = 2.4
+_COARSER = 3.0
 """How many times larger a road user must be for each level where the look is plain."""
 _BODY, _GLASS, _HEADLAMP, _BRAKE, _LEFT, _RIGHT, _BLUE = (
     int(part) for part in (Part.BODY, Part.GLASS, Part.HEADLAMP, Part.BRAKE, Part.LEFT, Part.RIGHT, Part.BLUE)

@@ -181,7 +181,7 @@ def _sky(x, y, z, light, c):
     clear = light[_HORIZON, c] * (1.0 - share) + light[_ZENITH, c] * share + glow
     if z < 0.03:
         return clear
-    white = 0.55 * light[_SKY_COLOUR, 1] + 0.2 * light[_SUN_COLOUR, c]
+    white = light[_HORIZON, c] + 0.15 * light[_SUN_COLOUR, c]
     hidden = textures.clouds(1.1 * x / (z + 0.12), 1.1 * y / (z + 0.12)) * min(1.0, 4.0 * (z - 0.03))
     return clear + hidden * (white - clear)
 
