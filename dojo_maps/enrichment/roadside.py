@@ -124,7 +124,7 @@ class Roadside:
         beside = self._is_close(self._walked, rows, _BEHIND_PAVEMENT + 0.2)
         beside &= self._chances("row", rows // _ROW) < _WITH_ROW
         rows = rows[beside & (self._chances("tree", rows) > _MISSING)]
-        walls = shapely.multipolygons([*self._walls.geometries])
+        walls = shapely.union_all(self._walls.geometries)
         yards = self._along(shapely.buffer(walls, _YARD_FROM), _YARD_SPACING)
         yards = yards[~self._is_close(self._walked, yards, 3 * FORECOURT)]
         yards = yards[self._chances("tree", yards) > 0.4]
