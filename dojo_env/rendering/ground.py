@@ -23,6 +23,8 @@ _LOW_SUN = 0.12
 _SOFT = 0.16
 """Width of a sun shadow's edge, metres; at least `_SOFT_PIXELS`."""
 _SOFT_PIXELS = 1.4
+_CONTACT_REACH = 0.45
+"""Width of a contact shadow's edge, as a share of a road user's half width."""
 _BEAM_FOOT, _BEAM_SPREAD = 1.3, 0.2
 """Half width of the light at the nose, and what it gains each metre."""
 _NARROW = 0.7
@@ -146,7 +148,7 @@ def _throw(users, k, profiles, sun, view, plane, prisms, corners):
 def _fill(lit, shadows, prisms, corners, plane, view, seen, bounds, target):
     """Darken or light what lies on the plane within the hull of eight corners."""
     half_length, half_width = 0.5 * plane[6, 0], 0.5 * plane[6, 1]
-    sharp = 1.0 / (0.3 * min(half_width, 1.0) + 0.12)
+    sharp = 1.0 / (_CONTACT_REACH * min(half_width, 1.0) + 0.12)
     top, bottom = _bound(corners, plane, view, seen, bounds)
     for row in range(top, bottom):
         first = int(max(0.0, min(float(view.width), bounds[row, 0])))
@@ -168,8 +170,8 @@ def _fill(lit, shadows, prisms, corners, plane, view, seen, bounds, target):
             else:
                 for prism in range(shadows):
                     shade = max(shade, _inside(prisms[prism], ahead, left))
-                contact = _ramp((half_length - 0.1 - abs(ahead + half_length)) * sharp)
-                contact *= _ramp((half_width - 0.05 - abs(left)) * sharp)
+                contact = _ramp((half_length - abs(ahead + half_length)) * sharp)
+                contact *= _ramp((half_width - abs(left)) * sharp)
             target.tags[row, column] = _joined(tag, shade, contact, light)
 
 
