@@ -64,7 +64,7 @@ def open_cluster(address: str, slots: int, modules: Sequence[Path] = ()) -> Iter
     try:
         ray.init(
             address,
-            runtime_env={"py_modules": [str(folder) for folder in modules]},
+            runtime_env={"py_modules": [str(folder) for folder in modules]} if modules else None,
             log_to_driver=False,
             logging_level=logging.ERROR,
             **settings,

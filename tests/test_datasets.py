@@ -26,7 +26,6 @@ from dojo_env.datasets.workers import Worker
 from dojo_env.errors import ConfigError
 from dojo_env.rendering.masks import encode_masks
 from dojo_env.rendering.models import build_models
-from dojo_env.snapshot import Kind
 
 coco_masks = pytest.importorskip("pycocotools.mask")
 coco_files = pytest.importorskip("pycocotools.coco")
@@ -40,6 +39,7 @@ SETTINGS = DatasetSettings(
 SHORT = {
     "scenarios": ("cologne1",), "pictures": 9, "per_episode": 3, "split": (0.6, 0.4), "size": (96, 64),
     "cameras": ("bev",), "format": "mot", "conditions": ("day", "rain"), "seconds": 200, "smooth": False,
+    "imaging": ("traffic_camera",),
 }  # fmt: skip
 Pictures = tuple[PictureLabels, ...]
 
@@ -177,9 +177,10 @@ def test_boxes_hold_what_they_say(pictures: Pictures) -> None:
 
 def test_keypoints_are_where_wheels_and_lamps_are(pictures: Pictures, folder: Path) -> None:
     names = [
-        f"{kind.name} {k}"
-        for kind, models in zip(Kind, build_models(), strict=True)
-        for k in range(len(models))
+        f"{kind.name} {number} {pose}"
+        for kind, variants in build_models().items()
+        for number, variant in enumerate(variants)
+        for pose in range(len(variant.poses))
     ]
     points = dict(zip(names, model_points(), strict=True))
     for name, place in points.items():
@@ -423,6 +424,7 @@ WRONG = [
     (["--cameras", "missing.json"], "no such file"),
     (["--per-episode", "100"], "leave none to val"),
     (["--negatives", "0.1", "--format", "mot"], "negatives=0.1"),
+    (["--imaging", "eyes"], "imaging 'eyes'"),
     (["--quality", "0"], "quality=0"),
     (["--picture", "gif"], "picture='gif'"),
     (["--ray", "127.0.0.1:1"], "no Ray cluster answers"),

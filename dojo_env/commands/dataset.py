@@ -20,13 +20,22 @@ def add_dataset(commands: Commands) -> None:
     )
     make.add_argument("--format", metavar="NAME", help="coco (default), yolo, kitti, mot or cvat")
     make.add_argument(
-        "--cameras", nargs="+", metavar="WHICH", help="approach (default), bev, all, or files of cameras"
+        "--cameras",
+        nargs="+",
+        metavar="WHICH",
+        help="approach (default), bev, all, a preset such as usual, or files",
     )
     make.add_argument(
         "--conditions",
         nargs="+",
         metavar="WHICH",
         help="random (default), day, dusk, night, rain, fog, or such as hour=6..22,rain=0.4; one an episode",
+    )
+    make.add_argument(
+        "--imaging",
+        nargs="+",
+        metavar="WHICH",
+        help="how cameras work: ideal (default), traffic_camera, webcam and so on; one an episode",
     )
     make.add_argument(
         "--controllers", nargs="+", metavar="NAME", help="who sets the signals; each episode takes one"
@@ -68,7 +77,7 @@ def _dataset(options: argparse.Namespace) -> int:
     names = (
         *("scenarios", "pictures", "format", "cameras", "conditions", "controllers", "size", "split"),
         *("interval", "per_episode", "seconds", "seed", "least_pixels", "least_visible", "negatives"),
-        *("picture", "quality"),
+        *("picture", "quality", "imaging"),
     )
     given: dict[str, Any] = {name: getattr(options, name) for name in names}
     settings = {name: value for name, value in given.items() if value is not None}

@@ -5,12 +5,15 @@ from dataclasses import replace
 from pathlib import Path
 
 from dojo_env.camera import BEV, Camera, read_cameras
+from dojo_env.camera_presets import CAMERA_PRESETS, PAPER
 from dojo_env.errors import ConfigError
 from dojo_env.rendering.scene import Scene
 from dojo_env.sensors.placement import place_cameras
 
-NAMES = ("approach", "bev", "all")
-"""Names beside files: a camera per approach of every signal, one above each, and both."""
+ALL, APPROACH = "all", "approach"
+NAMES = (APPROACH, BEV, ALL, *CAMERA_PRESETS)
+"""Names beside files: a camera per approach of every signal, as the paper has them or as a preset hangs them;
+one above each signal; and the first and the second of these."""
 
 
 def choose_cameras(
@@ -55,9 +58,11 @@ def _choose(text: str, scene: Scene, signals: Sequence[str], size: tuple[int, in
     if text not in NAMES:
         return list(read_cameras(text))
     width, height = size
+    preset = text if text in CAMERA_PRESETS else PAPER
+    prefix = "" if preset == PAPER else f"{preset}_"
     return [
-        replace(camera, name=f"{signal}_{camera.name}")
+        replace(camera, name=f"{signal}_{prefix}{camera.name}")
         for signal in signals
-        for camera in place_cameras(scene, signal, width=width, height=height)
-        if text == "all" or (camera.name == BEV) == (text == BEV)
+        for camera in place_cameras(scene, signal, preset=preset, width=width, height=height)
+        if text == ALL or (camera.name == BEV) == (text == BEV)
     ]

@@ -18,8 +18,6 @@ from dojo_env.managers.base import Manager, Turn
 from dojo_env.simulation import Simulation
 from dojo_env.snapshot import Kind, Snapshot
 
-_BODY, _LEAST_HEIGHT = 1.5, 8.0
-"""Metres of a body's height, and the pixels from which on it counts as in view."""
 _MOVED = 0.5
 """Metres that somebody in view must have moved for another picture."""
 _WARM_UP = 120.0
@@ -50,6 +48,7 @@ class Sampling:
         begin: simulated seconds of the episode's begin.
         end: and of its end.
         count: pictures wanted.
+        least_pixels: of a road user that counts as in view.
         negatives: share of them with empty roads.
         is_sequential: every instant is taken, by every camera.
         seed: of what is random here, and of SUMO.
@@ -59,6 +58,7 @@ class Sampling:
     begin: float
     end: float
     count: int
+    least_pixels: int
     negatives: float
     is_sequential: bool
     seed: int
@@ -146,7 +146,7 @@ class _Sampler(Manager):
 
     def _is_new(self, k: int, camera: Camera, snapshot: Snapshot) -> bool:
         """Tell whether somebody is in view, and anything has changed there since the last picture."""
-        rows = np.flatnonzero(_in_view(camera, snapshot))
+        rows = np.flatnonzero(_in_view(camera, snapshot, self._sampling.least_pixels))
         places = {int(snapshot.numbers[row]): tuple(snapshot.positions[row].tolist()) for row in rows}
         last = self._last.get(k)
         if not places or (last is not None and not _has_moved(last, places)):
@@ -155,11 +155,11 @@ class _Sampler(Manager):
         return True
 
 
-def _in_view(camera: Camera, snapshot: Snapshot) -> NDArray[np.bool_]:
-    """Tell of whom a camera sees enough, were nothing in between: (n,)."""
-    middles = snapshot.positions + np.array([0.0, 0.0, _BODY / 2])
-    pixels, away = camera.project(middles)
-    farthest = min(camera.far, camera.focal_length * _BODY / _LEAST_HEIGHT)
+def _in_view(camera: Camera, snapshot: Snapshot, least_pixels: int) -> NDArray[np.bool_]:
+    """Tell of whom a camera would see enough, were nothing in between: (n,), from their largest side."""
+    pixels, away = camera.project(snapshot.positions + snapshot.sizes * np.array([0.0, 0.0, 0.5]))
+    largest = np.sqrt(snapshot.sizes[:, 0] * snapshot.sizes[:, 1:].max(axis=1))
+    farthest = np.minimum(camera.far, camera.focal_length * largest / np.sqrt(least_pixels))
     with np.errstate(invalid="ignore"):
         inside = ((pixels >= 0) & (pixels < [camera.width, camera.height])).all(axis=1)
     return inside & (away > camera.near) & (away < farthest)

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from dojo_env.camera import Camera
 from dojo_env.conditions import Conditions
+from dojo_env.imaging import Imaging
 from dojo_env.snapshot import Kind, Lights
 
 Box = tuple[float, float, float, float]
@@ -195,6 +196,7 @@ class PictureLabels:
         time: simulated seconds.
         camera: as it hung, shaken mount and all.
         conditions: light, weather and lens.
+        imaging: how the camera works.
         signals: the letters that each signal shows, by its id.
         is_empty: all road users were taken out of it.
         objects: the road users in it.
@@ -213,6 +215,7 @@ class PictureLabels:
     time: float
     camera: Camera
     conditions: Conditions
+    imaging: Imaging
     signals: Mapping[str, str]
     is_empty: bool
     objects: tuple[ObjectLabel, ...]
@@ -241,6 +244,7 @@ class PictureLabels:
                 "t": _rounded(-camera.axes @ camera.position, 9),
             },
             "conditions": asdict(self.conditions),
+            "imaging": asdict(self.imaging),
             "signals": dict(self.signals),
             "empty": self.is_empty,
             "objects": [each.describe() for each in self.objects],

@@ -124,7 +124,8 @@ def take_pictures(settings: DatasetSettings, job: Job, tree: Path) -> Iterator[P
     controller = settings.controllers[int(random.integers(len(settings.controllers)))]
     conditions = draw_conditions(settings.conditions, int(random.integers(2**31)))
     stage = open_stage(settings, job.scenario)
-    stage.eyes.config = SensingConfig(conditions=conditions, smooth=settings.smooth)
+    imaging = settings.imaging[int(random.integers(len(settings.imaging)))]
+    stage.eyes.config = SensingConfig(conditions=conditions, imaging=imaging, smooth=settings.smooth)
     stage.eyes.reset(int(random.integers(2**31)))
     shooting = _Shooting(settings, job, tree, stage, controller)
     for run in range(_MOST_RUNS):
@@ -152,6 +153,7 @@ def _plan_sampling(settings: DatasetSettings, stage: Stage, seed: int, count: in
         begin=sumo.begin,
         end=sumo.end,
         count=count,
+        least_pixels=settings.least_pixels,
         negatives=settings.negatives or 0.0,
         is_sequential=FORMATS[settings.format].is_sequential,
         seed=seed,
@@ -234,6 +236,7 @@ class _Shooting:
             time=snapshot.time,
             camera=picture.camera,
             conditions=self._stage.eyes.conditions,
+            imaging=self._stage.eyes.imaging,
             signals=dict(snapshot.signals),
             is_empty=is_empty,
             objects=instant.label(picture, self._tracks, self._thresholds),

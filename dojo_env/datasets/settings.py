@@ -12,6 +12,7 @@ from dojo_env.controllers import CONTROLLERS
 from dojo_env.datasets.formats import FORMATS
 from dojo_env.datasets.weather import read_ranges
 from dojo_env.errors import ConfigError
+from dojo_env.imaging import read_imaging
 
 SPLITS = ("train", "val", "test")
 _MOST_PICTURES = 100_000_000
@@ -32,6 +33,7 @@ class DatasetSettings:
         format: of `formats.FORMATS`.
         cameras: see `cameras.choose_cameras`.
         conditions: one is drawn for each episode; see `weather.read_ranges`.
+        imaging: how cameras work; one is drawn for each episode; see `imaging.read_imaging`.
         controllers: one is drawn for each episode, so that queues differ.
         size: width and height, pixels.
         split: shares of train, val and test. Whole episodes are divided, so no sequence is in two of them.
@@ -53,6 +55,7 @@ class DatasetSettings:
     format: str = "coco"
     cameras: tuple[str, ...] = ("approach",)
     conditions: tuple[str, ...] = ("random",)
+    imaging: tuple[str, ...] = ("ideal",)
     controllers: tuple[str, ...] = ("fixed-time", "actuated", "max-pressure", "cycle", "random")
     size: tuple[int, int] = (640, 448)
     split: tuple[float, ...] = (0.8, 0.1, 0.1)
@@ -74,7 +77,7 @@ class DatasetSettings:
         Raises:
             ConfigError: a value cannot work.
         """
-        for name in ("scenarios", "cameras", "conditions", "controllers", "size", "split"):
+        for name in ("scenarios", "cameras", "conditions", "imaging", "controllers", "size", "split"):
             value = getattr(self, name)
             object.__setattr__(self, name, (value,) if isinstance(value, str) else tuple(value))
         _refuse_unless(self.format in FORMATS, "format", self.format, f"one of {', '.join(FORMATS)}")
@@ -91,6 +94,8 @@ class DatasetSettings:
         self._check()
         for text in self.conditions:
             read_ranges(text)
+        for text in self.imaging:
+            read_imaging(text)
 
     def _check(self) -> None:
         width, height = self.size if len(self.size) == 2 else (0, 0)
@@ -101,6 +106,7 @@ class DatasetSettings:
             ("pictures", 1 <= self.pictures <= _MOST_PICTURES, f"1 to {_MOST_PICTURES:,}"),
             ("cameras", bool(self.cameras), "at least one"),
             ("conditions", bool(self.conditions), "at least one"),
+            ("imaging", bool(self.imaging), "at least one"),
             ("controllers", bool(self.controllers) and set(self.controllers) <= set(CONTROLLERS), known),
             ("size", all(16 <= side <= LARGEST_SIDE for side in (width, height)), sides),
             ("split", _are_shares(self.split), "up to three shares that add up to 1, such as 0.8,0.1,0.1"),
