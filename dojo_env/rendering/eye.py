@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dojo_env.camera import Camera
-from dojo_env.rendering.background import SAMPLES, Background, draw_background
+from dojo_env.rendering.background import Background, draw_background
 from dojo_env.rendering.canvas import Canvas
 from dojo_env.rendering.lighting import Light
 from dojo_env.rendering.scene import Scene
@@ -46,13 +46,12 @@ class Eye:
         )
 
 
-def open_eye(scene: Scene, camera: Camera, light: Light, factor: int, *, plain: bool) -> Eye:
+def open_eye(scene: Scene, camera: Camera, light: Light, factor: int, *, samples: int, plain: bool) -> Eye:
     """Draw a camera's background, `factor` pixels wide and high for each of its own.
 
-    What moves is drawn more cheaply where the look is `plain`.
+    Each of these has `samples` across and down. What moves is drawn more cheaply where the look is `plain`.
     """
     view = view_of(camera, scene.origin).scaled(factor)
-    samples = SAMPLES // factor
     if not camera.distortion:
         background = draw_background(scene, view, light, samples)
         return Eye(

@@ -95,8 +95,10 @@ class Renderer:
         key = (camera, factor)
         eye = self._eyes.get(key)
         if eye is None:
+            # Where pictures are smooth, their samples are pixels, and others show no colours.
+            samples = 1 if self.smooth else SAMPLES
             eye = self._eyes[key] = open_eye(
-                self.scene, camera, self._light, factor, plain=self.look == "plain"
+                self.scene, camera, self._light, factor, samples=samples, plain=self.look == "plain"
             )
         states = tuple(snapshot.signals.items())
         paths = self._faces.paths(states) if self.show_links else NO_PATHS
