@@ -172,7 +172,7 @@ class LocalWorld(World):
         self.reset(seed)
         infos: list[dict[str, Any]] = []
         while not self._ended:
-            infos.append(self.step(controller.act(self._perceive()))[3])
+            infos.append(self.step(controller.act(self.perceive()))[3])
         return infos, self.metrics()
 
     def watch(self, on_second: Callable[[Snapshot], None]) -> None:
@@ -240,7 +240,7 @@ class LocalWorld(World):
             self._instant = None
             raise simulation.fail(error) from error
 
-    def _perceive(self) -> Instant:
+    def perceive(self) -> Instant:
         """Give the present decision as controllers may see it."""
         return self.observer.perceive(self.instant) if isinstance(self.observer, Perceiver) else self.instant
 

@@ -33,6 +33,11 @@ def add_run(commands: Commands) -> None:
     run.add_argument("--yellow", type=read_yellow, default=2, metavar="S", help='seconds, or "speed"')
     run.add_argument("--all-red", type=int, default=0, metavar="S", help="seconds between yellow and green")
     run.add_argument("--signals", nargs="+", metavar="ID", help="the signals to control (default: all)")
+    run.add_argument(
+        "--detector",
+        metavar="FILE",
+        help="act on what this detector (.onnx, or .json) finds in pictures of the approaches",
+    )
     run.add_argument("--json", type=Path, metavar="FILE", help="also write every episode's figures")
     run.add_argument("--csv", metavar="STEM", help="also write a CSV and a JSON file per episode")
     run.add_argument("--record", metavar="STEM", help="also record each episode's snapshots")
@@ -78,6 +83,7 @@ def _run(options: argparse.Namespace) -> int:
         record_name=options.record,
         video=options.video,
         sumo_outputs=options.sumo_outputs,
+        **_read_detector(options.detector),
     )
     summary = summarize(figures)
     print(f"{'figure':24}{'mean':>12} {'± deviation':12}{'median':>12}")
@@ -106,3 +112,12 @@ def _run(options: argparse.Namespace) -> int:
         found = ", ".join(f"{count} {rule}" for rule, count in violations.most_common())
         print(f"dojo-env: warning: {options.scenario}: signals were unsafe: {found}", file=sys.stderr)
     return 0
+
+
+def _read_detector(file: str | None) -> dict[str, Any]:
+    """Turn `--detector` into settings of an environment."""
+    if file is None:
+        return {}
+    from dojo_env.sensors.video_detector import PICTURE, VideoDetector
+
+    return {"observation": VideoDetector(model=file), "width": PICTURE[0], "height": PICTURE[1]}

@@ -20,6 +20,8 @@ from dojo_env.sensors.base import SENSORS, Look, Sensor, Site
 
 TRUE_BOXES = "boxes"
 """In place of a model: the true boxes of what is well in view, the best that any detector could tell."""
+PICTURE = (1280, 896)
+"""Width and height that traffic cameras have and detectors need, pixels; agents' pictures are smaller."""
 _LEAST_VISIBLE, _LEAST_HEIGHT = 0.25, 14
 """Visible share, and pixels of height, from which on the true boxes are told."""
 
