@@ -258,7 +258,7 @@ def test_broken_points_are_told_by_line(bundle, tmp_path, text, message):
      (lambda p: [replace(p, pixels=p.pixels * 0 + [100, 100])], "different pixels"),
      (lambda p: [replace(p, pixels=p.pixels * [0.01, 0.01] + 300)], "near one place"),
      (lambda p: [replace(p, places=p.places * [1, 0, 0])], "places lie on one line"),
-     (lambda p: [replace(p, pixels=p.pixels + [2000, 0])], "outside the picture of 960 x 672")],
+     (lambda p: [replace(p, pixels=p.pixels + np.array([2000, 0]))], "outside the picture of 960 x 672")],
 )  # fmt: skip
 def test_points_that_determine_no_camera_are_refused(bundle, change, message):
     (points,) = change(points_of(bundle, STREET, 6))
