@@ -4,6 +4,7 @@ import json
 import threading
 from functools import partial
 from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
+from itertools import pairwise
 
 import cv2
 import numpy as np
@@ -203,7 +204,7 @@ def test_what_is_shown_goes_through_yellow_and_never_lets_foes_go(bundle):
         (advice,) = advisor.advise(measured_at(float(second), dict.fromkeys(plan.lanes, 1)))
         states.append(advice.state)
     assert len(set(states)) > 4
-    for before, now in zip(states, states[1:], strict=False):
+    for before, now in pairwise(states):
         green = [k for k, letter in enumerate(now) if letter == "G"]
         assert not plan.conflicts.foes[np.ix_(green, green)].any()
         assert not any(a in "Gg" and b == "r" for a, b in zip(before, now, strict=True))
