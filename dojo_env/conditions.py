@@ -11,6 +11,9 @@ import numpy as np
 
 from dojo_env.ranges import check_limits, draw_values, read_values
 
+LOOKS = ("street", "plain")
+"""How what moves is drawn: as well as we can, or in fewer faces that mirror nothing, for speed."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Conditions:

@@ -10,7 +10,7 @@ from typing import Any
 
 from dojo_env.camera import Camera
 from dojo_env.camera_presets import find_preset
-from dojo_env.conditions import Conditions, sample_conditions
+from dojo_env.conditions import LOOKS, Conditions, sample_conditions
 from dojo_env.errors import ConfigError
 from dojo_env.imaging import Imaging, settle_imaging
 from dojo_env.scenario import Scenario, find_scenario, with_files
@@ -183,6 +183,7 @@ class SensingConfig:
         renderer: `raster`, or `bullet` for pybullet's.
         smooth: anti-alias what moves, too.
         show_links: draw each link's path in the colour it shows.
+        look: `street`, or `plain` to draw road users faster and more simply.
     """
 
     conditions: Conditions | Mapping[str, tuple[float, float]] = field(default_factory=Conditions)
@@ -193,10 +194,12 @@ class SensingConfig:
     renderer: str = "raster"
     smooth: bool = False
     show_links: bool = False
+    look: str = "street"
 
     def __post_init__(self) -> None:
         """Refuse what cannot be."""
         _refuse_other("renderer", self.renderer, ("raster", "bullet"))
+        _refuse_other("look", self.look, LOOKS)
         if isinstance(self.conditions, Mapping):
             sample_conditions(self.conditions, seed=0)
         elif not isinstance(self.conditions, Conditions):

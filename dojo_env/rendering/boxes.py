@@ -30,7 +30,7 @@ class Boxes:
         visible: (k,) visible share of the pixels that would show if nothing stood in front; the part outside
             of the picture does not count.
         corners: (k, 8, 3) of the box in the world, metres, map frame: nose before tail, right before left,
-            bottom before top. Mirrors stand out of it.
+            bottom before top. Mirrors, feet and umbrellas stand out of it.
         projected: (k, 8, 2) the same corners in the picture, pixels; nan behind the camera.
     """
 
@@ -86,8 +86,8 @@ def measure_boxes(
     pixels, spans = _measure(target.tags, target.owners, len(snapshot.ids))
     shown = np.flatnonzero(pixels).astype(np.int32)
     alone = count_alone(shown)
-    shift = snapshot.positions[shown] - users.places[shown]
-    corners = np.einsum("kij,cj->kci", users.frames[shown], _CORNERS) + (users.places[shown] + shift)[:, None]
+    places = users.places[shown] + users.origin
+    corners = np.einsum("kij,cj->kci", users.frames[shown], _CORNERS) + places[:, None]
     projected, _ = camera.project(corners.reshape(-1, 3))
     return Boxes(
         ids=tuple(snapshot.ids[k] for k in shown),

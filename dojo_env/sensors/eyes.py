@@ -107,6 +107,7 @@ class Eyes:
                 conditions=self.conditions,
                 smooth=self.config.smooth,
                 show_links=self.config.show_links,
+                look=self.config.look,
             )
         return self._renderer
 
