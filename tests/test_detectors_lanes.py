@@ -95,9 +95,9 @@ def test_a_camera_that_sees_no_lane_measures_none(scene):
 
 @pytest.fixture(scope="module")
 def watched():
-    """A hundred seconds of rush hour, seen each second by perfect boxes: what was measured, and the truth."""
+    """A minute of rush hour, seen every second by perfect boxes: what was measured, and what was true."""
     world = LocalWorld(
-        build_config(scenario="cologne1", begin_time=25_600, num_seconds=100, width=1280, height=896)
+        build_config(scenario="cologne1", begin_time=25_600, num_seconds=80, width=1280, height=896)
     )
     (signal,) = world.signals
     cameras = [replace(c, pitch_deg=-20.0) for c in world.eyes.cameras(signal) if c.name != BEV]
@@ -153,7 +153,7 @@ def test_speeds_are_the_true_ones(watched):
 
 def test_a_vehicle_is_one_track(watched):
     _, tracks = watched
-    assert len(tracks) > 15
+    assert len(tracks) > 12
     assert np.mean([len(names) == 1 for names in tracks.values()]) > 0.9
     vehicles = set().union(*tracks.values())
     assert len(tracks) < 1.2 * len(vehicles)
