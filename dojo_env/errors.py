@@ -25,6 +25,10 @@ class EncoderError(SourceError, ConfigError):
     """An encoder's file is missing, unreadable, or no network that encodes pictures."""
 
 
+class DatasetError(SourceError, ConfigError):
+    """A file of a data set is missing, unreadable, or not what it should be."""
+
+
 class DetectorError(SourceError, ConfigError):
     """A detector's file is missing, unreadable, or no network that finds road users."""
 

@@ -94,7 +94,17 @@ def _add_bundle_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--no-generated",
         action="store_true",
-        help="add no sidewalks and crossings that the network does not have",
+        help="add no sidewalks, crossings and surroundings that the source does not tell of",
+    )
+    parser.add_argument(
+        "--no-surroundings",
+        action="store_true",
+        help="add no houses, trees and street lamps that the source does not tell of",
+    )
+    parser.add_argument(
+        "--far-side-signals",
+        action=argparse.BooleanOptionalAction,
+        help="signal heads across the junction, too (default: where OpenStreetMap data's country has them)",
     )
     parser.add_argument(
         "--export", nargs="+", action="extend", default=[], choices=EXPORT_NAMES, help="also write"
@@ -123,9 +133,11 @@ def _convert(options: argparse.Namespace) -> int:
 
     wanted = ConvertOptions(
         generated=not options.no_generated,
+        surroundings=not options.no_surroundings,
         enrich_net=options.enrich_net,
         exports=tuple(dict.fromkeys(options.export)),
         jobs=options.jobs,
+        far_side_signals=options.far_side_signals,
         demand=getattr(options, "demand", 0.0),
     )
     written, report = convert(options.source, options.output, wanted, on_stage=Progress(quiet=options.quiet))

@@ -5,6 +5,7 @@ the network's own coordinates: metres, x east, y north, z up. A ring closes impl
 joins its first. Letters for directions, link states and phases are SUMO's own.
 """
 
+import re
 from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import Any
@@ -269,11 +270,15 @@ LAMP_AHEAD = 0.12
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class SignalHead:
-    """A signal face: where it hangs and the heading it shines to (radians, counter-clockwise from east)."""
+    """A signal face: where it hangs and the heading it shines to (radians, counter-clockwise from east).
+
+    A head on the far side hangs across the junction from the traffic that it is for.
+    """
 
     link_indices: tuple[int, ...]
     position: tuple[float, float, float]
     heading: float
+    far_side: bool = False
 
     def lamps(self, count: int) -> Points:
         """Place the centres of `count` lamps, red on top: (count, 3)."""
@@ -312,6 +317,24 @@ class Prop:
     position: tuple[float, float, float] | None = None
     tags: tuple[tuple[str, str], ...] = ()
     holes: tuple[Points, ...] = ()
+
+
+STREET_LAMP_REACH = 1.4
+"""Metres from a street lamp's post to the lamp, along the heading in its tags."""
+
+
+def heading_of(prop: Prop) -> float:
+    """Tell which way a prop faces by its tag, radians counter-clockwise from east; 0 where it has none."""
+    found = re.fullmatch(r"-?\d{1,4}(\.\d{1,17})?", dict(prop.tags).get("heading", ""), re.ASCII)
+    return float(found[0]) if found else 0.0
+
+
+def hung_lamp(post: Prop) -> Points:
+    """Tell where the light of a prop of kind `lamp` is: (3,) metres, at the end of its arm."""
+    heading = heading_of(post)
+    arm = STREET_LAMP_REACH * np.array([np.cos(heading), np.sin(heading), 0.0])
+    hung: Points = np.array(post.position) + arm + [0.0, 0.0, post.height]
+    return hung
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -45,6 +45,8 @@ def draw(
     described: RoadMap,
     *,
     generated: bool = True,
+    surroundings: bool = True,
+    far_side_signals: bool = False,
     jobs: int = 1,
     on_stage: Callable[[str], None] = lambda _stage: None,
 ) -> tuple[RoadMap, tuple[Mesh, ...], tuple[Issue, ...]]:
@@ -52,7 +54,9 @@ def draw(
 
     Args:
         described: as a source describes it.
-        generated: add sidewalks and crossings to look at where the network has none.
+        generated: add what the source does not tell of to look at: sidewalks, crossings, surroundings.
+        surroundings: whether houses, trees and street lamps are among it.
+        far_side_signals: give traffic signal heads across the junction, too.
         jobs: threads for cutting triangles; the result is the same for any number.
         on_stage: told what begins.
 
@@ -64,7 +68,18 @@ def draw(
     """
 
     def attempt(road_map: RoadMap) -> Drawn:
-        return _draw_whole(road_map, generated, jobs, on_stage)
+        on_stage("Joining surfaces")
+        pieces = build_pieces(road_map)
+        paved = paved_ground(pieces)
+        on_stage("Furnishing the street")
+        furnished = furnish(
+            road_map,
+            paved,
+            generated=generated,
+            surroundings=surroundings,
+            far_side_signals=far_side_signals,
+        )
+        return furnished, build_scene(furnished, pieces, paved, jobs=jobs, on_stage=on_stage)
 
     left_out: list[_Thing] = []
     reason: Exception | None = None
@@ -86,15 +101,6 @@ def draw(
                 )
             return road_map, meshes, tuple(_issue(thing, reason) for thing in left_out)
     raise GeometryError(f"{described.name}: its shapes cannot be cut along each other: {reason}") from reason
-
-
-def _draw_whole(described: RoadMap, generated: bool, jobs: int, on_stage: Callable[[str], None]) -> Drawn:
-    on_stage("Joining surfaces")
-    pieces = build_pieces(described)
-    paved = paved_ground(pieces)
-    on_stage("Furnishing the street")
-    road_map = furnish(described, paved, generated=generated)
-    return road_map, build_scene(road_map, pieces, paved, jobs=jobs, on_stage=on_stage)
 
 
 def _things(road_map: RoadMap) -> list[_Thing]:

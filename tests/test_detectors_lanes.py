@@ -99,7 +99,7 @@ def list_true_boxes_of_nobody():
 
 @pytest.fixture(scope="module")
 def watched():
-    """Two minutes of rush hour, seen every second by perfect boxes: what was measured beside what was true."""
+    """Two minutes of rush hour, seen every second by perfect boxes: what was measured, and what was true."""
     world = LocalWorld(build_config(scenario="cologne1", begin_time=25_600, num_seconds=120, **SIZE))
     (signal,) = world.signals
     cameras = [replace(c, pitch_deg=-25.0) for c in world.eyes.cameras(signal) if c.name != BEV]
@@ -167,12 +167,11 @@ def drive():
 
     def run(seconds=60, **settings):
         seen = VideoDetector(model="boxes", **settings)
-        world = LocalWorld(
+        return LocalWorld(
             build_config(
                 scenario="cologne1", begin_time=25_600, num_seconds=seconds, observation=seen, **SIZE
             )
         )
-        return world
 
     return run
 

@@ -49,8 +49,8 @@ class Surface(IntEnum):
 
 LAYERS = {
     "terrain": (Semantic.TERRAIN, Surface.GRASS, (104, 128, 78)),
-    "road": (Semantic.ROAD, Surface.ASPHALT, (76, 76, 75)),
-    "junction": (Semantic.ROAD, Surface.ASPHALT, (78, 78, 77)),
+    "road": (Semantic.ROAD, Surface.ASPHALT, (92, 91, 89)),
+    "junction": (Semantic.ROAD, Surface.ASPHALT, (90, 89, 87)),
     "rail": (Semantic.RAIL, Surface.BALLAST, (112, 101, 90)),
     "sidewalk": (Semantic.SIDEWALK, Surface.PAVING, (168, 164, 156)),
     "walking_area": (Semantic.SIDEWALK, Surface.PAVING, (172, 167, 158)),
@@ -61,7 +61,12 @@ LAYERS = {
     "arrow": (Semantic.MARKING, Surface.PAINT, (234, 234, 228)),
     "signal": (Semantic.SIGNAL, Surface.METAL, (52, 56, 60)),
     "building": (Semantic.BUILDING, Surface.FACADE, (196, 182, 164)),
+    "building/lamp": (Semantic.BUILDING, Surface.METAL, (112, 116, 120)),
+    "building/sign": (Semantic.BUILDING, Surface.METAL, (140, 142, 144)),
+    "building/sign/rim": (Semantic.BUILDING, Surface.PLAIN, (196, 40, 36)),
+    "building/sign/face": (Semantic.BUILDING, Surface.PLAIN, (240, 240, 238)),
     "tree": (Semantic.TREE, Surface.FOLIAGE, (66, 104, 52)),
+    "tree/hedge": (Semantic.TREE, Surface.FOLIAGE, (58, 94, 46)),
     "tree/trunk": (Semantic.TREE, Surface.PLAIN, (92, 74, 58)),
     "terrain/green": (Semantic.TERRAIN, Surface.GRASS, (92, 122, 66)),
     "terrain/water": (Semantic.WATER, Surface.WATER, (70, 100, 120)),
@@ -83,6 +88,8 @@ SEMANTIC_OF_KIND = np.array(
             Kind.SCOOTER: Semantic.MOTORCYCLE,
             Kind.BICYCLE: Semantic.BICYCLE,
             Kind.PEDESTRIAN: Semantic.PEDESTRIAN,
+            Kind.WHEELCHAIR: Semantic.PEDESTRIAN,
+            Kind.PRAM: Semantic.PEDESTRIAN,
             Kind.SHIP: Semantic.SHIP,
         }.get(kind, Semantic.CAR)
         for kind in Kind

@@ -1,0 +1,34 @@
+"""The town around the streets of a map, generated from the map alone: houses, lamps, signs, trees, hedges."""
+
+from dataclasses import replace
+
+from dojo_maps.description import RoadMap
+from dojo_maps.enrichment.houses import generate_forecourts, generate_houses
+from dojo_maps.enrichment.roadside import Roadside
+from dojo_maps.enrichment.surroundings import prop_shapes
+from dojo_maps.enrichment.vicinity import look_around
+
+_TELLS_ITSELF = ("osm",)
+"""Kinds of sources that say what stands around a street, but for its lamps."""
+
+
+def build_town(road_map: RoadMap) -> RoadMap:
+    """Build a town around the signals of a furnished map, or only lamps where its source tells of houses."""
+    near = look_around(road_map)
+    if near is None:
+        return road_map
+    is_told = road_map.source.kind in _TELLS_ITSELF
+    houses = () if is_told else generate_houses(near)
+    known = tuple(prop for prop in road_map.props if prop.kind == "building")
+    roadside = Roadside(near, prop_shapes(known + houses))
+    props = houses + roadside.put_lamps()
+    if is_told:
+        return replace(road_map, props=road_map.props + props)
+    rows = prop_shapes(tuple(house for house in houses if ("building", "apartments") in house.tags))
+    gardens = prop_shapes(tuple(house for house in houses if ("building", "house") in house.tags))
+    props += roadside.put_signs() + roadside.plant_trees() + roadside.plant_hedges(gardens)
+    return replace(
+        road_map,
+        sidewalks=road_map.sidewalks + generate_forecourts(near, rows),
+        props=road_map.props + props,
+    )
