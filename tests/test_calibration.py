@@ -134,13 +134,16 @@ def test_bent_lenses_are_found(bundle):
 
 
 def test_a_wrong_point_is_named(bundle):
-    points = points_of(bundle, STREET, 9, noise=1.0)
+    points = points_of(bundle, STREET, 11, noise=1.0)
     points.pixels[4] += [60, -25]
-    found = calibrate(points, STREET, Known(noise=1.0))
+    found = calibrate(points, STREET, Known(noise=1.0, bends=0))
     ((label, off),) = found.wrong
     assert label == points.labels[4]
     assert off == pytest.approx(65, abs=15)
     assert label not in found.points.labels
+    points.pixels[7] += [-50, 40]
+    two = calibrate(points, STREET, Known(noise=1.0, bends=0)).wrong
+    assert {label for label, _ in two} == {points.labels[4], points.labels[7]}
     six = points_of(bundle, STREET, 6, noise=1.0)
     six.pixels[2] += [90, 60]
     with pytest.raises(CalibrationError, match=r"off by \d+ px, if the others are right"):

@@ -11,7 +11,7 @@ from dojo_env.camera import BEV, Camera
 from dojo_env.cli import main
 from dojo_env.config import build_config
 from dojo_env.controllers import make_controller
-from dojo_env.detectors.base import Detections
+from dojo_env.detectors.base import NOTHING, Detections
 from dojo_env.detectors.grounding import Grounding, build_grid
 from dojo_env.detectors.measuring import LaneWatch
 from dojo_env.errors import ConfigError
@@ -66,7 +66,7 @@ def test_vehicles_are_placed_on_their_lanes(change, kinds, scene, cameras):
             off.append(np.linalg.norm(front - snapshot.positions[true]))
             heading = snapshot.headings[true]
             turned += grid.headings[row] @ [np.cos(heading), np.sin(heading)] < 0.9
-    assert len(off) > 20
+    assert len(off) > 15
     assert missing <= 0.05 * len(off)
     assert turned <= 0.05 * len(off)
     assert np.median(off) < 0.5
@@ -88,21 +88,19 @@ def test_a_camera_that_sees_no_lane_measures_none(scene):
     away = Camera(name="away", position=(0.0, 0.0, 5000.0), pitch_deg=80.0)
     watch = LaneWatch([away], scene.road_map, ["23429231#1_0"])
     assert watch.regions == (None,)
-    measured = watch.update(0.0, [list_true_boxes_of_nobody()])
+    measured = watch.update(0.0, [NOTHING])
     assert measured.vehicles.tolist() == [0.0]
     assert np.isnan(measured.mean_speed).all()
 
 
-def list_true_boxes_of_nobody():
-    return Detections(boxes=np.empty((0, 4)), scores=np.empty(0), kinds=np.empty(0, np.uint8))
-
-
 @pytest.fixture(scope="module")
 def watched():
-    """Two minutes of rush hour, seen every second by perfect boxes: what was measured, and what was true."""
-    world = LocalWorld(build_config(scenario="cologne1", begin_time=25_600, num_seconds=120, **SIZE))
+    """A minute of rush hour, seen every second by perfect boxes: what was measured, and what was true."""
+    world = LocalWorld(
+        build_config(scenario="cologne1", begin_time=25_600, num_seconds=80, width=1280, height=896)
+    )
     (signal,) = world.signals
-    cameras = [replace(c, pitch_deg=-25.0) for c in world.eyes.cameras(signal) if c.name != BEV]
+    cameras = [replace(c, pitch_deg=-20.0) for c in world.eyes.cameras(signal) if c.name != BEV]
     lanes = world.map.plans[signal].lanes[2:]  # The first two are longer than anybody can see.
     watch = LaneWatch(cameras, world.map.bundle.road_map, lanes)
     rows, tracks = [], {}
@@ -155,7 +153,7 @@ def test_speeds_are_the_true_ones(watched):
 
 def test_a_vehicle_is_one_track(watched):
     _, tracks = watched
-    assert len(tracks) > 15
+    assert len(tracks) > 12
     assert np.mean([len(names) == 1 for names in tracks.values()]) > 0.9
     vehicles = set().union(*tracks.values())
     assert len(tracks) < 1.2 * len(vehicles)
@@ -193,9 +191,7 @@ def test_the_observation_is_the_features_as_far_as_cameras_see(drive):
     assert np.mean(off) < 0.03
 
 
-@pytest.mark.parametrize(
-    "name", ["max-pressure", "max-pressure-paper", "queue-pressure", "sotl-paper", "webster"]
-)
+@pytest.mark.parametrize("name", ["max-pressure", "max-pressure-paper", "webster"])
 def test_controllers_act_on_what_is_measured(name, drive):
     world = drive(seconds=30)
     (signal,) = world.signals
@@ -217,12 +213,11 @@ def test_controllers_act_on_what_is_measured(name, drive):
 
 
 def test_the_same_seed_gives_the_same_episode():
-    settings = {"scenario": "cologne1", "begin_time": 25_600, "num_seconds": 60, **SIZE}
-    runs = [
-        run_controller("max-pressure", [3], observation=VideoDetector(model="boxes"), **settings)
-        for _ in range(2)
-    ]
-    assert runs[0] == runs[1]
+    settings = {"scenario": "cologne1", "begin_time": 25_600, "num_seconds": 40, **SIZE}
+    first, again = run_controller(
+        "max-pressure", [3, 3], observation=VideoDetector(model="boxes"), **settings
+    )
+    assert first == again
 
 
 def test_run_takes_a_detector_file(tmp_path, capsys):

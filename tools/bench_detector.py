@@ -7,7 +7,7 @@ Counts are those of single looks, per lane, beside the true ones and those that 
 
 With --control, MaxPressure also runs from the truth, from perfect boxes and from the detector, for so long.
 
-    python tools/bench_detector.py nanodet.onnx centernet.onnx --views 3m 6m --conditions day rain -n 8
+    python tools/bench_detector.py nanodet.onnx centernet.onnx --views mast_arm 3,-6 --conditions day rain
 """
 
 import argparse
@@ -15,13 +15,13 @@ import time
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from math import cos, radians, sin
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from dojo_env.camera import BEV, Camera
+from dojo_env.camera import BEV
+from dojo_env.camera_presets import CAMERA_PRESETS, PAPER
 from dojo_env.conditions import read_conditions
 from dojo_env.config import build_config
 from dojo_env.controllers import make_controller
@@ -30,21 +30,16 @@ from dojo_env.detectors.measuring import LaneWatch
 from dojo_env.detectors.suppression import measure_overlaps
 from dojo_env.errors import ConfigError
 from dojo_env.local_world import LocalWorld
-from dojo_env.sensors.placement import MOUNT_HEIGHT
 from dojo_env.sensors.video_detector import PICTURE, TRUE_BOXES, VideoDetector, list_true_boxes
 from dojo_env.snapshot import Kind, Snapshot
 from dojo_maps.whole_file import write_json
 
-VIEWS = {
-    "paper": (10.0, -35.0, 0.0, 75.0),
-    "usual": (8.0, -15.0, 12.0, 60.0),
-    "6m": (6.0, -15.0, 0.0, 75.0),
-    "3m": (3.0, -6.0, 0.0, 75.0),
-}
-"""Metres above the ground, degrees above the horizon, metres further back than usual, degrees of view."""
+VIEWS = (PAPER, "usual", "6,-15", "3,-6")
+"""Names of `CAMERA_PRESETS`, or metres above the ground and degrees above the horizon."""
 BINS = ((24, 48), (48, 96), (96, 10_000))
 """Pixels of height."""
 LEAST_VISIBLE, LEAST_OVERLAP, TOUCHING = 0.6, 0.5, 0.3
+PEOPLE = (Kind.PEDESTRIAN, Kind.WHEELCHAIR, Kind.PRAM)
 HEAVY = {Kind.BUS: {Kind.BUS, Kind.COACH}, Kind.TRUCK: {Kind.TRUCK, Kind.TRAILER, Kind.FIRE_ENGINE}}
 """Kinds that detectors name, and what they stand for."""
 CONTROLLER = "max-pressure-paper"
@@ -83,28 +78,28 @@ class Tally:
         }
 
 
-def read_view(text: str) -> tuple[float, ...]:
-    """Read a name of `VIEWS`, or height,pitch[,setback[,field of view]]."""
-    if text in VIEWS:
-        return VIEWS[text]
+def open_world(scenario: str, view: str, light: str, **keywords: Any) -> LocalWorld:
+    """Open a scenario whose approaches' cameras hang as a view has it, see `VIEWS`."""
+    seen = {"width": PICTURE[0], "height": PICTURE[1], "conditions": read_conditions(light)}
+    if view in CAMERA_PRESETS:
+        return LocalWorld(build_config(scenario=scenario, cameras=view, **seen, **keywords))
     try:
-        values = [float(part) for part in text.split(",")]
+        height, pitch = map(float, view.split(","))
     except ValueError:
-        values = []
-    if not 2 <= len(values) <= 4:
-        raise ConfigError(
-            f"view {text!r}: expected one of {', '.join(VIEWS)}, or such as 6,-15 or 8,-15,12,60"
-        )
-    return (*values, *VIEWS["paper"][len(values) :])
-
-
-def hang(camera: Camera, view: tuple[float, ...]) -> Camera:
-    """Hang an approach's camera otherwise: see `VIEWS`."""
-    height, pitch, setback, angle = view
-    x, y, z = camera.position
-    heading = radians(camera.heading_deg)
-    place = (x - setback * cos(heading), y - setback * sin(heading), z - MOUNT_HEIGHT + height)
-    return replace(camera, position=place, pitch_deg=pitch, field_of_view_deg=angle)
+        known = ", ".join(CAMERA_PRESETS)
+        raise ConfigError(f"view {view!r}: expected one of {known}, or height,pitch such as 6,-15") from None
+    placed = LocalWorld(build_config(scenario=scenario, **seen))
+    lower = CAMERA_PRESETS[PAPER].height - height
+    cameras = {
+        signal: [
+            replace(each, position=(*each.position[:2], each.position[2] - lower), pitch_deg=pitch)
+            for each in placed.eyes.cameras(signal)
+            if each.name != BEV
+        ]
+        for signal in placed.signals
+    }
+    placed.close()
+    return LocalWorld(build_config(scenario=scenario, cameras=cameras, **seen, **keywords))
 
 
 def record(scenario: str, count: int) -> list[Snapshot]:
@@ -123,10 +118,9 @@ def record(scenario: str, count: int) -> list[Snapshot]:
 
 def match(found: Detections, boxes: Any, tally: Tally) -> None:
     """Count what was found of the vehicles of one picture, and what was found where nobody is."""
-    is_vehicle = found.kinds != Kind.PEDESTRIAN
-    found = found.take(is_vehicle)
+    found = found.take(found.kinds != Kind.PEDESTRIAN)
     heights = boxes.picture[:, 3] - boxes.picture[:, 1]
-    counted = (boxes.kinds != Kind.PEDESTRIAN) & (heights >= BINS[0][0]) & (boxes.visible > LEAST_VISIBLE)
+    counted = ~np.isin(boxes.kinds, PEOPLE) & (heights >= BINS[0][0]) & (boxes.visible > LEAST_VISIBLE)
     overlaps = measure_overlaps(boxes.picture.astype(float), found.boxes)
     pairs: dict[int, int] = {}
     for flat in np.argsort(-overlaps, axis=None, kind="stable").tolist():
@@ -149,18 +143,12 @@ def match(found: Detections, boxes: Any, tally: Tally) -> None:
     tally.false += int((~touched).sum())
 
 
-def look(
-    model: DetectorModel, scenario: str, snapshots: Sequence[Snapshot], view: tuple[float, ...], light: str
-) -> Tally:
+def look(model: DetectorModel, scenario: str, snapshots: Sequence[Snapshot], view: str, light: str) -> Tally:
     """Let a detector look at each signal's approaches in each snapshot."""
-    world = LocalWorld(
-        build_config(
-            scenario=scenario, width=PICTURE[0], height=PICTURE[1], conditions=read_conditions(light)
-        )
-    )
+    world = open_world(scenario, view, light)
     tally, road_map = Tally(), world.map.bundle.road_map
     for signal in world.signals:
-        cameras = [hang(each, view) for each in world.eyes.cameras(signal) if each.name != BEV]
+        cameras = [each for each in world.eyes.cameras(signal) if each.name != BEV]
         lanes = world.map.plans[signal].lanes
         watches = [LaneWatch(cameras, road_map, lanes) for _ in range(2)]
         for snapshot in snapshots:
@@ -184,34 +172,23 @@ def look(
 
 
 def control(
-    model: str | None, scenario: str, view: tuple[float, ...], light: str, seconds: int, seed: int
+    model: str | None, scenario: str, view: str, light: str, seconds: int, seed: int
 ) -> dict[str, float]:
     """Run MaxPressure by a detector, or where there is none by the truth: travel time, errors per lane."""
-    keywords: dict[str, Any] = {}
-    if model is not None:
-        placed = LocalWorld(build_config(scenario=scenario, width=PICTURE[0], height=PICTURE[1]))
-        keywords = {
-            "observation": VideoDetector(model=model),
-            "conditions": read_conditions(light),
-            "cameras": {
-                signal: [hang(each, view) for each in placed.eyes.cameras(signal) if each.name != BEV]
-                for signal in placed.signals
-            },
-        }
-        placed.close()
     chooser = make_controller(CONTROLLER)
-    world = LocalWorld(build_config(scenario=scenario, num_seconds=seconds, **keywords, **chooser.settings))
+    seen = "features" if model is None else VideoDetector(model=model)
+    world = open_world(scenario, view, light, observation=seen, num_seconds=seconds, **chooser.settings)
     chooser.reset(seed)
     world.reset(seed)
     errors: dict[str, list[float]] = {"counts_off": [], "queues_off": []}
     ended = False
     while not ended:
-        seen = world.perceive()
-        for signal, view_of in seen.signals.items():
+        told = world.perceive()
+        for signal, each in told.signals.items():
             true = world.instant.signals[signal].lanes
-            errors["counts_off"] += np.abs(view_of.lanes.vehicles - true.vehicles).tolist()
-            errors["queues_off"] += np.abs(view_of.lanes.halting - true.halting).tolist()
-        ended = world.step(chooser.act(seen))[2]
+            errors["counts_off"] += np.abs(each.lanes.vehicles - true.vehicles).tolist()
+            errors["queues_off"] += np.abs(each.lanes.halting - true.halting).tolist()
+        ended = world.step(chooser.act(told))[2]
     figures = world.metrics()
     world.close()
     return {
@@ -229,13 +206,13 @@ def list_rows(options: argparse.Namespace) -> Iterator[dict[str, Any]]:
             for view in options.views:
                 where = {"scenario": scenario, "view": view, "light": light}
                 for path, model in models.items() if snapshots else ():
-                    found = look(model, scenario, snapshots, read_view(view), light)
+                    found = look(model, scenario, snapshots, view, light)
                     yield {"detector": path.name, **where, **found.row()}
                 for name in ("truth", TRUE_BOXES, *map(str, models)) if options.control else ():
                     for seed in range(options.seeds):
                         told = control(
                             None if name == "truth" else name,
-                            scenario, read_view(view), light, options.control, seed,
+                            scenario, view, light, options.control, seed,
                         )  # fmt: skip
                         yield {"control": Path(name).name, **where, "seed": seed, **told}
 
@@ -248,7 +225,7 @@ def main() -> None:
     add = parser.add_argument
     add("detectors", type=Path, nargs="+", metavar="FILE", help=".onnx, or .json that names one")
     add("--scenarios", nargs="+", default=["cologne1"], metavar="NAME")
-    add("--views", nargs="+", default=list(VIEWS), metavar="VIEW", help=f"{', '.join(VIEWS)}, or H,PITCH")
+    add("--views", nargs="+", default=VIEWS, metavar="VIEW", help="a preset of cameras, or H,PITCH")
     add("--conditions", nargs="+", default=["day"], metavar="NAME", help="day, dusk, rain, night, ...")
     add("-n", type=int, default=8, metavar="N", help="instants; each is seen by all cameras")
     add("--control", type=int, default=0, metavar="S", help="seconds to control by the detector")

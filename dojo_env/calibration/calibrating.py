@@ -19,6 +19,8 @@ _BENT_FROM = 8
 """Points from which on a lens is found as a bent one, unless the user says otherwise."""
 _LIMIT = 3.1
 """Standard deviations, of the cost's own spread, that one set of points in a thousand exceeds."""
+_SUSPECTS, _MOST_WRONG = 8, 1 / 3
+"""How many points are tried to be left out at a time, and the share of them all that may be wrong."""
 _HOPELESS = 12.0
 """Times the expected misfit from which on there is no camera to speak of."""
 _SEEN = 0.5
@@ -170,27 +172,38 @@ def calibrate(
 def _leave_out_wrong(
     form: Form, points: ControlPoints, known: Known
 ) -> tuple[ControlPoints, Fit, tuple[tuple[str, float], ...]]:
-    """Fit, without points that the others contradict, as long as enough are left."""
+    """Fit, without points that the others contradict, as long as enough are left.
+
+    Where leaving some out does not make the others agree, all are kept: it is not a matter of single points.
+    """
+    every, all_fit = points, fit_points(form, points.places, points.pixels, known)
     wrong: list[tuple[str, float]] = []
-    fit = fit_points(form, points.places, points.pixels, known)
+    fit = all_fit
     while not _is_usual(fit.cost, _freedom(points)):
-        fewer = [points.without(number) for number in range(len(points))]
-        fits = [fit_points(form, few.places, few.pixels, known) for few in fewer]
-        costs = [each.cost for each in fits]
-        number = int(np.argmin(costs))
-        if not _is_usual(costs[number], _freedom(fewer[number])):
-            break  # It is not one of them.
-        at = form.camera(fits[number].vector).project(points.places[[number]])[0][0]
-        told = (points.labels[number], float(np.hypot(*(at - points.pixels[number]))))
-        if len(points) - 1 < LEAST:
-            raise CalibrationError(
-                points.path,
-                f"it is off by {told[1]:.0f} px, if the others are right; correct it, or give more points",
-                told[0],
-            )
-        wrong.append(told)
-        points, fit = fewer[number], fits[number]
+        number, fewer, fit = _leave_one_out(form, points, fit, known)
+        at = form.camera(fit.vector).project(points.places[[number]])[0][0]
+        wrong.append((points.labels[number], float(np.hypot(*(at - points.pixels[number])))))
+        usual = _is_usual(fit.cost, _freedom(fewer))
+        if usual and len(fewer) < LEAST:
+            label, off = wrong[-1]
+            problem = f"it is off by {off:.0f} px, if the others are right; correct it, or give more points"
+            raise CalibrationError(points.path, problem, label)
+        if not usual and (len(fewer) <= LEAST or len(wrong) >= _MOST_WRONG * len(every)):
+            return every, all_fit, ()
+        points = fewer
     return points, fit, tuple(wrong)
+
+
+def _leave_one_out(
+    form: Form, points: ControlPoints, fit: Fit, known: Known
+) -> tuple[int, ControlPoints, Fit]:
+    """Find the point without which the others agree best, among those that are off the most."""
+    off = points.pixels - form.camera(fit.vector).project(points.places)[0]
+    worst = np.argsort(-np.nan_to_num(np.hypot(*off.T), nan=np.inf))[:_SUSPECTS].tolist()
+    tries = [(number, points.without(number)) for number in worst]
+    fits = [fit_points(form, fewer.places, fewer.pixels, known) for _, fewer in tries]
+    best = int(np.argmin([each.cost for each in fits]))
+    return *tries[best], fits[best]
 
 
 def _freedom(points: ControlPoints) -> int:

@@ -18,6 +18,8 @@ _STEP = 1e-5
 _MOST_ROUNDS = 60
 _CONVERGED = 1e-9
 """Relative gain below which the search ends."""
+_FARTHEST = 1e8
+"""Metres; a search that goes astray stays among what cameras can be."""
 _HIDDEN = 1e3
 """What a place behind the camera counts, standard deviations."""
 
@@ -111,6 +113,7 @@ class Form:
         """Make the camera of a vector."""
         x, y, height, heading, pitch, roll, focal, *bends = vector.tolist()
         radial = [*bends, 0.0, 0.0, 0.0][:3]
+        x, y = (min(max(each, -_FARTHEST), _FARTHEST) for each in (x, y))
         return Camera(
             name=self.template.name,
             position=(x, y, self.ground + exp(min(height, 12.0))),

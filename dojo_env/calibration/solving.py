@@ -9,7 +9,7 @@ Source: Hartley and Zisserman, Multiple View Geometry, chapters 5 and 7.
 """
 
 from dataclasses import dataclass, replace
-from math import asin, atan2, degrees, log, radians, tan
+from math import asin, atan2, cos, degrees, log, radians, sin, tan
 
 import cv2
 import numpy as np
@@ -103,7 +103,20 @@ def _list_starts(form: Form, places: Floats, pixels: Floats) -> list[Camera]:
             position = middle - (axes.T @ shift).ravel()
             if np.isfinite(position).all() and np.abs(position).max() < 1e7:
                 starts.append(_hang(camera, position, axes))
-    return starts
+    return starts or [
+        replace(
+            form.template,
+            position=(
+                middle[0] - 20 * cos(heading),
+                middle[1] - 20 * sin(heading),
+                form.ground + _USUAL_HEIGHT,
+            ),
+            heading_deg=degrees(heading),
+            pitch_deg=-20.0,
+            field_of_view_deg=_USUAL_FIELD_OF_VIEW_DEG,
+        )
+        for heading in np.linspace(0.0, 2 * np.pi, 8, endpoint=False).tolist()
+    ]
 
 
 def _hang(camera: Camera, position: Floats, axes: Floats) -> Camera:

@@ -6,7 +6,7 @@ from collections import Counter
 from pathlib import Path
 from typing import Any
 
-from dojo_env.commands.options import read_yellow
+from dojo_env.commands.options import add_sensing_options, read_sensing, read_yellow
 from dojo_env.errors import ConfigError
 from dojo_maps.command import Commands, add_command
 from dojo_maps.progress import Progress
@@ -38,6 +38,7 @@ def add_run(commands: Commands) -> None:
         metavar="FILE",
         help="act on what this detector (.onnx, or .json) finds in pictures of the approaches",
     )
+    add_sensing_options(run)
     run.add_argument("--json", type=Path, metavar="FILE", help="also write every episode's figures")
     run.add_argument("--csv", metavar="STEM", help="also write a CSV and a JSON file per episode")
     run.add_argument("--record", metavar="STEM", help="also record each episode's snapshots")
@@ -83,6 +84,7 @@ def _run(options: argparse.Namespace) -> int:
         record_name=options.record,
         video=options.video,
         sumo_outputs=options.sumo_outputs,
+        **read_sensing(options),
         **_read_detector(options.detector),
     )
     summary = summarize(figures)

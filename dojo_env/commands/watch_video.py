@@ -68,7 +68,9 @@ def _watch_video(options: argparse.Namespace) -> int:
 
     bundle = open_map(find_map(options.map)) if options.map else None
     place = _open_place(options, bundle)
-    advisor = Advisor(bundle, options.policy, options.signals) if options.policy and bundle else None
+    advisor = None
+    if options.policy and bundle:
+        advisor = Advisor(bundle, options.policy, place.lanes, options.signals)
     frames = read_frames(options.film, every=options.every, rate=options.rate)
     if options.seconds is not None:
         frames = takewhile(lambda frame: frame.time <= options.seconds, frames)
@@ -81,7 +83,7 @@ def _watch_video(options: argparse.Namespace) -> int:
             for put in outputs:
                 put(look)
     if not options.quiet:
-        seconds = time.monotonic() - begun
+        seconds = max(time.monotonic() - begun, 1e-3)
         print(f"dojo-env: {count} frames in {seconds:.1f} s, {count / seconds:.1f} a second", file=sys.stderr)
     return 0
 

@@ -4,7 +4,7 @@ The controller switches a signal of its own that nobody sees, under the constrai
 green, yellow, walkers' clearance, longest red. Its minutes pass as the film's do.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, fields
 from functools import partial
 from math import floor
@@ -83,16 +83,20 @@ class Advisor:
         plans: of the signals, by id.
     """
 
-    def __init__(self, bundle: Bundle, policy: str, signals: Sequence[str] | None = None) -> None:
+    def __init__(
+        self, bundle: Bundle, policy: str, lanes: Collection[str], signals: Sequence[str] | None = None
+    ) -> None:
         """Take a map and who advises.
 
         Args:
             bundle: the map.
             policy: one of `POLICIES`.
+            lanes: those that are measured; signals to which none of them leads get no advice.
             signals: ids of those to advise on; None takes all of the map.
 
         Raises:
-            ConfigError: the controller is unknown, or one of SUMO's own; or the map has no such signal.
+            ConfigError: the controller is unknown, or one of SUMO's own; the map has no such signal; or none
+                of the lanes leads to one.
         """
         if policy in _OF_SUMO:
             raise ConfigError(
@@ -102,7 +106,16 @@ class Advisor:
         known = {each.name for each in fields(SignalConfig)} - {"fixed_ts", "program"}
         settings = {name: value for name, value in self._controller.settings.items() if name in known}
         self._config = SignalConfig(ts_ids=tuple(signals) if signals is not None else None, **settings)
-        self.plans: Mapping[str, SignalPlan] = MapManager(bundle, self._config).plans
+        self.plans: Mapping[str, SignalPlan] = {
+            signal: plan
+            for signal, plan in MapManager(bundle, self._config).plans.items()
+            if not set(plan.lanes).isdisjoint(lanes)
+        }
+        if not self.plans:
+            raise ConfigError(
+                f"policy {policy!r}: none of the lanes measured, such as {next(iter(lanes))!r}, "
+                f"leads to a signal of {bundle.road_map.name}; name regions by the map's lanes"
+            )
         self._follows_program = policy in _BY_PROGRAM
         self._lanes = tuple(
             dict.fromkeys(lane for plan in self.plans.values() for lane in (*plan.lanes, *plan.out_lanes))

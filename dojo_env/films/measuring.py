@@ -52,7 +52,13 @@ class Measured:
 
 
 class Measurer(Protocol):
-    """Follows road users from look to look."""
+    """Follows road users from look to look.
+
+    Attributes:
+        part: of the picture that must be looked at: left, top, right, bottom, pixels; None for all of it.
+    """
+
+    part: tuple[int, int, int, int] | None
 
     def update(self, time: float, found: Detections) -> Measured:
         """Take what a look has found.
@@ -76,6 +82,7 @@ class MapMeasurer:
             lanes: ids of those to measure.
         """
         self._watch = LaneWatch((camera,), road_map, lanes)
+        (self.part,) = self._watch.regions
 
     def update(self, time: float, found: Detections) -> Measured:
         """Take what a look has found."""

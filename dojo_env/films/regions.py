@@ -126,6 +126,8 @@ class _Track:
 class RegionMeasurer:
     """Measures the regions of a picture."""
 
+    part: tuple[int, int, int, int] | None = None
+
     def __init__(self, regions: Sequence[Region]) -> None:
         """Take the regions, in the picture's own pixels."""
         self.lanes = tuple(region.lane for region in regions)

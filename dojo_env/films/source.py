@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dojo_env.errors import FilmError
+from dojo_env.notes import say_once
 from dojo_env.photographs import read_photograph
 from dojo_maps.input_files import opened
 from dojo_maps.progress import quiet_output
@@ -50,6 +51,8 @@ class Frame:
 def read_frames(source: str, *, every: float = 1.0, rate: float | None = None) -> Iterator[Frame]:
     """Give a frame for each look.
 
+    A stream is read until it ends, or breaks off.
+
     Args:
         source: a film (MP4, MOV, MKV, WebM, AVI, MPEG-TS), a folder of JPEG or PNG pictures, in the order of
             their names, or the address of a stream (rtsp, http).
@@ -57,7 +60,7 @@ def read_frames(source: str, *, every: float = 1.0, rate: float | None = None) -
         rate: pictures a second of a folder (default 1), or of a film that tells none or a wrong one.
 
     Raises:
-        FilmError: there is none, it is of no known kind, it cannot be read, or a stream breaks off.
+        FilmError: there is none, it is of no known kind, it cannot be read, or a stream gives no picture.
     """
     if source.startswith(STREAMS):
         return _read_stream(source, every)
@@ -109,9 +112,9 @@ def _read_stream(address: str, every: float) -> Iterator[Frame]:
                     break
                 yield Frame(time=now, name=str(number), picture=picture)
                 due = max(due + every, now)
-        raise FilmError(
-            _without_password(address), "the stream has broken off" if number else "gives no picture"
-        )
+        if not number:
+            raise FilmError(_without_password(address), "gives no picture")
+        say_once(f"{_without_password(address)}: the stream has ended after {number} frames")
 
 
 class _Capture:

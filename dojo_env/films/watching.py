@@ -6,6 +6,7 @@ from math import isnan
 from typing import Any
 
 from dojo_env.detectors.base import DetectorModel
+from dojo_env.detectors.measuring import shift
 from dojo_env.errors import ConfigError
 from dojo_env.films.advice import Advice, Advisor
 from dojo_env.films.measuring import Measured
@@ -76,6 +77,8 @@ def watch_film(
             size, measurer = (width, height), place.measure(width, height)
         if size != (width, height):
             raise ConfigError(f"frame {frame.name}: {width} x {height} pixels, the first has {size}")
-        measured = measurer.update(frame.time, detector.detect(frame.picture))
+        left, top, right, bottom = measurer.part or (0, 0, width, height)
+        found = shift(detector.detect(frame.picture[top:bottom, left:right]), left, top)
+        measured = measurer.update(frame.time, found)
         advice = advisor.advise(measured.lanes) if advisor is not None else ()
         yield Look(frame=frame, measured=measured, advice=advice)

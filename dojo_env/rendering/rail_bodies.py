@@ -154,7 +154,7 @@ def _bogie(shape: RailShape, x: float, detail: int) -> list[Face]:
         return faces
     half = 0.42 * shape.width
     for axle in (x + 0.85, x - 0.85):
-        faces += mirrored(disc((axle, half, 0.33), 0.33, 0.02, 10, Part.TYRE)[:1])
+        faces += mirrored(disc((axle, half, 0.33), 0.33, 0.02, 12, Part.TYRE)[:1])
     return faces
 
 

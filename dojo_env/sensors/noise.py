@@ -114,7 +114,7 @@ class Lens:
     def _expose(self, light: Light, camera: str, time: float) -> float:
         """Follow the mean light of a camera's pictures, the first one at once; returns stops."""
         body = self._imaging
-        mean = float(np.dot(light.mean(axis=(0, 1), dtype=np.float64), _REC_709))
+        mean = float(np.dot(cv2.mean(light)[:3], _REC_709))
         wanted = body.auto_exposure * log2(_GREY / max(mean, _DARKEST))
         wanted = min(_MOST_STOPS, max(-_MOST_STOPS, wanted))
         before, stops = self._stops.get(camera, (time, wanted))

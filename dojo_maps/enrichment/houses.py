@@ -80,6 +80,8 @@ def generate_houses(near: Vicinity) -> tuple[Prop, ...]:
 
 def generate_forecourts(near: Vicinity, houses: Shapes) -> tuple[Sidewalk, ...]:
     """Pave what lies between the street and houses that stand wall to wall, in parts without holes."""
+    if not len(houses):
+        return ()
     rows = shapely.buffer(shapely.multipolygons(houses), FORECOURT + _STRAIGHTENED, join_style="mitre")
     rails = lane_strips([lane for lane in near.road_map.lanes if lane.kind in _NOT_ROAD])
     paved = shapely.difference(shapely.intersection(rows, near.cleared), shapely.union_all(rails))
@@ -107,7 +109,11 @@ def _plots(blocks: Shapes, near: Vicinity) -> tuple[Shapes, Flags]:
     inner = shapely.buffer(blocks, -_DEPTH, join_style="mitre", mitre_limit=2.0)
     rings = shapely.get_rings(shapely.orient_polygons(blocks))
     cuts = [cut for ring in rings for cut in _cuts(shapely.get_coordinates(ring))]
-    lines = [*shapely.boundary(blocks), *shapely.boundary(inner), *shapely.linestrings(np.array(cuts))]
+    lines = [
+        *shapely.boundary(blocks),
+        *shapely.boundary(inner),
+        *shapely.linestrings(np.reshape(cuts, (-1, 2, 2))),
+    ]
     plots = shapely.get_parts(shapely.polygonize([shapely.union_all(lines, grid_size=GRID)]))
     size, middle = shapely.area(plots), shapely.point_on_surface(plots)
     kept = (size > _SMALLEST) & (size < _LARGEST) & shapely.contains(near.focus, middle)

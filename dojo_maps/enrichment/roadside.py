@@ -1,5 +1,6 @@
 """What stands along pavement, generated from the map alone: street lamps, signs, rows of trees, hedges."""
 
+from collections import Counter
 from collections.abc import Iterator
 
 import numpy as np
@@ -22,6 +23,8 @@ _POST_CLEAR = 0.3
 _APART = 2.0
 """Metres between the posts of any two things."""
 _SIGN_HEIGHT = 2.6
+_SIGNED = 4
+"""Junctions of more carriageways than these have signs behind them."""
 _SIGN_AFTER = 14.0
 """Where along a road its sign stands, metres after the junction."""
 
@@ -89,9 +92,10 @@ class Roadside:
 
     def put_signs(self) -> tuple[Prop, ...]:
         """Put a sign with the speed limit where a road begins behind a junction of several roads."""
-        ends = [end for road in self._near.road_map.roads for end in {road.from_junction, road.to_junction}]
-        joined = {junction for junction in ends if ends.count(junction) > 4}
-        begins = {road.id: road.from_junction for road in self._near.road_map.roads}
+        roads = self._near.road_map.roads
+        ends = Counter(end for road in roads for end in (road.from_junction, road.to_junction))
+        joined = {junction for junction, count in ends.items() if count > _SIGNED}
+        begins = {road.id: road.from_junction for road in roads}
         spots, headings, speeds = [np.empty((0, 2))], [np.empty(0)], []
         for lane, shape in self._outer_lanes():
             if begins[lane.road] in joined and shapely.LineString(shape[:, :2]).length > 3 * _SIGN_AFTER:
@@ -124,8 +128,8 @@ class Roadside:
         beside = self._is_close(self._walked, rows, _BEHIND_PAVEMENT + 0.2)
         beside &= self._chances("row", rows // _ROW) < _WITH_ROW
         rows = rows[beside & (self._chances("tree", rows) > _MISSING)]
-        walls = shapely.union_all(self._walls.geometries)
-        yards = self._along(shapely.buffer(walls, _YARD_FROM), _YARD_SPACING)
+        walls = shapely.buffer(self._walls.geometries, _YARD_FROM)
+        yards = self._along(shapely.union_all(walls), _YARD_SPACING)
         yards = yards[~self._is_close(self._walked, yards, 3 * FORECOURT)]
         yards = yards[self._chances("tree", yards) > 0.4]
         spots = np.concatenate([rows, yards])
