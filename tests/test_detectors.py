@@ -148,10 +148,14 @@ def test_files_that_are_no_detectors_are_refused(save, tmp_path):
         load_detector(save(), style="yolo5")
 
 
-def network(inputs, outputs, nodes, initializers=()):
+def network(inputs, outputs, nodes, initializers=(), kind=1):
     make = helper.make_tensor_value_info
     graph = helper.make_graph(
-        nodes, "g", [make(n, t, s) for n, t, s in inputs], [make(n, 1, None) for n in outputs], initializers
+        nodes,
+        "g",
+        [make(n, t, s) for n, t, s in inputs],
+        [make(n, kind, None) for n in outputs],
+        initializers,
     )
     model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 17)])
     model.ir_version = 9
@@ -168,6 +172,15 @@ def test_other_networks_are_refused(inputs, words, tmp_path):
     file = tmp_path / "x.onnx"
     file.write_bytes(network(inputs, ["y"], [helper.make_node("Cast", ["x"], ["y"], to=1)]))
     with pytest.raises(DetectorError, match=words):
+        load_detector(file)
+
+
+def test_networks_without_numbers_are_refused(tmp_path):
+    file = tmp_path / "x.onnx"
+    file.write_bytes(
+        network([("x", 1, [1, 3, 64, 64])], ["y"], [helper.make_node("IsNaN", ["x"], ["y"])], kind=9)
+    )
+    with pytest.raises(DetectorError, match="array of numbers"):
         load_detector(file)
 
 

@@ -165,11 +165,14 @@ class OnnxDetector:
         except Exception as error:  # onnxruntime's errors have no common class of their own
             raise self._refusal(f"the network fails on a picture: {error}") from error
         names = [each.name for each in self._session.get_outputs()]
-        return {
+        outputs = {
             name: value.astype(np.float32) if value.dtype == np.float16 else value
             for name, value in zip(names, made, strict=True)
             if isinstance(value, np.ndarray) and value.dtype.kind in "fiu"
         }
+        if not outputs:
+            raise self._refusal(f"none of its outputs is an array of numbers: {', '.join(names)[:300]}")
+        return outputs
 
     def _check_input(self) -> tuple[str, Any, bool, list[Any]]:
         """Find the input's name, type, whether its channels come first, and its height and width if fixed."""
