@@ -13,9 +13,9 @@ from dojo_maps.geometry.polylines import Floats, Shapes, along, drop_repeats, li
 
 FORECOURT = 3.5
 """Metres between the street's edge and houses."""
-_RADII = (150.0, 120.0, 90.0, 60.0, 40.0)
+_RADII = (150.0, 120.0, 100.0, 80.0, 65.0, 50.0, 40.0)
 """How far around signals things may stand, metres; the first with few enough roads there, or the last."""
-_MOST_ROADS = 11_000.0
+_MOST_ROADS = 7_500.0
 """Metres of roads within that distance of signals."""
 _BEYOND = 40.0
 """How far around that the streets are looked at, metres."""
