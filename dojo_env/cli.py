@@ -4,12 +4,28 @@ import argparse
 import sys
 from collections.abc import Sequence
 
+from dojo_env.commands.calibrate import add_calibrate
+from dojo_env.commands.cameras import add_cameras
+from dojo_env.commands.dataset import add_dataset
 from dojo_env.commands.prove import add_prove
 from dojo_env.commands.replay import add_replay
 from dojo_env.commands.run import add_run
 from dojo_env.commands.scenarios import add_scenarios
 from dojo_env.commands.watch import add_watch
+from dojo_env.commands.watch_video import add_watch_video
 from dojo_maps.command import Parser, run_command
+
+COMMANDS = (
+    add_run,
+    add_watch,
+    add_replay,
+    add_scenarios,
+    add_cameras,
+    add_prove,
+    add_dataset,
+    add_calibrate,
+    add_watch_video,
+)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -26,7 +42,7 @@ def _parser() -> argparse.ArgumentParser:
         prog="dojo-env", description="Traffic signal control on converted maps, with SUMO's traffic."
     )
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
-    for add in (add_run, add_watch, add_replay, add_prove, add_scenarios):
+    for add in COMMANDS:
         add(commands)
     return parser
 

@@ -1,18 +1,23 @@
-"""Light, weather and lens: what a picture suffers from, and how to sample it for domain randomisation."""
+"""Light, weather, and what they and time do to cameras; how to sample it for domain randomisation.
+
+How a camera works by itself, from its shutter to its compression, is `imaging`.
+"""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, fields, replace
-from math import isfinite
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from dojo_env.errors import ConfigError
+from dojo_env.ranges import check_limits, draw_values, read_values
+
+LOOKS = ("street", "plain")
+"""How what moves is drawn: as well as we can, or in fewer faces that mirror nothing, for speed."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Conditions:
-    """One state of the world outside and of the cameras; the default is a clear noon and perfect cameras.
+    """One state of the world outside and of cameras in it; the default is clear noon, and clean, still ones.
 
     Attributes:
         hour: solar time, 0 to 24; the sun stands as over Cologne in May, and under the horizon it is night.
@@ -23,8 +28,10 @@ class Conditions:
         noise: standard deviation of the cameras' noise, in levels of 255.
         blur: standard deviation of the blur, pixels.
         dirt: 0 clean lens to 1 very dirty.
+        drops: rain drops on the lens, 0 none to 1 as many as hold.
         shake_m: standard deviation of each camera's offset from its place, metres; one draw per episode.
         shake_deg: standard deviation of each camera's turn from its direction, degrees; one draw per episode.
+        sway_deg: standard deviation of each camera's turn from there, degrees; one draw per picture.
         dropped: probability that a camera delivers its last frame again.
         seed: of everything drawn at random here.
     """
@@ -37,8 +44,10 @@ class Conditions:
     noise: float = 0.0
     blur: float = 0.0
     dirt: float = 0.0
+    drops: float = 0.0
     shake_m: float = 0.0
     shake_deg: float = 0.0
+    sway_deg: float = 0.0
     dropped: float = 0.0
     seed: int = 0
 
@@ -48,10 +57,7 @@ class Conditions:
         Raises:
             ConfigError: a value is not finite or out of its range.
         """
-        for name, (low, high) in LIMITS.items():
-            value = getattr(self, name)
-            if not (isfinite(value) and low <= value <= high):
-                raise ConfigError(f"conditions: {name} must be {low:g} to {high:g}; got {value!r}")
+        check_limits(self, LIMITS, "conditions")
 
     @property
     def outside(self) -> tuple[float, ...]:
@@ -61,7 +67,7 @@ class Conditions:
     @property
     def spoils_pictures(self) -> bool:
         """Whether cameras deliver anything but perfect pictures of this world."""
-        return max(self.rain, self.dirt, self.blur, self.noise, self.dropped) > 0
+        return max(self.rain, self.dirt, self.drops, self.blur, self.noise, self.dropped) > 0
 
 
 LIMITS: Mapping[str, tuple[float, float]] = {
@@ -73,11 +79,14 @@ LIMITS: Mapping[str, tuple[float, float]] = {
     "noise": (0.0, 100.0),
     "blur": (0.0, 20.0),
     "dirt": (0.0, 1.0),
+    "drops": (0.0, 1.0),
     "shake_m": (0.0, 5.0),
     "shake_deg": (0.0, 45.0),
+    "sway_deg": (0.0, 5.0),
     "dropped": (0.0, 1.0),
     "seed": (0, 2**63 - 1),
 }
+_NAMES = tuple(name for name in LIMITS if name != "seed")
 
 
 PRESETS: Mapping[str, Conditions] = {
@@ -100,17 +109,8 @@ def sample_conditions(ranges: Mapping[str, tuple[float, float]], seed: int) -> C
     Raises:
         ConfigError: a name is unknown or a range is empty or out of its limits.
     """
-    names = {field.name for field in fields(Conditions)} - {"seed"}
-    generator = np.random.default_rng(seed)
-    drawn: dict[str, Any] = {}
-    for name in sorted(ranges):
-        if name not in names:
-            raise ConfigError(f"conditions: no {name!r}; choose from {', '.join(sorted(names))}")
-        low, high = ranges[name]
-        if not low <= high:
-            raise ConfigError(f"conditions: the range of {name} is empty: ({low!r}, {high!r})")
-        drawn[name] = float(generator.uniform(low, high))
-    return replace(Conditions(seed=seed), **drawn)
+    drawn: dict[str, Any] = draw_values(ranges, _NAMES, np.random.default_rng(seed), "conditions")
+    return Conditions(**drawn, seed=seed)
 
 
 def read_conditions(text: str) -> Conditions:
@@ -121,18 +121,5 @@ def read_conditions(text: str) -> Conditions:
     """
     if text in PRESETS:
         return PRESETS[text]
-    values: dict[str, Any] = {}
-    for part in text.split(","):
-        name, _, value = part.partition("=")
-        try:
-            values[name.strip()] = float(value)
-        except ValueError:
-            known = ", ".join(PRESETS)
-            raise ConfigError(
-                f"conditions {text!r}: expected {known}, or values such as hour=20,rain=0.4"
-            ) from None
-    unknown = values.keys() - (LIMITS.keys() - {"seed"})
-    if unknown:
-        known = ", ".join(name for name in LIMITS if name != "seed")
-        raise ConfigError(f"conditions: no {sorted(unknown)[0]!r}; choose from {known}")
+    values: dict[str, Any] = read_values(text, _NAMES, PRESETS, "conditions")
     return Conditions(**values)

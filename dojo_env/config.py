@@ -9,8 +9,10 @@ from pathlib import Path
 from typing import Any
 
 from dojo_env.camera import Camera
-from dojo_env.conditions import Conditions, sample_conditions
+from dojo_env.camera_presets import find_preset
+from dojo_env.conditions import LOOKS, Conditions, sample_conditions
 from dojo_env.errors import ConfigError
+from dojo_env.imaging import Imaging, settle_imaging
 from dojo_env.scenario import Scenario, find_scenario, with_files
 from dojo_env.sumo_settings import SumoSettings, settle
 
@@ -171,30 +173,41 @@ class SensingConfig:
     """How cameras and lidars see.
 
     Attributes:
-        conditions: light, weather and lenses; or ranges of them by name, from which each episode draws.
-        cameras: by signal, instead of those that are placed from the map.
+        conditions: light, weather and clean lenses; or ranges of them by name, from which each episode draws.
+        imaging: how cameras work, from shutter to compression: `Imaging`, a name of `IMAGING_PRESETS`, or
+            ranges by name, from which each episode draws.
+        cameras: how those are hung that are placed from the map, a name of `CAMERA_PRESETS`; or cameras by
+            signal, instead of the paper's.
         width: pixels, of the cameras that are placed.
         height: pixels.
         renderer: `raster`, or `bullet` for pybullet's.
         smooth: anti-alias what moves, too.
         show_links: draw each link's path in the colour it shows.
+        look: `street`, or `plain` to draw road users faster and more simply.
     """
 
     conditions: Conditions | Mapping[str, tuple[float, float]] = field(default_factory=Conditions)
-    cameras: Mapping[str, Sequence[Camera]] = field(default_factory=dict)
+    imaging: Imaging | Mapping[str, tuple[float, float]] | str = field(default_factory=Imaging)
+    cameras: Mapping[str, Sequence[Camera]] | str = field(default_factory=dict)
     width: int = 356
     height: int = 256
     renderer: str = "raster"
     smooth: bool = False
     show_links: bool = False
+    look: str = "street"
 
     def __post_init__(self) -> None:
         """Refuse what cannot be."""
         _refuse_other("renderer", self.renderer, ("raster", "bullet"))
+        _refuse_other("look", self.look, LOOKS)
         if isinstance(self.conditions, Mapping):
             sample_conditions(self.conditions, seed=0)
         elif not isinstance(self.conditions, Conditions):
             raise ConfigError(f"conditions={self.conditions!r}: expected Conditions, or ranges by name")
+        settle_imaging(self.imaging, seed=0)
+        if isinstance(self.cameras, str):
+            find_preset(self.cameras)
+            return
         for signal, cameras in self.cameras.items():
             names = [camera.name for camera in cameras]
             if not names or len(set(names)) < len(names):

@@ -25,6 +25,30 @@ class EncoderError(SourceError, ConfigError):
     """An encoder's file is missing, unreadable, or no network that encodes pictures."""
 
 
+class DatasetError(SourceError, ConfigError):
+    """A file of a data set is missing, unreadable, or not what it should be."""
+
+
+class DetectorError(SourceError, ConfigError):
+    """A detector's file is missing, unreadable, or no network that finds road users."""
+
+
+class PhotographError(SourceError, ConfigError):
+    """A photograph is missing, unreadable, or too large."""
+
+
+class FilmError(SourceError, ConfigError):
+    """A film, a folder of pictures or a stream cannot be read."""
+
+
+class RegionError(SourceError, ConfigError):
+    """A file of regions cannot be read, or holds what no region can be."""
+
+
+class CalibrationError(SourceError, ConfigError):
+    """Control points cannot be read, or no camera can be found from them."""
+
+
 class SnapshotError(DojoError, ValueError):
     """A snapshot holds values that no simulated instant can have."""
 

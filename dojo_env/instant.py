@@ -7,7 +7,7 @@ no longer be measured, and asking for it is an error, never an answer about anot
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 
@@ -73,6 +73,28 @@ class Instant:
         self._snapshot: Snapshot | None = None
         self._lanes = dict(lanes)
         self._approaches: dict[str, Approach] = {}
+
+    @classmethod
+    def of_views(cls, time: float, signals: Mapping[str, SignalView]) -> Self:
+        """Make an instant that no simulation has measured, and of which nothing more can be asked.
+
+        Args:
+            time: seconds.
+            signals: each signal that is controlled, by id.
+        """
+        count, halting = (
+            sum(int(getattr(view.lanes, name)) for view in signals.values())
+            for name in ("total_vehicles", "total_halting")
+        )
+        instant = cls.__new__(cls)
+        instant.time, instant.signals = time, MappingProxyType(dict(signals))
+        instant.traffic = TrafficReading(
+            running=count, backlogged=0, stopped=halting, waiting_time=0.0, mean_speed=0.0, arrived=0,
+            departed=0, teleported=0, pedestrians=0, pedestrian_waiting=0.0,
+        )  # fmt: skip
+        instant._simulation, instant._moment, instant._snapshot = None, 0, None
+        instant._lanes, instant._approaches = {}, {}
+        return instant
 
     @property
     def snapshot(self) -> Snapshot:
@@ -165,11 +187,30 @@ class Instant:
 def _read_approach(simulation: Simulation, plan: SignalPlan) -> Approach:
     coming = simulation.list_approaching(plan.signal, (*plan.lanes, *plan.upstream))
     near = [vehicle for vehicle in coming if vehicle[1] <= REACH]
-    standing = dict(zip(plan.out_lanes, simulation.count_halting(plan.out_lanes), strict=True))
+    return build_approach(
+        plan,
+        [link for link, _, _ in near],
+        [speed < HALTING for _, _, speed in near],
+        simulation.count_halting(plan.out_lanes),
+    )
+
+
+def build_approach(
+    plan: SignalPlan, links: Iterable[int], halting: Iterable[bool], beyond: Iterable[float]
+) -> Approach:
+    """Put together who is on the way to a signal.
+
+    Args:
+        plan: of the signal.
+        links: the link that each vehicle will take.
+        halting: whether it stands.
+        beyond: vehicles that stand on each of `plan.out_lanes`.
+    """
+    standing = dict(zip(plan.out_lanes, beyond, strict=True))
     full = {lane for lane, room in zip(plan.out_lanes, plan.room, strict=True) if standing[lane] >= room}
     return Approach(
-        links=tuple(link for link, _, _ in near),
-        halting=tuple(speed < HALTING for _, _, speed in near),
+        links=tuple(links),
+        halting=tuple(halting),
         blocked=frozenset(link for link, lanes in plan.exits.items() if full.issuperset(lanes)),
         beyond={
             link: sum(standing[lane] for lane in lanes) / len(lanes) for link, lanes in plan.exits.items()

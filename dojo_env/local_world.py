@@ -21,7 +21,7 @@ from dojo_env.managers.traffic import TrafficManager
 from dojo_env.managers.watcher import WatchManager
 from dojo_env.metrics import Metrics
 from dojo_env.notes import say_once
-from dojo_env.observations import build_observer
+from dojo_env.observations import Perceiver, build_observer
 from dojo_env.reading import LaneGroups
 from dojo_env.rewards import build_rewards, is_own
 from dojo_env.scenario import open_map
@@ -172,7 +172,7 @@ class LocalWorld(World):
         self.reset(seed)
         infos: list[dict[str, Any]] = []
         while not self._ended:
-            infos.append(self.step(controller.act(self.instant))[3])
+            infos.append(self.step(controller.act(self.perceive()))[3])
         return infos, self.metrics()
 
     def watch(self, on_second: Callable[[Snapshot], None]) -> None:
@@ -239,6 +239,10 @@ class LocalWorld(World):
         except simulation.failures as error:
             self._instant = None
             raise simulation.fail(error) from error
+
+    def perceive(self) -> Instant:
+        """Give the present decision as controllers may see it."""
+        return self.observer.perceive(self.instant) if isinstance(self.observer, Perceiver) else self.instant
 
     def _lookers(self) -> tuple[Manager, ...]:
         if not isinstance(self.observer, Looker):

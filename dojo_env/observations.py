@@ -31,6 +31,15 @@ class Observer(Protocol):
         ...
 
 
+@runtime_checkable
+class Perceiver(Protocol):
+    """An observer that measures what controllers act on, in place of the truth."""
+
+    def perceive(self, instant: Instant) -> Instant:
+        """Give a decision as it has been observed; the instant itself where no sensor measures lanes."""
+        ...
+
+
 ObserverFactory = Callable[[Eyes, Mapping[str, SignalPlan]], Observer]
 
 

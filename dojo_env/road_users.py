@@ -21,7 +21,7 @@ _KINDS = {
     "trailer": Kind.TRAILER, "tram": Kind.TRAM, "rail_urban": Kind.TRAM, "subway": Kind.TRAIN,
     "rail": Kind.TRAIN, "rail_electric": Kind.TRAIN, "rail_fast": Kind.TRAIN, "cable_car": Kind.TRAM,
     "motorcycle": Kind.MOTORCYCLE, "moped": Kind.MOTORCYCLE, "bicycle": Kind.BICYCLE,
-    "scooter": Kind.SCOOTER, "wheelchair": Kind.SCOOTER, "emergency": Kind.AMBULANCE,
+    "scooter": Kind.SCOOTER, "wheelchair": Kind.WHEELCHAIR, "emergency": Kind.AMBULANCE,
     "authority": Kind.POLICE, "army": Kind.TRUCK, "pedestrian": Kind.PEDESTRIAN, "ship": Kind.SHIP,
 }  # fmt: skip
 _SHAPES = {
@@ -32,6 +32,8 @@ _SHAPES = {
     "scooter": Kind.SCOOTER, "pedestrian": Kind.PEDESTRIAN, "ship": Kind.SHIP,
 }  # fmt: skip
 """SUMO's guiShape says more than the vehicle class where it is one of these."""
+_PRAMS = ("pram", "stroller", "pushchair")
+"""SUMO has no class for those who push one, so the names of their types must tell."""
 _RIGHT, _LEFT, _BOTH, _BRAKE, _BLUE = 1, 2, 4, 8, 2048 | 4096 | 8192
 """Bits of SUMO's vehicle signals."""
 _BITS = 1 << 14
@@ -121,7 +123,9 @@ class RoadUsers:
         kind, sizes = self._types[type_id]
         colour = get.person_getColor(name) if on_foot else get.vehicle_getColor(name)
         row = self._rows[key] = len(self._rows)
-        self._looks[row] = (self._next, Kind.PEDESTRIAN if on_foot else kind, colour[:3], sizes)
+        if on_foot and kind not in (Kind.WHEELCHAIR, Kind.PRAM):
+            kind = Kind.PEDESTRIAN
+        self._looks[row] = (self._next, kind, colour[:3], sizes)
         self._next += 1
 
     def _forget(self, present: list[str]) -> None:
@@ -137,6 +141,10 @@ def _read_type(get: Any, name: str) -> tuple[Kind, tuple[float, ...]]:
     usual = _KINDS.get(get.vehicletype_getVehicleClass(name), Kind.CAR)
     sizes = (get.vehicletype_getLength, get.vehicletype_getWidth, get.vehicletype_getHeight)
     kind = _SHAPES.get(get.vehicletype_getShapeClass(name), usual)
+    if usual == Kind.WHEELCHAIR:  # Its usual shape is a pedestrian's.
+        kind = usual
+    elif kind == Kind.PEDESTRIAN and any(word in name.lower() for word in _PRAMS):
+        kind = Kind.PRAM
     return kind, tuple(min(max(size(name), 0.1), LARGEST_SIZE - 1) for size in sizes)
 
 

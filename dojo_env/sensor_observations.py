@@ -9,9 +9,11 @@ import numpy as np
 from gymnasium import spaces
 
 from dojo_env.camera import BEV, Camera
+from dojo_env.detectors.measuring import LaneMeasurements
 from dojo_env.errors import ConfigError
 from dojo_env.instant import Instant, SignalView
-from dojo_env.sensors import detector, events, lidar  # noqa: F401 - each adds its kind
+from dojo_env.perceived import PerceivedInstant
+from dojo_env.sensors import detector, events, lidar, video_detector  # noqa: F401 - each adds its kind
 from dojo_env.sensors.base import Look, Sensor, SensorSettings, Site, mount_sensor
 from dojo_env.sensors.eyes import Eyes
 from dojo_env.sensors.picture import CameraSensor
@@ -80,6 +82,16 @@ class SensorObserver:
         seen = {channel.name: channel.deliver(instant.time, view) for channel in channels}
         return next(iter(seen.values())) if self._bare else seen
 
+    def perceive(self, instant: Instant) -> Instant:
+        """Give a decision as video detectors have told it, if every signal has one, or else as it is."""
+        measured = {
+            signal: channel.newest
+            for signal, channels in self._channels.items()
+            for channel in channels
+            if isinstance(channel.newest, LaneMeasurements)
+        }
+        return PerceivedInstant(instant, measured) if len(measured) == len(self._channels) else instant
+
     def _look(self, signal: str, snapshot: Snapshot, due: "Sequence[_Channel]") -> None:
         key = (signal, tuple(channel.name for channel in due))
         if key not in self._views:
@@ -92,16 +104,21 @@ class SensorObserver:
 
 
 class _Channel:
-    """A sensor of one signal, and its looks on their way to the agent."""
+    """A sensor of one signal, and its looks on their way to the agent.
+
+    Attributes:
+        newest: the last look that has arrived; None before the first decision.
+    """
 
     def __init__(self, name: str, sensor: Sensor) -> None:
         self.name, self.sensor = name, sensor
+        self.newest: Any = None
         self._next = -np.inf
         self._coming: deque[tuple[float, Any]] = deque()
         self._arrived: list[Any] = []
 
     def reset(self, random: np.random.Generator) -> None:
-        self._next, self._arrived = -np.inf, []
+        self._next, self._arrived, self.newest = -np.inf, [], None
         self._coming.clear()
         self.sensor.reset(random)
 
@@ -124,6 +141,7 @@ class _Channel:
         elif self.sensor.interval or self.sensor.delay:
             # Only then may a later decision have nothing new, so that this is given again.
             self._arrived = arrived
+        self.newest = arrived[-1]
         return self.sensor.deliver(arrived, view)
 
 

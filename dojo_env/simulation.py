@@ -210,6 +210,11 @@ class Simulation:
                     found.append((link, metres, get.vehicle_getSpeed(vehicle)))
         return found
 
+    def list_next_links(self, vehicles: Iterable[str]) -> list[tuple[str, int, float] | None]:
+        """Tell the next signal of each vehicle, the link that it will take, and metres to the stop line."""
+        coming = (self._get.vehicle_getNextTLS(vehicle)[:1] for vehicle in vehicles)
+        return [found[0][:3] if found else None for found in coming]
+
     def count_halting(self, lanes: Iterable[str]) -> list[int]:
         """Count the vehicles slower than 0.1 m/s on each lane."""
         return list(map(self._get.lane_getLastStepHaltingNumber, lanes))

@@ -39,6 +39,8 @@ class Kind(IntEnum):
     FIRE_ENGINE = 14
     PEDESTRIAN = 15
     SHIP = 16
+    WHEELCHAIR = 17
+    PRAM = 18
 
 
 class Lights(IntFlag):

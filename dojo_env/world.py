@@ -77,7 +77,7 @@ class World(Protocol):
         """Run a whole episode.
 
         Args:
-            controller: chooses the actions.
+            controller: chooses the actions; by what a `VideoDetector` measures, where that is observed.
             seed: of all that is random in it.
 
         Returns:

@@ -114,7 +114,7 @@ class WorldProcess(World):
             target=_serve, args=(theirs, self._config, self._episodes), daemon=True
         )
         try:
-            _start(self._process, self._config)
+            start_process(self._process, self._config)
             theirs.close()
             signals: tuple[str, ...] = self._receive(SimulationError(_GUARD))
             if self._on_second is not None:
@@ -249,16 +249,20 @@ class WorldProcess(World):
         self.close()
 
 
-def _start(process: SpawnProcess, config: EnvConfig) -> None:
-    """Start a process that reads this one's script only where the settings name something of it.
+def start_process(process: SpawnProcess, sent: Any) -> None:
+    """Start a process that reads this one's script only where what is sent names something of it.
 
     So a script needs no guard against being read twice, and what it imports is not imported again.
+
+    Args:
+        process: to start.
+        sent: the settings that it gets.
 
     Raises:
         ConfigError: the settings cannot be pickled.
     """
     try:
-        sent = bytes(ForkingPickler.dumps(config))
+        pickled = bytes(ForkingPickler.dumps(sent))
     except _UNPICKLABLE as error:
         raise ConfigError(
             f"the settings cannot be handed to a process of its own ({error}); give functions that a module "
@@ -266,7 +270,7 @@ def _start(process: SpawnProcess, config: EnvConfig) -> None:
         ) from error
     with _one_starts:
         script = sys.modules["__main__"]
-        if b"__main__" not in sent:
+        if b"__main__" not in pickled:
             sys.modules["__main__"] = ModuleType("__main__")
         try:
             with interrupts_wait(), _children_allowed():
@@ -297,7 +301,7 @@ def _serve(pipe: Connection, config: EnvConfig, episodes: int) -> None:
         try:
             world = LocalWorld(config)
         except Exception as error:  # noqa: BLE001 - it is raised at the other end
-            pipe.send((0, "error", _portable(error)))
+            pipe.send((0, "error", portable(error)))
             return
         world.lasting = (episodes, world.lasting[1])
         world.traffic.simulation.has_stderr = True
@@ -363,7 +367,7 @@ def _close(world: LocalWorld) -> Exception | None:
     try:
         world.close()
     except Exception as error:  # noqa: BLE001 - it is raised at the other end
-        return _portable(error)
+        return portable(error)
     return None
 
 
@@ -376,7 +380,7 @@ def _send_answer(world: LocalWorld, pipe: Connection, call: _Call) -> None:
     except _CallerGoneError:
         raise
     except Exception as error:  # noqa: BLE001 - it is raised at the other end
-        pipe.send((call.number, "error", _portable(error)))
+        pipe.send((call.number, "error", portable(error)))
     else:
         pipe.send_bytes(sent)
 
@@ -392,7 +396,7 @@ def _show_second(pipe: Connection, snapshot: Snapshot) -> None:
         raise _CallerGoneError(_Call(*word))
 
 
-def _portable(error: Exception) -> Exception:
+def portable(error: Exception) -> Exception:
     """Make an error fit for a pipe: with where it was raised, if that is not our own, and always readable."""
     if not isinstance(error, DojoError):
         error.add_note("In the simulation's process:\n" + "".join(traceback.format_exception(error)))

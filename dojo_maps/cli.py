@@ -102,6 +102,11 @@ def _add_bundle_options(parser: argparse.ArgumentParser) -> None:
         help="add no houses, trees and street lamps that the source does not tell of",
     )
     parser.add_argument(
+        "--far-side-signals",
+        action=argparse.BooleanOptionalAction,
+        help="signal heads across the junction, too (default: where OpenStreetMap data's country has them)",
+    )
+    parser.add_argument(
         "--export", nargs="+", action="extend", default=[], choices=EXPORT_NAMES, help="also write"
     )
     parser.add_argument("--jobs", metavar="N", type=_positive, help="threads to use (default: one per core)")
@@ -132,6 +137,7 @@ def _convert(options: argparse.Namespace) -> int:
         enrich_net=options.enrich_net,
         exports=tuple(dict.fromkeys(options.export)),
         jobs=options.jobs,
+        far_side_signals=options.far_side_signals,
         demand=getattr(options, "demand", 0.0),
     )
     written, report = convert(options.source, options.output, wanted, on_stage=Progress(quiet=options.quiet))

@@ -31,9 +31,11 @@ from dojo_maps.sources.enrich_net import enrich_network
 from dojo_maps.sources.files import find_network
 from dojo_maps.sources.opendrive import OpenDriveNetwork
 from dojo_maps.sources.osm import is_osm, read_osm
-from dojo_maps.sources.osm.context import read_context
-from dojo_maps.sources.osm.network import build_network
-from dojo_maps.sources.osm.score import score_network
+from dojo_maps.sources.osm.completeness.score import score_network
+from dojo_maps.sources.osm.pipeline import build_network
+from dojo_maps.sources.osm.read.country import has_far_side_signals
+from dojo_maps.sources.osm.read.data import OsmData
+from dojo_maps.sources.osm.surroundings.props import read_context
 from dojo_maps.sources.sumo_net import read_network
 from dojo_maps.sumo_loading import Loading, loading
 from dojo_maps.validation.runner import run_checks
@@ -50,6 +52,8 @@ class ConvertOptions:
         enrich_net: add real sidewalks and crossings to the network itself.
         exports: further formats, by their names in `EXPORTERS`.
         jobs: threads for cutting triangles; None takes one per core.
+        far_side_signals: give traffic signal heads across the junction, too; None does so for OpenStreetMap
+            data of countries that have them.
         demand: vehicles per hour to write beside the map, None for what its junctions can take, 0 for none.
     """
 
@@ -58,6 +62,7 @@ class ConvertOptions:
     enrich_net: bool = False
     exports: tuple[str, ...] = ()
     jobs: int | None = None
+    far_side_signals: bool | None = None
     demand: float | None = 0.0
 
 
@@ -102,9 +107,11 @@ def _convert(
     path: Path, name: str, folder: Path, options: ConvertOptions, on_stage: Callable[[str], None]
 ) -> tuple[bundle.Bundle, dict[str, Any]]:
     on_stage("Reading")
-    changes, quality, base, routes = None, None, None, ""
+    changes, quality, base, routes, far_side = None, None, None, "", False
     if is_osm(path):
-        base, described, issues, quality = _import_osm(path, name, on_stage)
+        extract = read_osm(path)
+        far_side = has_far_side_signals(extract)
+        base, described, issues, quality = _import_osm(extract, path, name, on_stage)
         data, lost = reapply_edits(base, folder, (*described.origin, 0.0))
         if data is not base:
             edited, _ = read_network(data, path=path, name=name, sha256=described.source.sha256)
@@ -132,6 +139,7 @@ def _convert(
             described,
             generated=options.generated,
             surroundings=options.surroundings,
+            far_side_signals=far_side if options.far_side_signals is None else options.far_side_signals,
             jobs=options.jobs or os.cpu_count() or 1,
             on_stage=on_stage,
         )
@@ -169,10 +177,10 @@ def _import_other(
 
 
 def _import_osm(
-    path: Path, name: str, on_stage: Callable[[str], None]
+    extract: OsmData, path: Path, name: str, on_stage: Callable[[str], None]
 ) -> tuple[bytes, RoadMap, tuple[Issue, ...], dict[str, Any]]:
     """Build the network of an OpenStreetMap extract and measure it against the extract."""
-    extract, sha256 = read_osm(path), sha256_of(path)
+    sha256 = sha256_of(path)
     on_stage("Building the network")
     network = build_network(extract, path=path, name=name, sha256=sha256)
     quality, losses = score_network(extract, network)

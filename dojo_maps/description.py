@@ -270,11 +270,15 @@ LAMP_AHEAD = 0.12
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class SignalHead:
-    """A signal face: where it hangs and the heading it shines to (radians, counter-clockwise from east)."""
+    """A signal face: where it hangs and the heading it shines to (radians, counter-clockwise from east).
+
+    A head on the far side hangs across the junction from the traffic that it is for.
+    """
 
     link_indices: tuple[int, ...]
     position: tuple[float, float, float]
     heading: float
+    far_side: bool = False
 
     def lamps(self, count: int) -> Points:
         """Place the centres of `count` lamps, red on top: (count, 3)."""

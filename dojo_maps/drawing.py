@@ -46,6 +46,7 @@ def draw(
     *,
     generated: bool = True,
     surroundings: bool = True,
+    far_side_signals: bool = False,
     jobs: int = 1,
     on_stage: Callable[[str], None] = lambda _stage: None,
 ) -> tuple[RoadMap, tuple[Mesh, ...], tuple[Issue, ...]]:
@@ -55,6 +56,7 @@ def draw(
         described: as a source describes it.
         generated: add what the source does not tell of to look at: sidewalks, crossings, surroundings.
         surroundings: whether houses, trees and street lamps are among it.
+        far_side_signals: give traffic signal heads across the junction, too.
         jobs: threads for cutting triangles; the result is the same for any number.
         on_stage: told what begins.
 
@@ -70,7 +72,13 @@ def draw(
         pieces = build_pieces(road_map)
         paved = paved_ground(pieces)
         on_stage("Furnishing the street")
-        furnished = furnish(road_map, paved, generated=generated, surroundings=surroundings)
+        furnished = furnish(
+            road_map,
+            paved,
+            generated=generated,
+            surroundings=surroundings,
+            far_side_signals=far_side_signals,
+        )
         return furnished, build_scene(furnished, pieces, paved, jobs=jobs, on_stage=on_stage)
 
     left_out: list[_Thing] = []

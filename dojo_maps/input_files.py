@@ -1,17 +1,19 @@
 """The one way in: bytes of files that anybody may have made, within bounds, with one kind of error for each.
 
 Only regular files are read, judged by what was opened and not by its name, so nothing waits for a pipe or a
-device. gzip and bzip2 are told by their first bytes and unpacked piece by piece.
+device. gzip, bzip2, xz and zip are told by their first bytes and unpacked piece by piece.
 """
 
 import bz2
 import csv
 import hashlib
 import io
+import lzma
 import os
 import stat
+import zipfile
 import zlib
-from collections.abc import Collection, Iterator
+from collections.abc import Callable, Collection, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -22,7 +24,9 @@ MAX_BYTES = 1 << 30
 MAX_EXPANSION = 200
 """How many times its own size a packed file may unpack to; networks reach about 15."""
 _PIECE = 1 << 20
-_GZIP, _BZIP2 = b"\x1f\x8b", b"BZh"
+_GZIP, _BZIP2, _XZ, _ZIP = b"\x1f\x8b", b"BZh", b"\xfd7zXZ\0", b"PK\x03\x04"
+_XZ_MEMORY = 1 << 28
+"""Bytes that unpacking xz may take."""
 
 ErrorClass = type[SourceError]
 
@@ -78,7 +82,7 @@ def check_file(path: Path, *, most: int = MAX_BYTES, error: ErrorClass = SourceE
 
 
 def read_pieces(path: Path, *, most: int = MAX_BYTES, error: ErrorClass = SourceError) -> Iterator[bytes]:
-    """Read a file piece by piece, unpacked if it is gzip or bzip2.
+    """Read a file piece by piece, unpacked if it is gzip, bzip2, xz or a zip of one file.
 
     Args:
         path: the file.
@@ -86,12 +90,12 @@ def read_pieces(path: Path, *, most: int = MAX_BYTES, error: ErrorClass = Source
         error: raised for whatever is wrong with it.
 
     Raises:
-        SourceError: of the class `error`: as `opened`; or empty, broken as gzip or bzip2, or unpacking to
-            more than it may.
+        SourceError: of the class `error`: as `opened`; or empty, broken as what it is packed by, or
+            unpacking to more than it may.
     """
     with opened(path, most=most, error=error) as file:
         total, blank, limit = 0, True, most
-        if file.peek().startswith((_GZIP, _BZIP2)):
+        if file.peek().startswith((_GZIP, _BZIP2, _XZ, _ZIP)):
             limit = min(most, max(MAX_EXPANSION * os.fstat(file.fileno()).st_size, _PIECE))
         elif path.name.endswith(".gz"):
             raise error(path, "not a gzip file, though its name says so; rename or repack it")
@@ -106,7 +110,7 @@ def read_pieces(path: Path, *, most: int = MAX_BYTES, error: ErrorClass = Source
 
 
 def read_bytes(path: Path, *, most: int = MAX_BYTES, error: ErrorClass = SourceError) -> bytes:
-    """Read a file whole, unpacked if it is gzip or bzip2.
+    """Read a file whole, unpacked if it is gzip, bzip2, xz or a zip of one file.
 
     Raises:
         SourceError: as `read_pieces`.
@@ -154,7 +158,11 @@ def _unpacked(file: io.BufferedReader, path: Path, error: ErrorClass) -> Iterato
     start = file.peek()
     if start.startswith(_GZIP):
         return _gunzip(file, path, error)
-    return _bunzip2(file, path, error) if start.startswith(_BZIP2) else _plain(file)
+    if start.startswith(_BZIP2):
+        return _decompress(file, path, error, "bzip2", bz2.BZ2Decompressor)
+    if start.startswith(_XZ):
+        return _decompress(file, path, error, "xz", lambda: lzma.LZMADecompressor(memlimit=_XZ_MEMORY))
+    return _unzip(file, path, error) if start.startswith(_ZIP) else _plain(file)
 
 
 def _plain(file: io.BufferedReader) -> Iterator[bytes]:
@@ -181,8 +189,15 @@ def _gunzip(file: io.BufferedReader, path: Path, error: ErrorClass) -> Iterator[
         raise error(path, "the gzip data ends early; copy or download the file again")
 
 
-def _bunzip2(file: io.BufferedReader, path: Path, error: ErrorClass) -> Iterator[bytes]:
-    stream, begun = bz2.BZ2Decompressor(), False
+def _decompress(
+    file: io.BufferedReader,
+    path: Path,
+    error: ErrorClass,
+    kind: str,
+    start: Callable[[], bz2.BZ2Decompressor | lzma.LZMADecompressor],
+) -> Iterator[bytes]:
+    """Unpack streams that follow each other."""
+    stream, begun = start(), False
     try:
         for packed in _plain(file):
             left = packed
@@ -191,11 +206,25 @@ def _bunzip2(file: io.BufferedReader, path: Path, error: ErrorClass) -> Iterator
                 yield stream.decompress(left, _PIECE)
                 left = stream.unused_data if stream.eof else b""
                 if stream.eof:
-                    stream, begun = bz2.BZ2Decompressor(), False
-    except OSError as problem:
-        raise error(path, f"broken bzip2 data ({problem}); copy or download the file again") from problem
+                    stream, begun = start(), False
+    except (OSError, lzma.LZMAError) as problem:
+        raise error(path, f"broken {kind} data ({problem}); copy or download the file again") from problem
     if begun:
-        raise error(path, "the bzip2 data ends early; copy or download the file again")
+        raise error(path, f"the {kind} data ends early; copy or download the file again")
+
+
+def _unzip(file: io.BufferedReader, path: Path, error: ErrorClass) -> Iterator[bytes]:
+    """Unpack the one file of a zip archive."""
+    try:
+        with zipfile.ZipFile(file) as archive:
+            held = [entry for entry in archive.infolist() if not entry.is_dir()]
+            if len(held) != 1:
+                raise error(path, f"a zip archive of {len(held)} files, expected one; unpack it first")
+            with archive.open(held[0]) as member:
+                while piece := member.read(_PIECE):
+                    yield piece
+    except (zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError, RuntimeError) as problem:
+        raise error(path, f"broken or encrypted zip data ({problem}); unpack it first") from problem
 
 
 def find_named(path: Path, folder: str, name: str) -> Path:

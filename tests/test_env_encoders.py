@@ -104,7 +104,7 @@ def test_trained_features_tell_the_queue_of_each_lane_better_than_random_ones(tm
     subprocess.run(command, check=True, capture_output=True, env=command_environment(), timeout=550)
     trained, drawn = (row["r2"]["two-way"] for row in json.loads(found.read_text()))
     assert trained > 0.4
-    assert trained > drawn + 0.05
+    assert trained > drawn + 0.03
 
 
 def test_a_picture_is_encoded_once_while_it_is_remembered() -> None:

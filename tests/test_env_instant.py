@@ -24,6 +24,7 @@ QUESTIONS: dict[str, Callable[[Instant], Any]] = {
         (v.phase, v.state, v.green_time, v.lanes.rows) for v in instant.signals.values()
     ],
     "measure_all": lambda instant: instant.measure_all().time,
+    "of_views": lambda instant: Instant.of_views(7.0, instant.signals).time,
 }
 """One for every public name of an instant."""
 LATE = ("snapshot", "list_vehicles", "count_vehicles", "approach", "measure_all")

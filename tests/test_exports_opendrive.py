@@ -136,7 +136,7 @@ def test_write_opendrive_links_each_connection_and_says_who_yields(network_path,
 @pytest.mark.parametrize("name", ["right_hand", "left_hand", "bare"])
 def test_write_opendrive_has_the_street_s_furniture(network_path, tmp_path, name):
     road_map = _read(network_path(name))
-    road_map, _, _ = draw(road_map)
+    road_map, _, _ = draw(road_map, far_side_signals=True)
     root = _parse(_export(road_map, tmp_path / "out"))
     objects = root.findall(".//object")
     crosswalks = [o for o in objects if o.get("type") == "crosswalk"]
@@ -147,6 +147,10 @@ def test_write_opendrive_has_the_street_s_furniture(network_path, tmp_path, name
     assert sorted(stops) == sorted(line.lane for line in road_map.stop_lines)
     heads = [signal.get("id") for signal in root.iter("signal")]
     assert len(heads) == sum(len(signal.heads) for signal in road_map.signals) > 0
+    far = [head.position for signal in road_map.signals for head in signal.heads if head.far_side]
+    inertial = [tuple(float(p.get(axis)) for axis in "xyz") for p in root.iterfind(".//positionInertial")]
+    assert np.allclose(sorted(inertial), sorted(far), atol=1e-3)
+    assert far
     controlled = [control.get("signalId") for control in root.iterfind("controller/control")]
     assert sorted(controlled) == sorted(heads)
     assert root.findall("junction/controller")

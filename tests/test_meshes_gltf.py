@@ -83,9 +83,9 @@ def test_write_scene_lights_faces_as_they_lie_and_pavement_s_tops_level(scene):
         assert (agree > 0.85).mean() > 0.97, name
 
 
-def test_write_scene_costs_no_more_than_six_tenths(meshes, scene):
+def test_write_scene_costs_no_more_than_eight_tenths(meshes, scene):
     plain = sum(12 * len(mesh.vertices) + 12 * len(mesh.faces) for mesh in meshes)
-    assert scene.stat().st_size < 1.6 * (plain + len(json.dumps(_document(scene))))
+    assert scene.stat().st_size < 1.8 * (plain + len(json.dumps(_document(scene))))
 
 
 def test_a_box_has_sharp_edges_and_a_bent_sheet_is_smooth(tmp_path):

@@ -13,9 +13,10 @@ from dojo_maps.bundle import Bundle
 from dojo_maps.conversion import convert
 from dojo_maps.description import LaneKind, Prop, RoadMap
 from dojo_maps.geometry.pieces import lane_strips
-from dojo_maps.sources.osm import context as osm_context
 from dojo_maps.sources.osm import read_osm
-from dojo_maps.sources.osm.context import building_height, read_context, read_length, tree_height
+from dojo_maps.sources.osm.read.lengths import read_length
+from dojo_maps.sources.osm.surroundings import props as osm_context
+from dojo_maps.sources.osm.surroundings.props import building_height, read_context, tree_height
 
 Place = tuple[float, float]
 

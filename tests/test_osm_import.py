@@ -20,9 +20,9 @@ from dojo_maps.cli import main
 from dojo_maps.conversion import convert
 from dojo_maps.description import Phase
 from dojo_maps.sources.netconvert import NetconvertError, NetconvertResult, run_netconvert
-from dojo_maps.sources.osm import network as osm_network
+from dojo_maps.sources.osm import pipeline as osm_network
 from dojo_maps.sources.osm import read_osm
-from dojo_maps.sources.osm.country import drives_left
+from dojo_maps.sources.osm.read.country import drives_left, has_far_side_signals
 
 CONTROLLERS = {
     "cross": 1, "dual_carriageways": 1, "dog_leg": 1, "slip_lane": 1, "triangle": 0, "roundabout": 0,
@@ -55,7 +55,7 @@ def test_city_keeps_what_is_mapped(city: tuple[Bundle, dict[str, Any], float]) -
     assert quality["signalised_junctions"]["share"] == 1.0
     assert quality["turn_lanes"]["share"] >= 0.95
     assert quality["sidewalk_metres"]["share"] >= 0.95
-    assert quality["road_metres_on_floor"]["share"] >= 0.99
+    assert quality["road_metres"]["all"]["share"] >= 0.99
     assert quality["edges_under_5_m"] == 0
     assert seconds < 60
 
@@ -157,7 +157,7 @@ def test_drawn_junction_is_whole(drawn: tuple[str, Bundle, dict[str, Any]]) -> N
     assert quality["turn_lanes"]["kept"] == quality["turn_lanes"]["of"]
     assert quality["crossings"]["kept"] >= quality["crossings"]["of"] - (name == "slip_lane")
     assert quality["edges_under_5_m"] == 0
-    assert quality["road_metres_on_floor"]["share"] > 0.99
+    assert quality["road_metres"]["all"]["share"] > 0.99
     assert bundle.road_map.left_hand == (name == "left_hand")
     check_no_dead_ends(bundle)
     check_programs(bundle.network)
@@ -298,6 +298,12 @@ def test_import_drives_on_the_side_of_the_country(tmp_path: Path) -> None:
     assert drives_left(read_osm(turning.write(tmp_path / "d.osm")))
 
 
+def test_import_hangs_signals_on_the_far_side_where_the_country_does(tmp_path: Path) -> None:
+    assert not has_far_side_signals(read_osm(cross().write(tmp_path / "a.osm")))
+    bundle, _ = convert(str(cross(SYDNEY).write(tmp_path / "b.osm")), tmp_path / "b.dojo")
+    assert any(head.far_side for head in bundle.road_map.signals[0].heads)
+
+
 def test_import_never_doubles_a_sidewalk(tmp_path: Path) -> None:
     drawing = cross()
     drawing.ways[0][1]["sidewalk"] = "separate"
@@ -310,7 +316,7 @@ def test_import_never_doubles_a_sidewalk(tmp_path: Path) -> None:
         assert [kinds[lane] for lane in lanes].count("sidewalk") <= 1
 
 
-@pytest.mark.parametrize(("fatal", "attempts"), [("--walkingareas", 1), ("<crossing ", 3)])
+@pytest.mark.parametrize(("fatal", "attempts"), [("--walkingareas", 1), ("<crossing ", 2)])
 def test_import_leaves_out_what_netconvert_fails_on(
     fatal: str, attempts: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -13,11 +13,11 @@ from test_osm_import import check_no_dead_ends
 from dojo_maps.bundle import Bundle
 from dojo_maps.conversion import convert
 from dojo_maps.sources.netconvert import NetconvertResult, run_netconvert
-from dojo_maps.sources.osm import network as osm_network
+from dojo_maps.sources.osm import pipeline as osm_network
 from dojo_maps.sources.osm import read_osm
-from dojo_maps.sources.osm.graph import RoadGraph, build_graph
-from dojo_maps.sources.osm.heights import compute_heights
-from dojo_maps.sources.osm.outlines import mend_outlines
+from dojo_maps.sources.osm.graph.heights import compute_heights
+from dojo_maps.sources.osm.graph.road_graph import RoadGraph, build_graph
+from dojo_maps.sources.osm.plain.junction_outlines import mend_outlines
 
 STREET = {"highway": "tertiary", "lanes": "2"}
 ONE_WAY = {"highway": "tertiary", "oneway": "yes"}
@@ -66,7 +66,7 @@ def test_fork_at_a_sharp_angle_has_its_own_ground(degrees: float, tmp_path: Path
         d.way((0, 0), (250 * math.cos(angle), 250 * math.sin(angle)), **STREET)
     _, report = built(d, tmp_path)
     assert report["osm"]["overlap_square_metres"] < 5
-    assert report["osm"]["road_metres_on_floor"]["share"] > 0.99
+    assert report["osm"]["road_metres"]["all"]["share"] > 0.99
 
 
 def test_fork_of_short_roads_at_a_sharp_angle_has_its_own_ground(tmp_path: Path) -> None:
@@ -85,7 +85,7 @@ def test_slip_lane_that_merges_flat_leaves_no_hole(tmp_path: Path) -> None:
     d.way((60, 0), (70, -150), **STREET)
     _, report = built(d, tmp_path)
     assert report["osm"]["overlap_square_metres"] < 5
-    assert report["osm"]["road_metres_on_floor"]["share"] > 0.99
+    assert report["osm"]["road_metres"]["all"]["share"] > 0.99
 
 
 def test_sausage_link_parts_on_ground_of_its_own(tmp_path: Path) -> None:
@@ -106,7 +106,7 @@ def test_loop_at_the_end_of_a_street_stays(tmp_path: Path) -> None:
     d.way((-100, 0), (0, 0), (100, 0), **STREET)
     d.way((0, 0), (0, 60), (11, 71), (0, 82), (-11, 71), (0, 60), highway="residential", oneway="yes")
     bundle, report = built(d, tmp_path)
-    assert report["osm"]["road_metres_on_floor"]["share"] > 0.99
+    assert report["osm"]["road_metres"]["all"]["share"] > 0.99
     assert sum(road.id.lstrip("-").startswith("1002#") for road in bundle.road_map.roads) >= 3
 
 

@@ -3,10 +3,11 @@
 import numpy as np
 import pytest
 
-from dojo_maps.sources.osm.arms import trim
-from dojo_maps.sources.osm.country import read_speed
-from dojo_maps.sources.osm.lanes import connect_lanes
-from dojo_maps.sources.osm.ways import LaneTags, RoadTags, read_road
+from dojo_maps.sources.osm.layout.arms import trim
+from dojo_maps.sources.osm.plain.lane_connections import connect_lanes
+from dojo_maps.sources.osm.read.country import read_speed
+from dojo_maps.sources.osm.read.lane_tags import LaneTags, LaneUse
+from dojo_maps.sources.osm.read.way_tags import RoadTags, read_road
 
 
 def road(*, left_hand: bool = False, lon: float = 24.9, lat: float = 60.2, **tags: str) -> RoadTags:
@@ -32,6 +33,10 @@ def road(*, left_hand: bool = False, lon: float = 24.9, lat: float = 60.2, **tag
         ({"highway": "motorway"}, (2, 0)),
         ({"junction": "roundabout"}, (1, 0)),
         ({"lanes": "99"}, (4, 4)),
+        ({"oneway": "yes", "lanes__forward": "3"}, (3, 0)),
+        ({"oneway": "yes", "lanes": "3", "oneway__psv": "no", "lanes__backward": "1"}, (2, 1)),
+        ({"oneway": "yes", "lanes": "3", "busway": "opposite_lane"}, (2, 1)),
+        ({"oneway": "-1", "lanes": "3", "oneway__bus": "no"}, (1, 2)),
     ],
 )
 def test_read_road_counts_lanes(tags: dict[str, str], lanes: tuple[int, int]) -> None:
@@ -45,6 +50,66 @@ def test_read_road_lists_lanes_outermost_first() -> None:
     assert [lane.turns for lane in right.forward] == [("through", "right"), ("left",)]
     assert [lane.bus for lane in right.forward] == [True, False]
     assert left.forward == right.forward[::-1]
+
+
+BUS, CAR, BICYCLE = LaneUse.BUS, LaneUse.DRIVING, LaneUse.BICYCLE
+
+
+@pytest.mark.parametrize(
+    ("tags", "forward", "backward"),
+    [
+        ({"oneway": "yes", "lanes": "3", "oneway__psv": "no"}, [CAR, CAR], [BUS]),
+        (
+            {"oneway": "yes", "lanes": "3", "vehicle__lanes": "yes|yes|no", "bus__lanes": "yes|yes|yes"},
+            [BUS, CAR, CAR],
+            [],
+        ),
+        (
+            {"lanes": "2", "cycleway__right": "lane", "cycleway__left": "track"},
+            [BICYCLE, CAR],
+            [BICYCLE, CAR],
+        ),
+        ({"lanes": "2", "cycleway": "lane"}, [BICYCLE, CAR], [BICYCLE, CAR]),
+        ({"oneway": "yes", "cycleway": "lane"}, [BICYCLE, CAR], []),
+        ({"oneway": "yes", "cycleway": "opposite_lane"}, [CAR], [BICYCLE]),
+        ({"oneway": "yes", "oneway__bicycle": "no", "cycleway__left": "lane"}, [CAR], [BICYCLE]),
+        ({"lanes": "2", "cycleway": "shared_lane"}, [CAR], [CAR]),
+    ],
+)
+def test_read_road_tells_who_lanes_are_for(
+    tags: dict[str, str], forward: list[LaneUse], backward: list[LaneUse]
+) -> None:
+    found = road(**tags)
+    assert [lane.use for lane in found.forward] == forward
+    assert [lane.use for lane in found.backward] == backward
+
+
+def test_read_road_keeps_cycle_lanes_on_their_side_where_traffic_keeps_left() -> None:
+    found = road(left_hand=True, lanes="2", cycleway__left="lane")
+    assert [lane.use for lane in found.forward] == [BICYCLE, CAR]
+    assert [lane.use for lane in found.backward] == [CAR]
+
+
+@pytest.mark.parametrize(
+    ("tags", "word"),
+    [
+        ({"lanes": "1"}, "lanes=1"),
+        ({"lanes": "3", "oneway": "reversible"}, "reversible"),
+        ({"lanes": "5", "lanes__both_ways": "1"}, "both_ways"),
+        ({"oneway": "yes", "hov__lanes": "designated|"}, "hov"),
+        ({"motor_vehicle__conditional": "no @ (22:00-06:00)"}, "motor_vehicle:conditional"),
+        ({"turn__lanes__forward": "left|through", "lanes__forward": "1"}, "turn:lanes"),
+    ],
+)
+def test_read_road_says_what_it_does_not_keep(tags: dict[str, str], word: str) -> None:
+    named = {"highway": "secondary"} | {key.replace("__", ":"): value for key, value in tags.items()}
+    (told,) = read_road(named, lon=24.9, lat=60.2, left_hand=False)[1]
+    assert word in told
+
+
+@pytest.mark.parametrize("text", ["7.5", "7.5 m", "24.6 ft", "24'7\""])
+def test_read_road_reads_widths_in_any_unit(text: str) -> None:
+    assert road(lanes="2", width=text).width == pytest.approx(3.75, abs=0.01)
 
 
 @pytest.mark.parametrize(
@@ -63,8 +128,12 @@ def test_read_road_leaves_out_what_cars_do_not_use(tags: dict[str, str]) -> None
 
 
 def test_read_road_keeps_roads_for_buses() -> None:
-    found = road(motor_vehicle="no", psv="yes")
-    assert all(lane.bus for lane in found.forward)
+    for found in (
+        road(motor_vehicle="no", psv="yes"),
+        road(highway="pedestrian", bus="yes"),
+        road(highway="service", access="no", bus="designated"),
+    ):
+        assert all(lane.bus for lane in found.forward + found.backward)
 
 
 @pytest.mark.parametrize(
@@ -126,7 +195,7 @@ def test_connect_lanes_splits_a_road_that_ends() -> None:
 @pytest.mark.parametrize("angles", [[0], [-90, 0], [0, 90], [-90, 90], [-90, 0, 90], [-120, -30, 20, 100]])
 def test_connect_lanes_leaves_no_lane_and_no_road_out(lanes: int, angles: list[float]) -> None:
     for bus in (False, True):
-        sources = [LaneTags(bus=bus and k == 0) for k in range(lanes)]
+        sources = [LaneTags(use=LaneUse.BUS if bus and k == 0 else LaneUse.DRIVING) for k in range(lanes)]
         found = connect_lanes(sources, [[PLAIN] * 2 for _ in angles], angles, left_hand=False)
         assert {lane for lane, _, _ in found} == set(range(lanes))
         assert {movement for _, movement, _ in found} == set(range(len(angles)))

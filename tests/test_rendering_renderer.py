@@ -14,12 +14,14 @@ from dojo_env.camera import Camera
 from dojo_env.conditions import Conditions
 from dojo_env.errors import ConfigError, SnapshotError
 from dojo_env.rendering.classes import SEMANTIC_OF_KIND, Semantic
+from dojo_env.rendering.compiling import kernel
+from dojo_env.rendering.lanes import draw_lane_map, find_lane
 from dojo_env.rendering.renderer import Renderer
 from dojo_env.rendering.scene import build_scene
 from dojo_env.sensors.placement import place_cameras
 from dojo_env.snapshot import Kind, Lights, Snapshot
 from dojo_maps.bundle import read_bundle
-from dojo_maps.description import LinkKind
+from dojo_maps.description import LaneKind, LinkKind
 
 ALL = ("rgb", "depth", "semantic", "instance", "boxes")
 
@@ -124,7 +126,7 @@ def test_hidden_share_is_measured(scene, signal):
     car = (float(origin[0]) + 30.0, float(origin[1]), 0.0, 0.0)
     bus = (float(origin[0]) + 14.0, float(origin[1]) + 6.0, 0.0, np.pi / 2)
     base = traffic.empty(scene.road_map)
-    renderer = Renderer(scene)
+    renderer = Renderer(_bare(scene))
     alone = renderer.render(traffic.users([car], [Kind.CAR], base), [camera], ("boxes",))[0].boxes
     assert alone.visible.tolist() == [1.0]
     both = renderer.render(traffic.users([car, bus], [Kind.CAR, Kind.BUS], base), [camera], ("boxes",))[
@@ -275,6 +277,64 @@ def test_night_headlights_light_the_ground_ahead(scene):
         assert bool((after - before)[ahead].max() > 10) == lit
 
 
+def _darkened(scene, hour, overcast):
+    """How much a car darkens the ground that a camera right above it sees, pixel by pixel."""
+    lane = max(scene.road_map.lanes, key=lambda lane: lane.length * (lane.kind is LaneKind.DRIVING))
+    x, y = (float(v) for v in lane.shape[:2, :2].mean(axis=0))
+    camera = Camera(name="above", position=(x - 2.0, y, 25.0), heading_deg=90.0, pitch_deg=-90.0,
+                    width=600, height=400)  # fmt: skip
+    car = traffic.users([(x, y, 0.0, 0.0)], [Kind.CAR], traffic.empty(scene.road_map))
+    renderer = Renderer(scene, conditions=Conditions(hour=hour, overcast=overcast))
+    before = renderer.render(traffic.empty(scene.road_map), [camera])[0].rgb.astype(float)
+    after = renderer.render(car, [camera], ("rgb", "instance"))[0]
+    share = 1.0 - after.rgb.sum(axis=2) / before.sum(axis=2)
+    return np.where(after.instance == 0, share, np.nan), after.instance > 0
+
+
+def test_car_touches_the_ground_under_a_closed_sky(scene):
+    dark, covered = _darkened(scene, 12.0, 1.0)
+    rows, columns = np.nonzero(covered)
+    beside = dark[rows.min() : rows.max(), columns.max() + 1 : columns.max() + 4]
+    assert np.nanmax(beside) > 0.1
+    far = dark[:, columns.max() + 60]
+    assert np.nanmax(np.abs(far)) == 0.0
+
+
+def test_sun_shadow_lies_away_from_the_sun_and_has_a_soft_edge(scene):
+    dark, covered = _darkened(scene, 16.0, 0.0)  # The sun stands in the west, left in the picture.
+    columns = np.nonzero(covered)[1]
+    left, right = np.nan_to_num(dark[:, : columns.min()]), np.nan_to_num(dark[:, columns.max() + 1 :])
+    assert (right > 0.25).sum() > 10 * max(1, (left > 0.25).sum())
+    edge = np.nan_to_num(dark[200, columns.max() + 1 :])
+    assert ((edge > 0.05) & (edge < 0.9 * edge.max())).sum() >= 3
+
+
+def test_plain_look_draws_the_same_things_otherwise(scene, cameras, snapshot):
+    street = Renderer(scene).render(snapshot, cameras[:1], ALL[:4])[0]
+    plain = Renderer(scene, look="plain").render(snapshot, cameras[:1], ALL[:4])[0]
+    assert (street.rgb != plain.rgb).any()
+    assert (street.instance == plain.instance).mean() > 0.97
+    with pytest.raises(ConfigError, match="street, plain"):
+        Renderer(scene, look="pretty")
+
+
+def test_place_on_a_lane_is_told_along_and_across_it(scene):
+    lane = next(lane for lane in scene.road_map.lanes if lane.length > 30.0)
+    a, b = lane.shape[:2, :2]
+    way = (b - a) / np.linalg.norm(b - a)
+    place = a + 0.5 * np.linalg.norm(b - a) * way + 0.4 * np.array([-way[1], way[0]]) - scene.origin[:2]
+    found = np.empty(5)
+    _find(*place, draw_lane_map(scene.lanes, place, 30.0, 512), found)
+    assert found[0] == pytest.approx(0.5 * np.linalg.norm(b - a), abs=1e-6)
+    assert found[1] == pytest.approx(0.4, abs=1e-6)
+    assert found[3] == pytest.approx(lane.width / 2)
+
+
+@kernel
+def _find(x, y, lanes, found):
+    find_lane(x, y, lanes, found)
+
+
 def test_smooth_pictures_are_the_average_of_finer_ones(scene, cameras, snapshot):
     plain = Renderer(scene).render(snapshot, cameras[:1], ALL[:4])[0]
     smooth = Renderer(scene, smooth=True).render(snapshot, cameras[:1], ALL[:4])[0]
@@ -320,10 +380,15 @@ def test_thousands_of_road_users_are_drawn(scene, cameras):
     assert len(picture.boxes.ids) > 500
 
 
-def test_empty_scene_is_bare_ground_and_sky(scene):
-    bare = replace(scene, vertices=np.empty((0, 3)), faces=np.empty((0, 3), np.int32),
+def _bare(scene):
+    """Nothing but the road map."""
+    return replace(scene, vertices=np.empty((0, 3)), faces=np.empty((0, 3), np.int32),
                    normals=np.empty((0, 3)), semantics=np.empty(0, np.uint8), surfaces=np.empty(0, np.uint8),
-                   colours=np.empty((0, 3), np.float32))  # fmt: skip
+                   colours=np.empty((0, 3), np.float32), things=np.empty((0, 3), np.float32))  # fmt: skip
+
+
+def test_empty_scene_is_bare_ground_and_sky(scene):
+    bare = _bare(scene)
     level = Camera(name="c", position=(0.0, 0.0, 5.0), pitch_deg=0.0)
     picture = Renderer(bare).render(Snapshot(time=0), [level], ALL)[0]
     assert (picture.semantic == Semantic.SKY).all()

@@ -16,7 +16,8 @@ from dojo_env.rendering.classes import SEMANTIC_OF_KIND, Semantic
 from dojo_env.rendering.renderer import Renderer
 from dojo_env.rendering.scene import build_scene
 from dojo_env.sensors.lidar import Lidar, LidarScanner
-from dojo_env.sensors.noise import Lens, shake_cameras
+from dojo_env.sensors.mounts import shake_cameras
+from dojo_env.sensors.noise import Lens
 from dojo_env.sensors.placement import find_approaches, place_cameras
 from dojo_env.snapshot import Kind, Snapshot
 from dojo_maps.bundle import read_bundle
@@ -232,21 +233,23 @@ def test_every_hour_and_weather_gives_a_picture_that_can_be_seen(scene, hour, we
 
 def test_lens_spoils_by_seed_camera_and_time():
     clean = np.full((60, 80, 3), 128, dtype=np.uint8)
+    camera = Camera(name="a", position=(0.0, 0.0, 8.0), width=80, height=60)
     state = Conditions(noise=6.0, blur=0.8, dirt=0.5, rain=0.5, seed=3)
-    first = Lens(state).spoil(clean, "a", 5.0)
+    first = Lens(state).spoil(clean, camera, 5.0)
     assert first.dtype == np.uint8
-    np.testing.assert_array_equal(first, Lens(state).spoil(clean, "a", 5.0))
-    for other in (Lens(state).spoil(clean, "b", 5.0), Lens(state).spoil(clean, "a", 6.0),
-                  Lens(replace(state, seed=4)).spoil(clean, "a", 5.0)):  # fmt: skip
+    np.testing.assert_array_equal(first, Lens(state).spoil(clean, camera, 5.0))
+    for other in (Lens(state).spoil(clean, replace(camera, name="b"), 5.0),
+                  Lens(state).spoil(clean, camera, 6.0),
+                  Lens(replace(state, seed=4)).spoil(clean, camera, 5.0)):  # fmt: skip
         assert not np.array_equal(first, other)
-    np.testing.assert_array_equal(Lens(Conditions()).spoil(clean, "a", 5.0), clean)
+    np.testing.assert_array_equal(Lens(Conditions()).spoil(clean, camera, 5.0), clean)
     assert (clean == 128).all()
 
 
 def test_dropped_frames_show_the_last_one_again():
-    lens = Lens(Conditions(dropped=0.5, seed=1))
+    lens, camera = Lens(Conditions(dropped=0.5, seed=1)), Camera(name="a", position=(0.0, 0.0, 8.0))
     frames = [np.full((4, 4, 3), k, dtype=np.uint8) for k in range(200)]
-    shown = [int(lens.spoil(frame, "a", float(k))[0, 0, 0]) for k, frame in enumerate(frames)]
+    shown = [int(lens.spoil(frame, camera, float(k))[0, 0, 0]) for k, frame in enumerate(frames)]
     late = [k - value for k, value in enumerate(shown)]
     assert shown[0] == 0
     assert min(late) == 0

@@ -3,7 +3,11 @@
 import bz2
 import gzip
 import importlib.util
+import json
+import lzma
+import zipfile
 from pathlib import Path
+from typing import Any
 
 import pytest
 from osm_drawings import cross
@@ -104,6 +108,9 @@ def test_read_osm_refuses_broken_packing(tmp_path: Path) -> None:
         "truncated.osm.bz2": bz2.compress(b"<osm/>" * 100)[:-8],
         "plain.osm.gz": b"<osm/>",
         "bomb.osm.bz2": bz2.compress(b" " * (64 << 20)),
+        "truncated.osm.xz": lzma.compress(b"<osm/>" * 100)[:-8],
+        "bomb.osm.xz": lzma.compress(b" " * (64 << 20)),
+        "cut.osm.zip": b"PK\x03\x04nonsense",
     }
     for name, content in packed.items():
         (tmp_path / name).write_bytes(content)
@@ -111,6 +118,82 @@ def test_read_osm_refuses_broken_packing(tmp_path: Path) -> None:
             read_osm(tmp_path / name)
     with pytest.raises(SourceError, match="no such file"):
         read_osm(tmp_path / "missing.osm.pbf")
+
+
+def overpass_answer(data: OsmData, *, geometry: bool) -> dict[str, Any]:
+    """Write elements as Overpass does, after `out body` or `out body geom`."""
+    nodes = [
+        {"type": "node", "id": k, "lat": n.lat, "lon": n.lon, "tags": n.tags} for k, n in data.nodes.items()
+    ]
+    ways: list[dict[str, Any]] = []
+    for number, way in data.ways.items():
+        places = [data.nodes.get(node) for node in way.nodes]
+        there = {"geometry": [place and {"lat": place.lat, "lon": place.lon} for place in places]}
+        ways.append(
+            {"type": "way", "id": number, "nodes": way.nodes, "tags": way.tags, **(there if geometry else {})}
+        )
+    relations = [
+        {
+            "type": "relation",
+            "id": number,
+            "members": [{"type": m.kind, "ref": m.ref, "role": m.role} for m in relation.members],
+            "tags": relation.tags,
+        }
+        for number, relation in data.relations.items()
+    ]
+    return {"version": 0.6, "osm3s": {}, "elements": [*(() if geometry else nodes), *ways, *relations]}
+
+
+def test_read_osm_takes_the_same_from_every_format(tmp_path: Path) -> None:
+    drawn = cross().write(tmp_path / "a.osm")
+    data = read_osm(drawn)
+    text = drawn.read_bytes()
+    with zipfile.ZipFile(tmp_path / "a.osm.zip", "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("some folder/a.osm", text)
+    answer = json.dumps(overpass_answer(data, geometry=False)).encode()
+    for name, content in {
+        "a.osm.xz": lzma.compress(text),
+        "b.json": answer,
+        "b.osm.json": answer,
+        "c.osm.gz": gzip.compress(answer),
+    }.items():
+        (tmp_path / name).write_bytes(content)
+    for name in ("a.osm.zip", "a.osm.xz", "b.json", "b.osm.json", "c.osm.gz"):
+        assert is_osm(tmp_path / name)
+        assert read_osm(tmp_path / name) == data
+
+
+def test_read_osm_takes_places_out_of_ways(tmp_path: Path) -> None:
+    data = read_osm(cross().write(tmp_path / "a.osm"))
+    path = tmp_path / "geom.json"
+    path.write_text(json.dumps(overpass_answer(data, geometry=True)))
+    found = read_osm(path)
+    assert found.ways == data.ways
+    assert {k: (n.lon, n.lat) for k, n in found.nodes.items()} == {
+        k: (n.lon, n.lat) for k, n in data.nodes.items()
+    }
+    inside = read(tmp_path, '<way id="1"><nd ref="7" lat="1" lon="2"/><nd ref="8" lat="1" lon="3"/></way>')
+    assert (inside.nodes[8].lat, inside.nodes[8].lon) == (1, 3)
+
+
+BAD_ANSWERS = {
+    "no list": {"elements": {}},
+    "no kind": {"elements": [{"id": 1}]},
+    "no id": {"elements": [{"type": "node", "lat": 1, "lon": 1}]},
+    "no place": {"elements": [{"type": "node", "id": 1, "lat": "1", "lon": 1}]},
+    "half a geometry": {"elements": [{"type": "way", "id": 1, "nodes": [1, 2], "geometry": [None]}]},
+    "tags": {"elements": [{"type": "node", "id": 1, "lat": 1, "lon": 1, "tags": {"a": []}}]},
+    "cut off": {"elements": [], "remark": "runtime error: Query timed out"},
+    "empty": {"elements": []},
+}
+
+
+@pytest.mark.parametrize("answer", BAD_ANSWERS.values(), ids=BAD_ANSWERS.keys())
+def test_read_osm_refuses_bad_answers_of_overpass(answer: dict[str, Any], tmp_path: Path) -> None:
+    path = tmp_path / "bad.osm.json"
+    path.write_text(json.dumps(answer))
+    with pytest.raises(SourceError, match=r"bad\.osm\.json"):
+        read_osm(path)
 
 
 def test_is_osm_goes_by_the_name() -> None:

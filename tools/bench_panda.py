@@ -65,7 +65,7 @@ class PandaWorld:
         models = library()
         first, _, face, end = models.spans[users.models[k], 0]
         corners = models.vertices[first + models.faces[face:end]].reshape(-1, 3)
-        colour = SRGB[(users.colours[k] * 4095).astype(int)]
+        colour = SRGB[(users.colours[k, 0] * 4095).astype(int)]
         return self._node(corners, np.tile(colour, (len(corners), 1)))
 
     def _node(self, corners: np.ndarray, colours: np.ndarray) -> Any:

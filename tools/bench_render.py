@@ -98,6 +98,7 @@ def densify(scene: Scene, times: int) -> Scene:
         semantics=np.concatenate([scene.semantics, scene.semantics[same]]),
         surfaces=np.concatenate([scene.surfaces, scene.surfaces[same]]),
         colours=np.concatenate([scene.colours, scene.colours[same]]),
+        things=np.concatenate([scene.things, scene.things[same]]),
     )
 
 

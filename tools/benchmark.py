@@ -18,12 +18,12 @@ from pathlib import Path
 from threading import Thread
 from typing import Any
 
+from dojo_env.clusters import LOCAL
 from dojo_env.errors import ConfigError, SimulationError
 from dojo_env.scenario import find_scenario, open_map
 from dojo_maps.command import Parser, run_command
 from dojo_maps.interruption import begin
 from learning import cluster_rows
-from learning.cluster import LOCAL
 from learning.outcomes import read_published
 from learning.rows import CONSTRAINTS, GROUPS, ROWS, learns
 from learning.run_row import describe, is_done, run_row

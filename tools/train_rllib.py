@@ -5,11 +5,12 @@ A runner whose node is lost is started again where there is room, and the others
 """
 
 import argparse
+from pathlib import Path
 
+from dojo_env.clusters import LOCAL, open_cluster, set_environment
 from dojo_env.errors import ConfigError
 from dojo_maps.command import Parser, run_command
 from dojo_maps.interruption import begin
-from learning.cluster import LOCAL, open_cluster, set_environment
 from learning.scenarios import check_scenario
 from learning.settings import Training
 from train import add_arguments, choose_folder, read_arguments
@@ -59,7 +60,7 @@ def run(options: argparse.Namespace) -> int:
     set_environment(options.address)
     from learning.rllib_learner import train  # It takes long, and no cluster should wait for it.
 
-    with open_cluster(options.address, training.processes):
+    with open_cluster(options.address, training.processes, [Path(__file__).parent / "learning"]):
         train(training, folder, resume=options.resume)
     print(folder)
     return 0

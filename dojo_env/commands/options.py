@@ -3,21 +3,38 @@
 import argparse
 from typing import Any
 
+from dojo_env.camera_presets import CAMERA_PRESETS, PAPER
 
-def add_view_options(parser: argparse.ArgumentParser) -> None:
-    """Add what decides how pictures are shown."""
+
+def add_sensing_options(parser: argparse.ArgumentParser) -> None:
+    """Add what decides how cameras see."""
     parser.add_argument(
         "--conditions", metavar="NAME", help="day, dusk, night, rain, fog, or such as hour=20,rain=0.4"
     )
+    parser.add_argument(
+        "--imaging", metavar="NAME", help="ideal, traffic_camera, webcam, or such as shutter_s=0.02"
+    )
+    parser.add_argument("--preset", choices=list(CAMERA_PRESETS), help=f"how cameras hang (default: {PAPER})")
+
+
+def add_view_options(parser: argparse.ArgumentParser) -> None:
+    """Add what decides how pictures are shown."""
+    add_sensing_options(parser)
     parser.add_argument("--port", type=int, default=0, metavar="N", help="of the page (default: any)")
     parser.add_argument("--no-browser", action="store_true", help="only say where the page is")
 
 
 def read_sensing(options: argparse.Namespace) -> dict[str, Any]:
-    """Turn `--conditions` into settings of an environment."""
+    """Turn `--conditions`, `--imaging` and `--preset` into settings of an environment."""
     from dojo_env.conditions import read_conditions
+    from dojo_env.imaging import read_imaging
 
-    return {"conditions": read_conditions(options.conditions)} if options.conditions else {}
+    wanted = {
+        "conditions": options.conditions and read_conditions(options.conditions),
+        "imaging": options.imaging and read_imaging(options.imaging),
+        "cameras": options.preset,
+    }
+    return {name: value for name, value in wanted.items() if value}
 
 
 def read_yellow(text: str) -> float | str:

@@ -4,6 +4,7 @@ import argparse
 from pathlib import Path
 
 from dojo_env.commands.options import add_view_options, read_sensing
+from dojo_env.errors import ConfigError
 from dojo_maps.command import Commands, add_command
 from dojo_maps.progress import Progress
 
@@ -28,6 +29,8 @@ def add_replay(commands: Commands) -> None:
 def _replay(options: argparse.Namespace) -> int:
     from dojo_env.watch import Rerun
 
+    if options.cameras and options.preset:
+        raise ConfigError("--cameras and --preset: the file says how its cameras hang; leave one out")
     rerun = Rerun.open(
         options.recording,
         map=options.map,

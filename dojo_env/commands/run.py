@@ -6,7 +6,7 @@ from collections import Counter
 from pathlib import Path
 from typing import Any
 
-from dojo_env.commands.options import read_yellow
+from dojo_env.commands.options import add_sensing_options, read_sensing, read_yellow
 from dojo_env.errors import ConfigError
 from dojo_maps.command import Commands, add_command
 from dojo_maps.progress import Progress
@@ -33,6 +33,12 @@ def add_run(commands: Commands) -> None:
     run.add_argument("--yellow", type=read_yellow, default=2, metavar="S", help='seconds, or "speed"')
     run.add_argument("--all-red", type=int, default=0, metavar="S", help="seconds between yellow and green")
     run.add_argument("--signals", nargs="+", metavar="ID", help="the signals to control (default: all)")
+    run.add_argument(
+        "--detector",
+        metavar="FILE",
+        help="act on what this detector (.onnx, or .json) finds in pictures of the approaches",
+    )
+    add_sensing_options(run)
     run.add_argument("--json", type=Path, metavar="FILE", help="also write every episode's figures")
     run.add_argument("--csv", metavar="STEM", help="also write a CSV and a JSON file per episode")
     run.add_argument("--record", metavar="STEM", help="also record each episode's snapshots")
@@ -78,6 +84,8 @@ def _run(options: argparse.Namespace) -> int:
         record_name=options.record,
         video=options.video,
         sumo_outputs=options.sumo_outputs,
+        **read_sensing(options),
+        **_read_detector(options.detector),
     )
     summary = summarize(figures)
     print(f"{'figure':24}{'mean':>12} {'± deviation':12}{'median':>12}")
@@ -106,3 +114,12 @@ def _run(options: argparse.Namespace) -> int:
         found = ", ".join(f"{count} {rule}" for rule, count in violations.most_common())
         print(f"dojo-env: warning: {options.scenario}: signals were unsafe: {found}", file=sys.stderr)
     return 0
+
+
+def _read_detector(file: str | None) -> dict[str, Any]:
+    """Turn `--detector` into settings of an environment."""
+    if file is None:
+        return {}
+    from dojo_env.sensors.video_detector import PICTURE, VideoDetector
+
+    return {"observation": VideoDetector(model=file), "width": PICTURE[0], "height": PICTURE[1]}

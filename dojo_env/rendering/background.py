@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dojo_env.rendering.classes import Semantic
+from dojo_env.rendering.lanes import draw_lane_map
 from dojo_env.rendering.lighting import Light
 from dojo_env.rendering.raster import draw_from_above, draw_mesh
 from dojo_env.rendering.scene import Scene
@@ -22,6 +23,7 @@ SAMPLES = 3
 """Samples along each side of a pixel."""
 _SHADOW_MAP = 2048
 _HEIGHT_MAP = 768
+_LANE_MAP = 1024
 _SHADOW_REACH = 150.0
 """Farthest from the middle of the view that shadows are kept, metres."""
 _SURROUNDINGS = 1.2
@@ -89,16 +91,19 @@ def _scratch(shape: tuple[int, ...], dtype: type[np.generic]) -> NDArray[Any]:
 
 
 def _surroundings(scene: Scene, light: Light, centre: Floats, reach: float) -> Surroundings:
-    above = _look_down(scene, np.eye(3), centre, reach, _HEIGHT_MAP)
+    solid = scene.semantics != Semantic.SIGNAL  # Masts and their arms are too slim to close anything in.
+    above = _look_down(scene, np.eye(3), centre, reach, _HEIGHT_MAP, solid)
     level = np.where(np.isfinite(above.heights), above.heights, scene.ground).astype(np.float32)
     side = 2 * int(_SURROUNDINGS * above.place[0] / 2) + 1
     return Surroundings(
         normals=scene.normals,
         surfaces=scene.surfaces,
         colours=scene.colours,
+        things=scene.things,
         light=light.packed,
         sun=_look_down(scene, _towards(light.sun), centre, reach, _SHADOW_MAP),
         around=above._replace(heights=_smoothed(level, side)),
+        lanes=draw_lane_map(scene.lanes, centre, reach, _LANE_MAP),
         lamps=street_lamps(scene, centre, reach) if light.headlights > 0 else np.empty((0, 3)),
         ground=scene.ground,
     )
@@ -162,12 +167,19 @@ def _towards(direction: Floats) -> Floats:
     return np.array([right, np.cross(direction, right), direction])
 
 
-def _look_down(scene: Scene, frame: Floats, centre: Floats, reach: float, size: int) -> HeightMap:
-    """Draw the scene along the last axis of a frame."""
+def _look_down(
+    scene: Scene,
+    frame: Floats,
+    centre: Floats,
+    reach: float,
+    size: int,
+    drawn: NDArray[np.bool_] | slice = slice(None),
+) -> HeightMap:
+    """Draw the scene, or some of its faces, along the last axis of a frame."""
     heights = _scratch((size, size), np.float32)
     heights.fill(-np.inf)
-    tags = _scratch((size, size), np.int8)
+    tags = _scratch((size, size), np.int32)
     middle = frame @ centre
     place = np.array([size / 2 / (reach * 1.05), middle[0], middle[1]])
-    draw_from_above(scene.vertices @ frame.T, scene.faces, place, heights, tags)
+    draw_from_above(scene.vertices @ frame.T, scene.faces[drawn], place, heights, tags)
     return HeightMap(heights=heights, place=place, frame=frame)

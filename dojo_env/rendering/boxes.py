@@ -30,7 +30,7 @@ class Boxes:
         visible: (k,) visible share of the pixels that would show if nothing stood in front; the part outside
             of the picture does not count.
         corners: (k, 8, 3) of the box in the world, metres, map frame: nose before tail, right before left,
-            bottom before top. Mirrors stand out of it.
+            bottom before top. Mirrors, feet and umbrellas stand out of it.
         projected: (k, 8, 2) the same corners in the picture, pixels; nan behind the camera.
     """
 
@@ -42,6 +42,33 @@ class Boxes:
     visible: NDArray[np.float64]
     corners: NDArray[np.float64]
     projected: NDArray[np.float64]
+
+    def turned(self, camera: Camera, homography: NDArray[np.float64]) -> "Boxes":
+        """Move boxes along with a picture that is turned into another camera's.
+
+        Args:
+            camera: the other one, at the same place.
+            homography: (3, 3) from pixels of the picture to its.
+
+        Returns:
+            Those that are still in the picture, clipped to it.
+        """
+        corners = np.stack([self.picture[:, [0, 0, 2, 2]], self.picture[:, [1, 3, 1, 3]]], axis=2)
+        moved = np.concatenate([corners, np.ones_like(corners[..., :1])], axis=2) @ homography.T
+        pixels = np.rint(moved[..., :2] / moved[..., 2:]).clip(0, (camera.width, camera.height))
+        picture = np.concatenate([pixels.min(axis=1), pixels.max(axis=1)], axis=1).astype(np.int32)
+        kept = np.flatnonzero((picture[:, 2:] > picture[:, :2]).all(axis=1))
+        projected, _ = camera.project(self.corners[kept].reshape(-1, 3))
+        return Boxes(
+            ids=tuple(self.ids[k] for k in kept),
+            numbers=self.numbers[kept],
+            kinds=self.kinds[kept],
+            picture=picture[kept],
+            pixels=self.pixels[kept],
+            visible=self.visible[kept],
+            corners=self.corners[kept],
+            projected=projected.reshape(-1, 8, 2),
+        )
 
 
 def measure_boxes(
@@ -59,8 +86,8 @@ def measure_boxes(
     pixels, spans = _measure(target.tags, target.owners, len(snapshot.ids))
     shown = np.flatnonzero(pixels).astype(np.int32)
     alone = count_alone(shown)
-    shift = snapshot.positions[shown] - users.places[shown]
-    corners = np.einsum("kij,cj->kci", users.frames[shown], _CORNERS) + (users.places[shown] + shift)[:, None]
+    places = users.places[shown] + users.origin
+    corners = np.einsum("kij,cj->kci", users.frames[shown], _CORNERS) + places[:, None]
     projected, _ = camera.project(corners.reshape(-1, 3))
     return Boxes(
         ids=tuple(snapshot.ids[k] for k in shown),

@@ -119,7 +119,7 @@ class BulletWorld:
         if snapshot is self._shown:
             return
         users = place_users(snapshot, self._scene.origin)
-        sizes = map(tuple, snapshot.sizes.tolist())
+        sizes = map(tuple, np.linalg.norm(users.frames, axis=1).round(6).tolist())
         looks = dict(zip(snapshot.ids, zip(users.models.tolist(), sizes, strict=True), strict=True))
         for name in [name for name in self._bodies if looks.get(name) != self._looks[name]]:
             self._remove(name)
@@ -127,9 +127,9 @@ class BulletWorld:
         for k, name in enumerate(snapshot.ids):
             if name not in self._bodies:
                 self._bodies[name] = self._add_user(users, k, looks[name])
-            if self._colours.get(name) != users.colours[k].tobytes():
-                self._paint(self._bodies[name][0], np.round(255 * users.colours[k] ** (1 / 2.2)))
-                self._colours[name] = users.colours[k].tobytes()
+            if self._colours.get(name) != users.colours[k, 0].tobytes():
+                self._paint(self._bodies[name][0], np.round(255 * users.colours[k, 0] ** (1 / 2.2)))
+                self._colours[name] = users.colours[k, 0].tobytes()
             for body in self._bodies[name]:
                 self._bullet.resetBasePositionAndOrientation(
                     body, users.places[k], _quaternion(users.frames[k]), physicsClientId=self._client

@@ -4,9 +4,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dojo_env.rendering.compiling import kernel
-from dojo_env.rendering.drawing import WEATHER, count_alone, draw_shadows, draw_users, users_in_view
+from dojo_env.rendering.drawing import WEATHER, count_alone, draw_users, users_in_view
+from dojo_env.rendering.ground import BEAM_LENGTH, draw_on_ground
 from dojo_env.rendering.lighting import Light
-from dojo_env.rendering.lights import draw_beams, draw_flat, draw_lamps
+from dojo_env.rendering.lights import draw_flat, draw_lamps
 from dojo_env.rendering.raster import STATIC
 from dojo_env.rendering.scene import Lamps, Paths
 from dojo_env.rendering.target import Target, restore
@@ -15,19 +16,21 @@ from dojo_env.rendering.view import View
 
 Ints = NDArray[np.int32]
 
-_OVERHEAD = np.array([0.0, 0.0, 1.0])
 _NO_LIGHT = np.zeros((7, 3))
 _NO_SUN = 0.05
-"""Where the sun is weaker, road users only darken the ground right under them."""
+"""Where the sun is weaker, road users throw no shadows but where they touch the ground."""
+_SHADOW_LENGTH = 3.0
+"""How far shadows that matter reach beyond road users, metres."""
 
 
 class Canvas:
     """What a camera draws into, frame by frame: it puts back only what the frame before has changed."""
 
-    def __init__(self, view: View, clean: NDArray[np.float32], light: Light) -> None:
-        """Begin with the background's inverse depths, under a light."""
+    def __init__(self, view: View, clean: NDArray[np.float32], light: Light, *, plain: bool = False) -> None:
+        """Begin with the background's inverse depths, under a light; plain is cheaper."""
+        self._plain = plain
         self._view, self._clean, self._light = view, clean, light.packed
-        self._sun = light.sun if light.sun_colour.max() > _NO_SUN else _OVERHEAD
+        self._sun = light.sun if light.sun_colour.max() > _NO_SUN else np.zeros(3)
         height, width = clean.shape
         self._target = Target(
             depths=clean.copy(),
@@ -49,13 +52,14 @@ class Canvas:
             The canvas's own buffers, which the next frame changes.
         """
         self._make_room(len(users.models) * MOST_FACES + len(lamps.colours) + len(paths.colours))
-        _draw(users, lamps, paths, library(), self._light, self._sun, self._view, self._clean, self._target)
+        lit = (self._light, self._sun, self._plain)
+        _draw(users, lamps, paths, library(), *lit, self._view, self._clean, self._target)
         return self._target
 
     def count_pixels(self, users: Users, whose: Ints) -> Ints:
         """Count the pixels that each of some road users would cover if it were alone: (k,)."""
         alone = self._target._replace(tags=np.full_like(self._target.tags, STATIC))
-        return count_alone(whose, users, library(), _NO_LIGHT, self._view, alone)
+        return count_alone(whose, users, library(), _NO_LIGHT, self._plain, self._view, alone)
 
     def _make_room(self, faces: int) -> None:
         if len(self._target.owners) < faces:
@@ -65,13 +69,12 @@ class Canvas:
 
 
 @kernel
-def _draw(users, lamps, paths, models, light, sun, view, clean, target):
+def _draw(users, lamps, paths, models, light, sun, plain, view, clean, target):
     """Draw all that moves: one call, since handing arrays over costs as much as drawing a few cars."""
     restore(target, clean)
     count = draw_flat(paths, view, target)
-    near = users_in_view(users, view)
-    draw_shadows(near, users, sun, view, target)
-    if light[WEATHER, 0] > 0.0:
-        draw_beams(near, users, view, target)
-    count = draw_users(near, users, models, light, view, target, count)
+    headlights = light[WEATHER, 0] > 0.0
+    near = users_in_view(users, BEAM_LENGTH if headlights else _SHADOW_LENGTH, view)
+    count = draw_users(near, users, models, light, plain, view, target, count)
+    draw_on_ground(near, users, models.profiles, sun, headlights, plain, view, target)
     draw_lamps(lamps, view, target, count)

@@ -121,7 +121,7 @@ def build_car(shape: CarShape, detail: int) -> list[Face]:
         reach = shape.wheel + 0.03
         faces += box(-axle + reach, -axle - reach, 0.84 * half, 0.14, 2 * shape.wheel, Part.TRIM)
     mirror = box(-shape.cowl - 0.12, -shape.cowl - 0.3, 0.09, 0.0, 0.14, Part.BODY)
-    lift = np.array([0.0, 0.5 * shape.width + 0.07, shape.top(shape.cowl) + 0.01])
+    lift = np.array([0.0, _EDGE * shape.half_width(shape.cowl) + 0.08, shape.top(shape.cowl) + 0.01])
     faces += mirrored([(corners + lift, part) for corners, part in mirror])
     if detail == FINE:
         faces += _side_lines(shape)

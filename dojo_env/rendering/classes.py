@@ -49,8 +49,8 @@ class Surface(IntEnum):
 
 LAYERS = {
     "terrain": (Semantic.TERRAIN, Surface.GRASS, (104, 128, 78)),
-    "road": (Semantic.ROAD, Surface.ASPHALT, (76, 76, 75)),
-    "junction": (Semantic.ROAD, Surface.ASPHALT, (78, 78, 77)),
+    "road": (Semantic.ROAD, Surface.ASPHALT, (92, 91, 89)),
+    "junction": (Semantic.ROAD, Surface.ASPHALT, (90, 89, 87)),
     "rail": (Semantic.RAIL, Surface.BALLAST, (112, 101, 90)),
     "sidewalk": (Semantic.SIDEWALK, Surface.PAVING, (168, 164, 156)),
     "walking_area": (Semantic.SIDEWALK, Surface.PAVING, (172, 167, 158)),
@@ -72,13 +72,6 @@ LAYERS = {
     "terrain/water": (Semantic.WATER, Surface.WATER, (70, 100, 120)),
 }
 """Semantic class, surface and sRGB colour by node of scene.glb, or by its layer."""
-FACADES = (
-    (224, 216, 198), (206, 190, 162), (232, 229, 222), (214, 196, 150), (182, 176, 166), (198, 172, 150),
-    (152, 108, 92), (222, 206, 184), (176, 184, 182),
-)  # fmt: skip
-TILES = ((146, 80, 62), (128, 72, 58), (84, 82, 86), (110, 82, 70), (70, 72, 78))
-FLAT_ROOF = (128, 126, 122)
-"""sRGB colours that buildings have, and their roofs where these slope or are flat."""
 OTHER_LAYER = (Semantic.BUILDING, Surface.PLAIN, (150, 150, 150))
 
 SEMANTIC_OF_KIND = np.array(
@@ -95,6 +88,8 @@ SEMANTIC_OF_KIND = np.array(
             Kind.SCOOTER: Semantic.MOTORCYCLE,
             Kind.BICYCLE: Semantic.BICYCLE,
             Kind.PEDESTRIAN: Semantic.PEDESTRIAN,
+            Kind.WHEELCHAIR: Semantic.PEDESTRIAN,
+            Kind.PRAM: Semantic.PEDESTRIAN,
             Kind.SHIP: Semantic.SHIP,
         }.get(kind, Semantic.CAR)
         for kind in Kind

@@ -1,4 +1,4 @@
-"""Kernels that draw road users and their shadows."""
+"""Kernels that draw road users."""
 
 from math import exp, sqrt
 
@@ -6,7 +6,7 @@ import numpy as np
 
 from dojo_env.rendering.compiling import inner, kernel
 from dojo_env.rendering.lighting import SRGB, to_linear
-from dojo_env.rendering.raster import COVER, NEARER, SHADED, SHADOW, draw_face, fill_triangle
+from dojo_env.rendering.raster import COVER, NEARER, draw_face, fill_triangle
 from dojo_env.rendering.shading import expose
 from dojo_env.rendering.shapes import Part
 from dojo_env.rendering.target import project, touch, turn
@@ -15,16 +15,8 @@ from dojo_env.snapshot import Lights
 
 _FINEST, _FINE, _MIDDLE = 100.0, 36.0, 12.0
 """Pixels from which a road user is drawn at each level of detail but the coarsest."""
-_LOW_SUN = 0.12
-_SHADOW_WIDTH, _SHADOW_HEIGHT = 0.96, 0.9
-"""Shares of a road user's box that throw its shadow."""
-_BOX = np.array(
-    [
-        (4, 5, 7), (4, 7, 6), (0, 2, 6), (0, 6, 4), (1, 3, 7), (1, 7, 5), (0, 1, 5), (0, 5, 4), (2, 3, 7),
-        (2, 7, 6),
-    ]
-)  # fmt: skip
-"""Triangles of its top, tail, nose, right and left, by corners: 1 is ahead, 2 left, 4 up."""
+_COARSER = 3.0
+"""How many times larger a road user must be for each level where the look is plain."""
 _BODY, _GLASS, _HEADLAMP, _BRAKE, _LEFT, _RIGHT, _BLUE = (
     int(part) for part in (Part.BODY, Part.GLASS, Part.HEADLAMP, Part.BRAKE, Part.LEFT, Part.RIGHT, Part.BLUE)
 )
@@ -34,29 +26,40 @@ _LIT_BRAKE, _LIT_LEFT, _LIT_RIGHT, _LIT_BLUE = (
 _PALETTE = to_linear(
     np.array(
         [
-            (0, 0, 0), (22, 27, 32), (20, 20, 22), (44, 46, 50), (236, 238, 228), (120, 16, 14),
+            (0, 0, 0), (16, 19, 22), (17, 17, 18), (30, 31, 34), (236, 238, 228), (120, 16, 14),
             (190, 110, 30), (190, 110, 30), (40, 80, 230), (205, 160, 130), (46, 52, 76), (232, 232, 230),
-            (150, 154, 160),
+            (150, 154, 160), (56, 38, 27), (60, 60, 64), (226, 206, 40),
         ],
         dtype=np.uint8,
     )
 )  # fmt: skip
-"""Linear colour by `Part`; the body's own is each road user's."""
+"""Linear colour by `Part`, of those that are the same for all road users."""
+_OWN = np.full(len(Part), -1)
+"""Row of a road user's own colours by `Part`; -1 where it has none."""
+_OWN[[Part.BODY, Part.SKIN, Part.LEGS, Part.HAIR, Part.GEAR]] = range(5)
 _EMITTED = np.minimum(1.0, _PALETTE * 1.2)
 """Linear light of a lit part."""
 _EMITTED[_HEADLAMP] = (1.0, 0.97, 0.86)
 _EMITTED[_BRAKE] = (1.0, 0.06, 0.04)
 _EMITTED[_LEFT] = _EMITTED[_RIGHT] = (1.0, 0.5, 0.04)
 _EMITTED[_BLUE] = (0.2, 0.4, 1.0)
-_STREET = (0.11, 0.08, 0.046)
+_STREET = (0.2, 0.165, 0.12)
 """What street lamps add to road users at night."""
-_SUN, _SUN_COLOUR, _SKY_COLOUR, _GROUND_COLOUR, _HORIZON, WEATHER = 0, 1, 2, 3, 5, 6
+_GLOSS = np.array([0.05, 0.1, 0.0, 0.03, 0.06, 0.05, 0.05, 0.05, 0.05, 0.0, 0.0, 0.04, 0.45])
+"""Share of the light that each `Part` mirrors when one looks straight at it."""
+_SPARKLE = 7.0
+"""Strength of the sun's highlight, as a multiple of what is mirrored straight on."""
+_AROUND = 0.3
+"""What houses and trees around send, as a share of the sky's light."""
+_DARK_FOOT, _LIT_FROM = 0.5, 0.45
+"""Share of the sky's light that reaches a body's lower edge, and the share of its height that all reaches."""
+_SUN, _SUN_COLOUR, _SKY_COLOUR, _GROUND_COLOUR, _ZENITH, _HORIZON, WEATHER = range(7)
 """Rows of a packed light."""
 
 
 @kernel
-def users_in_view(users, view):
-    """Find the road users whose bounding spheres, shadows or beams reach into the view: (k,) indices."""
+def users_in_view(users, beyond, view):
+    """Find the road users whose bounding spheres, widened by metres, reach into the view: (k,) indices."""
     kept = np.empty(len(users.places), dtype=np.int32)
     count = 0
     lens = view.lens
@@ -70,7 +73,7 @@ def users_in_view(users, view):
             middle[axis] = users.places[k, axis] - 0.5 * frame[axis, 0] + 0.5 * frame[axis, 2]
             square += frame[axis, 0] ** 2 + frame[axis, 1] ** 2 + frame[axis, 2] ** 2
         turn(middle, view, seen)
-        reach = sqrt(square) + 3.0
+        reach = sqrt(square) + beyond
         if seen[2] + reach < lens[3] or seen[2] - reach > lens[4]:
             continue
         beside = abs(seen[0]) - reach * side_length > side * seen[2]
@@ -81,7 +84,7 @@ def users_in_view(users, view):
 
 
 @kernel
-def draw_users(near, users, models, light, view, target, count):
+def draw_users(near, users, models, light, plain, view, target, count):
     """Draw road users; returns the number of faces in the target.
 
     Args:
@@ -89,14 +92,15 @@ def draw_users(near, users, models, light, view, target, count):
         users: all of them.
         models: the library.
         light: (7, 3) packed.
+        plain: draw fewer faces, which mirror nothing.
         view: the camera.
         target: what to draw into.
         count: the number of faces in it so far.
     """
     seen, screen = np.empty((MOST_VERTICES, 3)), np.empty((MOST_VERTICES, 3))
-    corners, inside = np.empty((3, 3)), np.empty((4, 3))
+    corners, inside = np.empty((3, 3)), np.empty((5, 3))
     for k in near:
-        detail = _detail(users, k, view)
+        detail = _detail(users, k, plain, view)
         model = users.models[k]
         first, last = models.spans[model, detail, 0], models.spans[model, detail, 1]
         away = _see(models.vertices, first, last, users, k, view, seen)
@@ -108,7 +112,8 @@ def draw_users(near, users, models, light, view, target, count):
             if not _shows_front(models.planes, face, inside):
                 continue
             if _draw(models.faces, face, seen, screen, is_ahead, corners, view, count, NEARER, target):
-                _shade_face(users, k, models, face, inside, veil, light, target.shades, count)
+                height = models.vertices[first + models.faces[face, 0], 2]
+                _shade_face(users, k, models, face, height, inside, veil, light, plain, target.shades, count)
                 target.owners[count] = k
                 count += 1
     return count
@@ -130,11 +135,20 @@ def _draw(faces, face, seen, screen, is_ahead, corners, view, tag, mode, target)
 
 @inner
 def _look_from_inside(users, k, view, light, inside):
-    """Bring eye, sun and the way up into a model's unit box; the last row takes normals out of it.
+    """Bring eye, sun and the way up into a model's unit box; the fourth row takes normals out of it.
 
     Which side of a face a place lies on does not change when both are scaled, so fronts can be told in the
-    box; a normal is scaled by the inverse.
+    box; a normal is scaled by the inverse. The last row: distance to the eye, and how far up and towards the
+    sun the way to it leads.
     """
+    square = up = sun = 0.0
+    for axis in range(3):
+        part = view.eye[axis] - users.places[k, axis] + 0.5 * users.frames[k, axis, 0]
+        square += part * part
+        sun += part * light[_SUN, axis]
+        up += part * (axis == 2)
+    inside[4, 0] = sqrt(square)
+    inside[4, 1], inside[4, 2] = up / inside[4, 0], sun / inside[4, 0]
     for column in range(3):
         square = eye = sun = 0.0
         for axis in range(3):
@@ -155,42 +169,14 @@ def _shows_front(planes, face, inside):
 
 
 @kernel
-def draw_shadows(near, users, sun, view, target):
-    """Cast each road user's box along the sun onto the plane it stands on: its top and its two lit sides."""
-    cast, screen = np.empty((8, 3)), np.empty((8, 3))
-    held, seen, corners = np.empty(3), np.empty(3), np.empty((3, 3))
-    for k in near:
-        frame = users.frames[k]
-        ahead = frame[0, 0] * sun[0] + frame[1, 0] * sun[1] + frame[2, 0] * sun[2]
-        left = frame[0, 1] * sun[0] + frame[1, 1] * sun[1] + frame[2, 1] * sun[2]
-        square = frame[0, 2] ** 2 + frame[1, 2] ** 2 + frame[2, 2] ** 2
-        steep = max(
-            _LOW_SUN * sqrt(square), frame[0, 2] * sun[0] + frame[1, 2] * sun[1] + frame[2, 2] * sun[2]
-        )
-        for v in range(8):
-            x, y, z = -0.98 + 0.96 * (v & 1), _SHADOW_WIDTH * ((v >> 1 & 1) - 0.5), _SHADOW_HEIGHT * (v >> 2)
-            for axis in range(3):
-                held[axis] = users.places[k, axis] - z * square / steep * sun[axis]
-                held[axis] += frame[axis, 0] * x + frame[axis, 1] * y + frame[axis, 2] * z
-            turn(held, view, seen)
-            for axis in range(3):
-                cast[v, axis] = seen[axis]
-        is_ahead = project(cast, view, screen)
-        touch(screen, is_ahead, target)
-        for side in (0, 4 if ahead > 0.0 else 2, 8 if left > 0.0 else 6):
-            for face in range(side, side + 2):
-                _draw(_BOX, face, cast, screen, is_ahead, corners, view, SHADED, SHADOW, target)
-
-
-@kernel
-def count_alone(whose, users, models, light, view, target):
+def count_alone(whose, users, models, light, plain, view, target):
     """Count the pixels that each of some road users would cover if it were alone: (k,)."""
     seen, screen = np.empty((MOST_VERTICES, 3)), np.empty((MOST_VERTICES, 3))
-    corners, inside = np.empty((3, 3)), np.empty((4, 3))
+    corners, inside = np.empty((3, 3)), np.empty((5, 3))
     pixels = np.zeros(len(whose), dtype=np.int32)
     for m in range(len(whose)):
         k = whose[m]
-        detail, model = _detail(users, k, view), users.models[k]
+        detail, model = _detail(users, k, plain, view), users.models[k]
         first, last = models.spans[model, detail, 0], models.spans[model, detail, 1]
         _see(models.vertices, first, last, users, k, view, seen)
         is_ahead = project(seen[: last - first], view, screen)
@@ -225,14 +211,15 @@ def _see(vertices, first, last, users, k, view, seen):
 
 
 @inner
-def _detail(users, k, view):
+def _detail(users, k, plain, view):
     """Level of detail for the size that a road user has on the screen."""
-    z = square = 0.0
+    z = long = tall = 0.0
     for axis in range(3):
         part = users.frames[k, axis, 0]
         z += view.axes[2, axis] * (users.places[k, axis] - 0.5 * part - view.eye[axis])
-        square += part * part
-    pixels = view.lens[0] * sqrt(square) / max(z, view.lens[3])
+        long += part * part
+        tall += users.frames[k, axis, 2] ** 2
+    pixels = view.lens[0] * sqrt(max(long, tall)) / max(z, view.lens[3]) / (_COARSER if plain else 1.0)
     return 0 if pixels > _FINEST else (1 if pixels > _FINE else (2 if pixels > _MIDDLE else 3))
 
 
@@ -253,27 +240,40 @@ def _emission(part, lights, headlights):
 
 
 @inner
-def _shade_face(users, k, models, face, inside, veil, light, shades, row):
-    """Light a face: what it emits, or sun and sky on its colour; then fog."""
+def _shade_face(users, k, models, face, height, inside, veil, light, plain, shades, row):
+    """Light a face: what it emits, or sun and sky on its colour and what it mirrors of them; then fog."""
     part = models.parts[face]
+    own = _OWN[part]
     glow = _emission(part, users.lights[k], light[WEATHER, 0])
     square = facing = level = 0.0
+    seen = -models.planes[face, 3]
     for axis in range(3):
         normal = models.planes[face, axis]
         square += normal * normal * inside[3, axis]
+        seen += normal * inside[0, axis]
         facing += normal * inside[1, axis]
         level += normal * inside[2, axis]
     length = sqrt(square)
-    facing, level = max(0.0, facing / length), level / length
+    seen, facing, level = min(1.0, seen / (length * inside[4, 0])), facing / length, level / length
+    gloss = sparkle = sky = high = 0.0
+    if _GLOSS[part] > 0.0 and not plain:
+        up, towards = 2.0 * seen * level - inside[4, 1], 2.0 * seen * facing - inside[4, 2]
+        gloss = _GLOSS[part] * (1.0 + 8.0 * (1.0 - seen) ** 4)
+        sparkle = _SPARKLE * _GLOSS[part] * max(0.0, towards) ** 32
+        sky, high = min(1.0, max(0.0, 0.5 + 3.0 * up)), min(1.0, max(0.0, 1.5 * up))
     share = 0.5 + 0.5 * level
-    gloss = max(0.0, level) * (0.12 if part == _GLASS else (0.05 if part == _BODY else 0.0))
+    foot = _DARK_FOOT + (1.0 - _DARK_FOOT) * min(1.0, height / _LIT_FROM)
+    facing = max(0.0, facing)
     for c in range(3):
         if glow >= 0.0:
             value = glow * _EMITTED[part, c]
         else:
-            base = users.colours[k, c] if part == _BODY else _PALETTE[part, c]
+            base = users.colours[k, own, c] if own >= 0 else _PALETTE[part, c]
             soft = share * light[_SKY_COLOUR, c] + (1.0 - share) * light[_GROUND_COLOUR, c]
-            soft += light[WEATHER, 0] * _STREET[c]
-            value = base * (soft + facing * light[_SUN_COLOUR, c]) + gloss * light[_SKY_COLOUR, c]
+            soft += light[WEATHER, 0] * _STREET[c] * (0.4 + 0.6 * share)
+            around = _AROUND * light[_SKY_COLOUR, c]
+            above = light[_HORIZON, c] + high * (light[_ZENITH, c] - light[_HORIZON, c])
+            value = base * (foot * soft + facing * light[_SUN_COLOUR, c])
+            value += gloss * (around + sky * (above - around)) + sparkle * light[_SUN_COLOUR, c]
         value = value * (1.0 - veil) + veil * light[_HORIZON, c]
         shades[row, c] = SRGB[int(expose(value) * 4095.0 + 0.5)]

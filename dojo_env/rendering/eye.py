@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dojo_env.camera import Camera
-from dojo_env.rendering.background import SAMPLES, Background, draw_background
+from dojo_env.rendering.background import Background, draw_background
 from dojo_env.rendering.canvas import Canvas
 from dojo_env.rendering.lighting import Light
 from dojo_env.rendering.scene import Scene
@@ -46,13 +46,17 @@ class Eye:
         )
 
 
-def open_eye(scene: Scene, camera: Camera, light: Light, factor: int) -> Eye:
-    """Draw a camera's background, `factor` pixels wide and high for each of its own."""
+def open_eye(scene: Scene, camera: Camera, light: Light, factor: int, *, samples: int, plain: bool) -> Eye:
+    """Draw a camera's background, `factor` pixels wide and high for each of its own.
+
+    Each of these has `samples` across and down. What moves is drawn more cheaply where the look is `plain`.
+    """
     view = view_of(camera, scene.origin).scaled(factor)
-    samples = SAMPLES // factor
     if not camera.distortion:
         background = draw_background(scene, view, light, samples)
-        return Eye(view=view, canvas=Canvas(view, background.depths, light), background=background)
+        return Eye(
+            view=view, canvas=Canvas(view, background.depths, light, plain=plain), background=background
+        )
     from dojo_env.rendering.lens import bend_background, straightened  # noqa: PLC0415 - OpenCV is large; few need it
 
     x, y = straightened(camera, view)
@@ -67,7 +71,7 @@ def open_eye(scene: Scene, camera: Camera, light: Light, factor: int) -> Eye:
     x, y = x + np.float32(left), y + np.float32(top)
     return Eye(
         view=wide,
-        canvas=Canvas(wide, straight.depths, light),
+        canvas=Canvas(wide, straight.depths, light, plain=plain),
         background=bend_background(straight, x, y),
         rows=np.clip(np.floor(y).astype(np.intp), 0, wide.height - 1),
         columns=np.clip(np.floor(x).astype(np.intp), 0, wide.width - 1),

@@ -62,7 +62,7 @@ def compute_light(conditions: Conditions) -> Light:
     direct = 1.35 * _ramp(elevation, radians(-1.0), radians(18.0)) * (1 - clouds) ** 1.5
     moon = 0.02 * (1 - day)
     gain = 2.0**conditions.exposure
-    blue, grey = np.array([0.32, 0.46, 0.72]), np.array([0.5, 0.53, 0.57])
+    blue, grey = np.array([0.39, 0.47, 0.62]), np.array([0.5, 0.53, 0.57])
     dusk, night = np.array([0.66, 0.48, 0.44]), np.array([0.016, 0.02, 0.036])
     bright = (blue * (1 - clouds) + 1.25 * grey * clouds) * (1 - 0.45 * conditions.rain)
     sky = (bright * (1 - low) + dusk * low) * day + night * (1 - day)

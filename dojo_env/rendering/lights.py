@@ -1,53 +1,21 @@
-"""Kernels that draw lights: head lamps on the ground, signal lamps, and link paths in their colours."""
+"""Kernels that draw signal lamps, and link paths in their colours."""
 
-from math import cos, pi, sin, sqrt
+from math import cos, pi, sin
 
 import numpy as np
 
 from dojo_env.rendering.compiling import inner, kernel
 from dojo_env.rendering.lighting import SRGB
-from dojo_env.rendering.raster import NEARER, SHADED, SHADOW, draw_face
+from dojo_env.rendering.raster import NEARER, draw_face
 from dojo_env.rendering.scene import LAMP_COLOURS
 from dojo_env.rendering.target import project, touch, turn
 
 LAMP, PATH = -1, -2
 """Owners of faces that belong to no road user."""
-LIGHT_STEPS = 20
-"""Steps from dark to the full light of head lamps."""
 _LAMP_RADIUS, _LAMP_CORNERS, _LAMP_OUT = 0.115, 12, 0.015
 """A lit lamp lies this far before the unlit one, metres."""
 _LEAST_LAMP, _SMALL_LAMP = 1.2, 2.5
 """Pixels: no lit lamp shows smaller than the first, so that cameras see it; up to the second as a spot."""
-_BEAM_LENGTH, _BEAM_WIDTH, _BEAM_CORNERS = 14.0, 2.6, 14
-_NARROW = 0.7
-"""Road users narrower than this have no head lamps, metres."""
-
-
-@kernel
-def draw_beams(near, users, view, target):
-    """Lay the light of head lamps on the ground: nested ellipses, from wide and weak to narrow and strong."""
-    corners, rim, ground, seen = np.empty((3, 3)), np.empty((_BEAM_CORNERS, 3)), np.empty(3), np.empty(3)
-    screen = np.empty((_BEAM_CORNERS, 3))
-    for k in near:
-        frame = users.frames[k]
-        length = sqrt(frame[0, 0] ** 2 + frame[1, 0] ** 2 + frame[2, 0] ** 2)
-        width = sqrt(frame[0, 1] ** 2 + frame[1, 1] ** 2)
-        if width < _NARROW:
-            continue
-        for step in range(LIGHT_STEPS):
-            share = 1.0 - step / LIGHT_STEPS
-            for corner in range(_BEAM_CORNERS):
-                angle = 2.0 * pi * corner / _BEAM_CORNERS
-                ahead = _BEAM_LENGTH * (0.42 + 0.58 * share * cos(angle)) / length
-                aside = _BEAM_WIDTH * share * sin(angle) / width
-                for axis in range(3):
-                    ground[axis] = users.places[k, axis] + frame[axis, 0] * ahead + frame[axis, 1] * aside
-                turn(ground, view, seen)
-                rim[corner] = seen
-            touch(screen, project(rim, view, screen), target)
-            for second in range(1, _BEAM_CORNERS - 1):
-                corners[0], corners[1], corners[2] = rim[0], rim[second], rim[second + 1]
-                draw_face(corners, view.lens, SHADED - 1 - step, SHADOW, target.depths, target.tags)
 
 
 @kernel

@@ -4,8 +4,8 @@ A model lives in a unit box: x from -1 (tail) to 0 (nose), y from -0.5 to 0.5 (l
 and is scaled to each road user's own length, width and height. Faces turn counter-clockwise, from outside.
 """
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from functools import cache
 
 import numpy as np
@@ -13,7 +13,24 @@ from numpy.typing import NDArray
 
 from dojo_env.rendering.car_bodies import COARSE, CarShape, build_car
 from dojo_env.rendering.heavy_bodies import build_bus, build_lorry
-from dojo_env.rendering.shapes import Face, Part, box, lights, loft, moved, screen, section, wheels, windows
+from dojo_env.rendering.people import (
+    STANDING,
+    TALL,
+    Look,
+    build_people,
+    pushing,
+    under_umbrella,
+    walking,
+)
+from dojo_env.rendering.rail_bodies import RailShape, build_rail
+from dojo_env.rendering.shapes import Face, Part, box, lights, loft, section
+from dojo_env.rendering.two_wheelers import (
+    build_cyclists,
+    build_motorcyclist,
+    build_pram,
+    build_scooter_rider,
+    build_wheelchair,
+)
 from dojo_env.snapshot import Kind
 
 Floats = NDArray[np.float64]
@@ -21,7 +38,11 @@ Faces = NDArray[np.int32]
 
 DETAILS = 4
 """Levels of detail; 0 is the finest."""
-_FLAT_WHEELS, _COARSEST = 1, 3
+_COARSEST = 3
+_CELLS, _ROOM = 1e5, 1 << 20
+"""Vertices lie on a grid of this many cells in a unit box; so many cells fit on each side of 0."""
+_MIX = 0x9E3779B97F4A7
+"""An odd number, large and without a pattern."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -149,76 +170,6 @@ def _fire_engine(detail: int) -> list[Face]:
     return body(detail) + box(-0.6, -0.9, 1.0, 3.09, 3.3, Part.BLUE)
 
 
-def _rail_car(height: float, length: float, sections: int) -> Callable[[int], list[Face]]:
-    def build(detail: int) -> list[Face]:
-        half, cut = 1.2, length / sections
-        faces: list[Face] = []
-        for k in range(sections):
-            nose, tail = -k * cut - (0.15 if k else 0.0), -(k + 1) * cut + (0.15 if k < sections - 1 else 0.0)
-            ends = [section(nose, half, 0.3, height), section(tail, half, 0.3, height)]
-            if k == 0:
-                ends = [
-                    section(0.0, 0.75 * half, 0.4, 0.8 * height),
-                    section(-0.9, half, 0.3, height),
-                    ends[1],
-                ]
-            if k == sections - 1:
-                ends = [*ends[:-1], section(tail + 0.9, half, 0.3, height)]
-                ends.append(section(tail, 0.75 * half, 0.4, 0.8 * height))
-            faces += loft(ends, Part.BODY)
-            if detail < _COARSEST:
-                faces += windows(nose - 1.1, tail + 1.1, half + 0.01, 0.45 * height, 0.8 * height)
-            if k:
-                faces += box(nose + 0.3, nose, 0.8 * half, 0.4, 0.92 * height, Part.TRIM)
-        if detail < _COARSEST:
-            faces += screen(0.0, -0.6, 0.65 * half, 0.45 * height, 0.72 * height)
-            faces += lights(-length, 0.75 * half, (0.5, 0.75), (0.5, 0.75))
-        return faces
-
-    return build
-
-
-def _two_wheeler(length: float, wheel: float, body: Part, *, motor: bool) -> Callable[[int], list[Face]]:
-    """A motorcycle, scooter or bicycle with its rider."""
-
-    def build(detail: int) -> list[Face]:
-        thin = 0.12 if motor else 0.06
-        faces = box(-0.45 * length, -0.78 * length, 0.2, 0.75, 1.35, body)
-        faces += box(-0.5 * length, -0.64 * length, 0.11, 1.38, 1.66, Part.SKIN)
-        faces += box(-0.3 * length, -0.72 * length, 0.22 if motor else 0.17, 0.45, 0.78, Part.LEGS)
-        faces += box(-0.18 * length, -0.85 * length, thin, 0.4, 0.72, Part.BODY if motor else Part.TRIM)
-        faces += box(-0.22 * length, -0.28 * length, 0.33, 0.95, 1.05, Part.TRIM)
-        for x in (-wheel, wheel - length):
-            if detail < _COARSEST:
-                faces += wheels((x,), thin / 2, wheel, 0, tyre=thin / 2)
-            else:
-                faces += box(x + 0.92 * wheel, x - 0.92 * wheel, thin / 2, 0.08, 1.9 * wheel, Part.TYRE)
-        if motor and detail < _COARSEST:
-            faces += lights(-0.9 * length, 0.15, (0.8, 0.95), (0.6, 0.75))
-        return faces
-
-    return build
-
-
-def _pedestrian(detail: int) -> list[Face]:
-    """Somebody walking, 1.75 m tall."""
-    faces = loft([section(-0.13, 0.2, 0.8, 1.42), section(-0.37, 0.2, 0.8, 1.42)], Part.BODY)
-    faces += box(-0.15, -0.35, 0.1, 1.46, 1.75, Part.SKIN)
-    if detail == _COARSEST:
-        return faces + box(-0.12, -0.38, 0.16, 0.0, 0.82, Part.LEGS)
-    for y, reach in ((0.09, 0.08), (-0.09, -0.08)):
-        leg = [section(-0.17, 0.07, 0.8, 0.82), section(-0.33, 0.07, 0.8, 0.82)]
-        foot = leg[0][[0, 1, 1, 0]] * [1.0, 1.0, 0.0]
-        foot[:, 0] = [-0.1 + reach] * 2 + [-0.3 + reach] * 2
-        top = np.array([leg[0][0], leg[0][1], leg[1][1], leg[1][0]])
-        sides = [
-            (np.array([foot[k], foot[(k + 1) % 4], top[(k + 1) % 4], top[k]]), Part.LEGS) for k in range(4)
-        ]
-        faces += moved([*sides, (foot[::-1], Part.LEGS)], y)
-        faces += moved(box(-0.2 - reach, -0.31 - reach, 0.045, 0.78, 1.4, Part.BODY), y * 2.7)
-    return faces
-
-
 def _ship(_detail: int) -> list[Face]:
     faces = loft(
         [section(0.0, 0.3, 0.6, 2.0), section(-4.0, 2.4, 0.0, 1.8), section(-17.0, 2.2, 0.0, 1.8)],
@@ -227,7 +178,91 @@ def _ship(_detail: int) -> list[Face]:
     return faces + box(-9.0, -14.0, 1.6, 1.8, 4.0, Part.WHITE)
 
 
-_BUILDERS: dict[Kind, tuple[Callable[[int], list[Face]], ...]] = {
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Variant:
+    """One of the looks of a kind of road user.
+
+    Attributes:
+        size: length, width and height of its box, metres, as it is built; mirrors and feet may stand out.
+        front: how far the box reaches before what moves it, such as a walker's hips, metres.
+        poses: models, by pose and by level of detail: at a stop, then those of a pace.
+    """
+
+    size: tuple[float, float, float]
+    front: float
+    poses: tuple[tuple[Model, ...], ...]
+
+
+_Poses = Callable[[int], list[list[Face]]]
+"""Builds a level of detail in every pose."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Figure:
+    """Builds somebody who moves: a walker or a rider.
+
+    Attributes:
+        build: builds a level of detail in every pose.
+        size: length, width and height of the box, metres.
+        front: how far the box reaches before the origin, metres.
+    """
+
+    build: _Poses
+    size: tuple[float, float, float]
+    front: float
+
+
+_STEPS = tuple(k / 6 for k in range(6))
+"""Shares of a pace at which a walker is drawn."""
+_TURNS = tuple(k / 4 for k in range(4))
+"""The same for a cyclist's cranks."""
+_MAN = Look(height=1.8)
+_WOMAN = Look(height=1.67, broad=0.88, long_hair=True)
+_ADULTS = (
+    _MAN, replace(_WOMAN, bare_arms=True), replace(_MAN, height=1.74, bare_arms=True, broad=1.06),
+    replace(_WOMAN, coat=True), replace(_MAN, bag=True), replace(_WOMAN, skirt=True, bare_arms=True),
+)  # fmt: skip
+_CHILDREN = (
+    Look(height=1.3, head=1.22, broad=0.95, bag=True),
+    Look(height=1.15, head=1.3, broad=0.95, bare_arms=True, long_hair=True),
+)
+UMBRELLAS = 4
+"""How many of the people on foot, the last ones, have umbrellas."""
+_RIDERS = (replace(_MAN, helmet=True), replace(_WOMAN, bare_arms=True), replace(_MAN, bag=True))
+_MOTORCYCLIST = Look(helmet=True, face=Part.GLASS, top=Part.LEGS)
+
+
+def _walker(look: Look, *, umbrella: bool = False, pram: bool = False) -> _Figure:
+    poses = [STANDING, *(walking(step) for step in _STEPS)]
+    if umbrella:
+        poses = [under_umbrella(pose) for pose in poses]
+    if pram:
+        poses = [pushing(pose) for pose in poses]
+
+    def build(detail: int) -> list[list[Face]]:
+        pushed = build_pram(detail) if pram else []
+        return [each + pushed for each in build_people(look, poses, detail, umbrella=umbrella)]
+
+    share = look.height / TALL
+    front, back = (1.25, 0.3) if pram else (0.3 * share, 0.3 * share)
+    return _Figure(build=build, size=(front + back, 0.55 * share, look.height), front=front)
+
+
+def _rider(build: Callable[[Look, int], list[Face]], look: Look, size: tuple[float, float, float]) -> _Figure:
+    return _Figure(build=lambda detail: [build(look, detail)], size=size, front=size[0] / 2)
+
+
+def _cyclist(look: Look) -> _Figure:
+    return _Figure(
+        build=lambda detail: build_cyclists(look, _TURNS, detail), size=(1.74, 0.62, 1.7), front=0.87
+    )
+
+
+_Builder = _Car | _Body | _Figure | Callable[[int], list[Face]]
+_TRAM = RailShape(length=30.0, width=2.4, height=3.4, sections=3, stripe=True)
+_TRAIN = RailShape(length=80.0, width=2.8, height=3.9, sections=4, floor=0.7, nose=2.2)
+
+_BUILDERS: dict[Kind, tuple[_Builder, ...]] = {
     Kind.CAR: tuple(_Car(shape=shape) for shape in (_SALOON, _HATCHBACK, _ESTATE, _SUV, _MINI, _HATCHBACK)),
     Kind.TAXI: (_Car(shape=_ESTATE, on_roof=tuple(box(-2.4, -2.6, 0.3, 1.47, 1.6, Part.WHITE))),),
     Kind.VAN: (_Car(shape=_VAN),),
@@ -235,45 +270,81 @@ _BUILDERS: dict[Kind, tuple[Callable[[int], list[Face]], ...]] = {
     Kind.COACH: (_COACH,),
     Kind.TRUCK: (_LORRY,),
     Kind.TRAILER: (_ARTICULATED,),
-    Kind.TRAM: (_rail_car(3.4, 30.0, 3),),
-    Kind.TRAIN: (_rail_car(3.9, 80.0, 4),),
-    Kind.MOTORCYCLE: (_two_wheeler(2.1, 0.32, Part.TRIM, motor=True),),
-    Kind.BICYCLE: (_two_wheeler(1.75, 0.34, Part.BODY, motor=False),),
-    Kind.SCOOTER: (_two_wheeler(1.8, 0.25, Part.WHITE, motor=True),),
+    Kind.TRAM: (_Body(build=build_rail(_TRAM), size=(_TRAM.length, _TRAM.width, _TRAM.height)),),
+    Kind.TRAIN: (_Body(build=build_rail(_TRAIN), size=(_TRAIN.length, _TRAIN.width, _TRAIN.height)),),
+    Kind.MOTORCYCLE: (_rider(build_motorcyclist, _MOTORCYCLIST, (2.04, 0.86, 1.6)),),
+    Kind.BICYCLE: tuple(_cyclist(look) for look in _RIDERS),
+    Kind.SCOOTER: tuple(_rider(build_scooter_rider, look, (1.15, 0.55, 1.85)) for look in _RIDERS),
     Kind.AMBULANCE: (_Car(shape=_VAN, on_roof=tuple(box(-1.7, -1.95, 0.6, 2.19, 2.35, Part.BLUE))),),
     Kind.POLICE: (_Car(shape=_ESTATE, on_roof=tuple(box(-2.4, -2.65, 0.55, 1.47, 1.6, Part.BLUE))),),
     Kind.FIRE_ENGINE: (_Body(build=_fire_engine, size=(8.0, 2.5, 3.3)),),
-    Kind.PEDESTRIAN: (_pedestrian,),
+    Kind.PEDESTRIAN: (
+        *(_walker(look) for look in (*_ADULTS, *_CHILDREN)),
+        *(_walker(look, umbrella=True) for look in _ADULTS[:UMBRELLAS]),
+    ),
     Kind.SHIP: (_ship,),
+    Kind.WHEELCHAIR: tuple(_rider(build_wheelchair, look, (1.12, 0.72, 1.42)) for look in _ADULTS[:2]),
+    Kind.PRAM: tuple(_walker(look, pram=True) for look in _ADULTS[1:2]),
 }
 
 
 @cache
-def build_models() -> tuple[tuple[tuple[Model, ...], ...], ...]:
-    """Build every model: by kind, by variant (cars come in several shapes), by level of detail."""
-    return tuple(tuple(_levels(build) for build in _BUILDERS[kind]) for kind in Kind)
+def build_models() -> dict[Kind, tuple[Variant, ...]]:
+    """Build every model, by kind: cars come in several shapes, people in several looks and poses."""
+    return {kind: tuple(_variant(build) for build in _BUILDERS[kind]) for kind in Kind}
 
 
-def _levels(build: Callable[[int], list[Face]]) -> tuple[Model, ...]:
-    """Build a model at every level of detail, all in the box of the finest; mirrors stand out of it."""
-    if isinstance(build, _Car | _Body):
-        foot, size = np.zeros(3), np.array(build.size)
+def _variant(build: _Builder) -> Variant:
+    """Build a look at every level of detail, all in the box of the finest; mirrors and feet stand out."""
+    if isinstance(build, _Figure):
+        foot, size = np.array([build.front, 0.0, 0.0]), np.array(build.size)
+        levels = [build.build(detail) for detail in range(DETAILS)]
     else:
-        corners = np.concatenate([polygon for polygon, _ in build(0)])
-        low, high = corners.min(axis=0), corners.max(axis=0)
-        foot, size = np.array([high[0], (low[1] + high[1]) / 2, low[2]]), high - low
-    return tuple(_triangulated(build(detail), foot, size) for detail in range(DETAILS))
+        levels = [[build(detail)] for detail in range(DETAILS)]
+        if isinstance(build, _Car | _Body):
+            foot, size = np.zeros(3), np.array(build.size)
+        else:
+            corners = np.concatenate([polygon for polygon, _ in levels[0][0]])
+            low, high = corners.min(axis=0), corners.max(axis=0)
+            foot, size = np.array([high[0], (low[1] + high[1]) / 2, low[2]]), high - low
+    length, width, height = size.tolist()
+    return Variant(
+        size=(length, width, height),
+        front=float(foot[0]),
+        poses=tuple(zip(*(_triangulate(level, foot, size) for level in levels), strict=True)),
+    )
 
 
-def _triangulated(polygons: list[Face], foot: Floats, size: Floats) -> Model:
-    """Cut polygons into fans, and bring them from a box of this foot and size into the unit box."""
-    faces, parts, start = [], [], 0
-    for polygon, part in polygons:
-        faces += [(start, start + k, start + k + 1) for k in range(1, len(polygon) - 1)]
-        parts += [part] * (len(polygon) - 2)
-        start += len(polygon)
-    corners = (np.concatenate([polygon for polygon, _ in polygons]) - foot) / size
-    unit, inverse = np.unique(np.round(corners, 6), axis=0, return_inverse=True)
-    numbered = inverse.reshape(-1)[np.array(faces)].astype(np.int32)
-    whole = (np.diff(np.sort(numbered, axis=1)) > 0).all(axis=1)
-    return Model(vertices=unit, faces=numbered[whole], parts=np.array(parts, dtype=np.uint8)[whole])
+def _triangulate(poses: Sequence[list[Face]], foot: Floats, size: Floats) -> list[Model]:
+    """Cut polygons into fans, and bring them from a box of this foot and size into the unit box.
+
+    Args:
+        poses: the same polygons in several poses.
+        foot: (3,) of the box.
+        size: (3,) of it.
+
+    Returns:
+        A model of each pose.
+    """
+    cut = [_cut(np.array([corners for corners, _ in same])) for same in zip(*poses, strict=True)]
+    cells = np.round((np.concatenate(cut, axis=1) - foot) / size * _CELLS).astype(np.int64)
+    parts = np.repeat([part for _, part in poses[0]], [each.shape[1] // 3 for each in cut])
+    keys = ((cells[..., 0] + _ROOM) * 2 * _ROOM + cells[..., 1] + _ROOM) * 2 * _ROOM + cells[..., 2] + _ROOM
+    # Corners are one where they lie together in every pose; sums of odd multiples tell others apart.
+    mixed = (keys * (1 + 2 * np.arange(len(poses)) * _MIX)[:, None]).sum(axis=0)
+    _, first, inverse = np.unique(mixed, return_index=True, return_inverse=True)
+    numbered = inverse.reshape(-1, 3).astype(np.int32)
+    a, b, c = numbered.T
+    whole = (a != b) & (b != c) & (c != a)
+    faces, shown = numbered[whole], parts[whole].astype(np.uint8)
+    return [Model(vertices=each[first] / _CELLS, faces=faces, parts=shown) for each in cells]
+
+
+def _cut(polygons: Floats) -> Floats:
+    """Cut polygons, (p, n, 3) or (p, m, n, 3), into triangles: (p, 3 times as many, 3)."""
+    return polygons[..., _fan(polygons.shape[-2]), :].reshape(len(polygons), -1, 3)
+
+
+@cache
+def _fan(corners: int) -> NDArray[np.int64]:
+    return np.array([(0, k, k + 1) for k in range(1, corners - 1)])

@@ -19,8 +19,9 @@ from dojo_env.rendering.boxes import Boxes, measure_boxes
 from dojo_env.rendering.classes import SEMANTIC_OF_KIND, Semantic
 from dojo_env.rendering.compiling import kernel
 from dojo_env.rendering.eye import Eye
-from dojo_env.rendering.lights import LAMP, LIGHT_STEPS
-from dojo_env.rendering.raster import SHADED, STATIC
+from dojo_env.rendering.ground import LEVELS
+from dojo_env.rendering.lights import LAMP
+from dojo_env.rendering.raster import STATIC
 from dojo_env.rendering.target import Target
 from dojo_env.rendering.traffic import Users
 from dojo_env.snapshot import Snapshot
@@ -164,6 +165,9 @@ def _bullet_depth(drawing: BulletDrawing) -> NDArray[np.float32]:
     return (far * near / (far - (far - near) * drawing.buffer)).astype(np.float32)
 
 
+_CONTACT = 0.72
+"""Share of the light that a road user keeps from the ground right under it."""
+
 OUTPUTS: Mapping[str, Output] = MappingProxyType(
     {
         "rgb": Output(
@@ -229,14 +233,15 @@ def _resolve(tags, spans, shades, shaded, headlit, picture):
             if tag >= 0:
                 for c in range(3):
                     picture[row, column, c] = shades[tag, c]
-            elif tag == SHADED:
-                for c in range(3):
-                    picture[row, column, c] = shaded[row, column, c]
             else:
-                share = (SHADED - tag) / LIGHT_STEPS
+                held = STATIC - tag
+                shadow, light = (held & LEVELS) / LEVELS, (held >> 10) / LEVELS
+                left = 1.0 - _CONTACT * (held >> 5 & LEVELS) / LEVELS
                 for c in range(3):
-                    dark = picture[row, column, c]
-                    picture[row, column, c] = int(dark + share * (headlit[row, column, c] - dark) + 0.5)
+                    plain = float(picture[row, column, c])
+                    value = (plain + shadow * (shaded[row, column, c] - plain)) * left
+                    value += light * (headlit[row, column, c] - plain)
+                    picture[row, column, c] = int(min(255.0, max(0.0, value)) + 0.5)
 
 
 @kernel

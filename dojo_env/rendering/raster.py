@@ -12,17 +12,10 @@ import numpy as np
 
 from dojo_env.rendering.compiling import inner, kernel
 
-NEARER, SHADOW, COVER = 0, 1, 2
-"""What a triangle does to the pixels it covers.
-
-NEARER takes those it is in front of; SHADOW takes static pixels that lie on it, unless their tag is lower,
-and leaves their depth; COVER takes all.
-"""
-STATIC, SHADED = -1, -2
-"""Tags of pixels that show the static world, lit or in the shadow of something that moves; lower ones are in
-the light of head lamps."""
-SHADOW_REACH = 0.8
-"""How far along the optical axis a surface may be from the plane a shadow is cast on, metres."""
+NEARER, COVER = 0, 1
+"""What a triangle does to the pixels it covers: NEARER takes those it is in front of, COVER takes all."""
+STATIC = -1
+"""Tag of pixels that show the static world as it is; lower ones are shaded or lit by something that moves."""
 
 
 @inner
@@ -58,11 +51,6 @@ def fill_triangle(x0, y0, w0, x1, y1, w1, x2, y2, w2, tag, mode, depths, tags):
                     depths[row, column] = w
                     tags[row, column] = tag
                     changed += 1
-            elif mode == SHADOW:
-                held = depths[row, column]
-                if tag < tags[row, column] <= STATIC and abs(w - held) < SHADOW_REACH * w * held:
-                    tags[row, column] = tag
-                    changed += 1
             elif tags[row, column] != tag:
                 tags[row, column] = tag
                 changed += 1
@@ -78,7 +66,7 @@ def draw_face(corners, lens, tag, mode, depths, tags):
         corners: (3, 3) metres: right, down, forward.
         lens: focal length (pixels), middle of the picture (x, y), near, far.
         tag: what to leave in the pixels taken.
-        mode: NEARER, SHADOW or COVER.
+        mode: NEARER or COVER.
         depths: (h, w) float32 inverse depths.
         tags: (h, w) int32.
     """
@@ -175,14 +163,14 @@ def _is_outside(corners, side, rise, near, far):
 
 @kernel
 def draw_from_above(vertices, faces, frame, heights, tags):
-    """Draw faces as parallel light along -z sees them; the highest wins.
+    """Draw faces as parallel light along -z sees them; the highest wins, and leaves its index as its tag.
 
     Args:
         vertices: (n, 3) metres, in a frame whose +z points to the light.
         faces: (m, 3) vertex indices.
         frame: pixels per metre, x and y of the middle, all in that frame.
         heights: (h, w) float32, the highest z so far, -inf at first.
-        tags: (h, w) int8, of no use but to the filling of triangles.
+        tags: (h, w) int32.
     """
     size_y, size_x = heights.shape
     scale = frame[0]
@@ -193,5 +181,5 @@ def draw_from_above(vertices, faces, frame, heights, tags):
             left + a[0] * scale, top - a[1] * scale, a[2],
             left + b[0] * scale, top - b[1] * scale, b[2],
             left + c[0] * scale, top - c[1] * scale, c[2],
-            0, NEARER, heights, tags,
+            k, NEARER, heights, tags,
         )  # fmt: skip

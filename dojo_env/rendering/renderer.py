@@ -5,7 +5,8 @@ from functools import cache
 from typing import Any
 
 from dojo_env.camera import Camera
-from dojo_env.conditions import Conditions
+from dojo_env.conditions import LOOKS, Conditions
+from dojo_env.errors import ConfigError
 from dojo_env.rendering.background import SAMPLES
 from dojo_env.rendering.eye import Eye, open_eye
 from dojo_env.rendering.lighting import compute_light
@@ -29,6 +30,7 @@ class Renderer:
         conditions: Conditions | None = None,
         smooth: bool = False,
         show_links: bool = False,
+        look: str = "street",
     ) -> None:
         """Prepare to draw.
 
@@ -37,11 +39,19 @@ class Renderer:
             conditions: light and weather; what they say of lenses belongs to `sensors.noise`.
             smooth: anti-alias what moves, too; costs a few times as much.
             show_links: draw each signal link's path as a green, yellow or red line, as the paper does.
+            look: one of `LOOKS`.
+
+        Raises:
+            ConfigError: there is no such look.
         """
+        if look not in LOOKS:
+            raise ConfigError(f"look={look!r}: expected one of {', '.join(LOOKS)}")
         self.scene = scene
         self.smooth = smooth
         self.show_links = show_links
+        self.look = look
         self._light = compute_light(conditions or Conditions())
+        self._rain = conditions.rain if conditions else 0.0
         self._faces = SignalFaces(scene)
         self._eyes: dict[tuple[Camera, int], Eye] = {}
 
@@ -59,7 +69,7 @@ class Renderer:
             ConfigError: an output has no such name.
         """
         passes = _plan(tuple(outputs), smooth=self.smooth)
-        users = place_users(snapshot, self.scene.origin)
+        users = place_users(snapshot, self.scene.origin, rain=self._rain)
         return tuple(self._picture(snapshot, users, camera, passes) for camera in cameras)
 
     def forget(self, cameras: Iterable[Camera] | None = None) -> None:
@@ -85,7 +95,11 @@ class Renderer:
         key = (camera, factor)
         eye = self._eyes.get(key)
         if eye is None:
-            eye = self._eyes[key] = open_eye(self.scene, camera, self._light, factor)
+            # Where pictures are smooth, their samples are pixels, and others show no colours.
+            samples = 1 if self.smooth else SAMPLES
+            eye = self._eyes[key] = open_eye(
+                self.scene, camera, self._light, factor, samples=samples, plain=self.look == "plain"
+            )
         states = tuple(snapshot.signals.items())
         paths = self._faces.paths(states) if self.show_links else NO_PATHS
         target = eye.bend(eye.canvas.draw(users, self._faces.lit(states), paths))

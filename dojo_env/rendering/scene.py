@@ -9,7 +9,8 @@ from zlib import crc32
 import numpy as np
 from numpy.typing import NDArray
 
-from dojo_env.rendering.classes import FACADES, FLAT_ROOF, LAYERS, OTHER_LAYER, TILES, Semantic, Surface
+from dojo_env.rendering.classes import LAYERS, OTHER_LAYER, Semantic, Surface
+from dojo_env.rendering.lanes import lane_pieces
 from dojo_env.rendering.lighting import to_linear
 from dojo_maps.bundle import Bundle
 from dojo_maps.description import LinkKind, RoadMap, Signal
@@ -19,8 +20,19 @@ Floats = NDArray[np.float64]
 LAMP_COLOURS = to_linear(np.array([(255, 40, 24), (255, 190, 30), (40, 255, 130)], dtype=np.uint8))
 """Linear light of a lit lamp: red, yellow, green."""
 _DARK_LAMP = 0.4
-_SLOPED, _LEVEL = 0.3, 0.99
-"""Upward parts of the normals from which a building's face is a roof, and a flat one."""
+_PLASTERS = to_linear(
+    np.array(
+        [
+            (214, 204, 184), (196, 182, 164), (226, 220, 208), (206, 186, 140), (178, 168, 158),
+            (190, 158, 134), (150, 96, 76), (168, 174, 178), (222, 206, 166), (128, 110, 98),
+        ],
+        dtype=np.uint8,
+    )
+)  # fmt: skip
+"""Linear colours of plaster and brick."""
+_TILES, _GRAVEL = to_linear(np.array([(132, 76, 60), (132, 130, 126)], dtype=np.uint8))
+_PITCHED, _LEVEL_ROOF = 0.2, 0.95
+"""Upward part of the normal from which a face is a roof, and a level one."""
 _LAMPS = ("signal/red", "signal/yellow", "signal/green")
 _PATH_HALF_WIDTH = 0.22
 _PATH_LIFT = 0.08
@@ -43,6 +55,9 @@ class Scene:
         semantics: (m,) `Semantic`.
         surfaces: (m,) `Surface`.
         colours: (m, 3) linear.
+        things: (m, 3) of the thing that each face belongs to: its lowest and highest place, metres, and a
+            number of its own from 0 to 1.
+        lanes: (k, 10) pieces of lanes, see `LaneMap`.
     """
 
     road_map: RoadMap
@@ -53,6 +68,8 @@ class Scene:
     semantics: NDArray[np.uint8]
     surfaces: NDArray[np.uint8]
     colours: NDArray[np.float32]
+    things: NDArray[np.float32]
+    lanes: Floats
 
     @property
     def ground(self) -> float:
@@ -68,8 +85,8 @@ def build_scene(bundle: Bundle) -> Scene:
     """
     vertices: list[Floats] = [np.empty((0, 3))]
     faces = [np.empty((0, 3), dtype=np.int64)]
+    colours, things = [np.empty((0, 3), np.float32)], [np.empty((0, 3), np.float32)]
     looks: list[tuple[int, Semantic, Surface]] = []
-    colours = [np.empty((0, 3))]
     count = 0
     for mesh in bundle.read_meshes():
         semantic, surface, colour = LAYERS.get(mesh.name) or LAYERS.get(mesh.layer, OTHER_LAYER)
@@ -77,9 +94,10 @@ def build_scene(bundle: Bundle) -> Scene:
         vertices.append(mesh.vertices)
         faces.append(mesh.faces + count)
         looks.append((len(mesh.faces), semantic, surface))
-        colours.append(np.tile(to_linear(np.array(colour)) * dark, (len(mesh.faces), 1)))
-        if mesh.name == "building":
-            colours[-1] = _paint_buildings(_normals(mesh.vertices, mesh.faces), mesh.sources, mesh.ids)
+        things.append(_things(mesh.vertices[mesh.faces, 2], mesh.sources, mesh.ids))
+        plain = np.tile(to_linear(np.array(colour)) * dark, (len(mesh.faces), 1))
+        up = _normals(mesh.vertices, mesh.faces)[:, 2:]
+        colours.append(_coloured(plain, things[-1][:, 2:], surface, up).astype(np.float32))
         count += len(mesh.vertices)
     counts = [look[0] for look in looks]
     corners, triangles = np.concatenate(vertices), np.concatenate(faces)
@@ -91,25 +109,43 @@ def build_scene(bundle: Bundle) -> Scene:
         normals=_normals(corners, triangles),
         semantics=np.repeat(np.array([look[1] for look in looks], dtype=np.uint8), counts),
         surfaces=np.repeat(np.array([look[2] for look in looks], dtype=np.uint8), counts),
-        colours=np.concatenate(colours).astype(np.float32),
+        colours=np.concatenate(colours),
+        things=np.concatenate(things),
+        lanes=lane_pieces(bundle.road_map),
     )
 
 
-def _paint_buildings(normals: Floats, owners: NDArray[np.int64], ids: Sequence[str]) -> Floats:
-    """Give each building a colour of its own, and its roof one, tiled where it slopes: (m, 3) linear.
+def _things(heights: Floats, sources: NDArray[np.int64], ids: Sequence[str]) -> NDArray[np.float32]:
+    """Measure the thing that each face of a mesh belongs to; see `Scene.things`.
 
     Args:
-        normals: (m, 3) of its faces.
-        owners: (m,) the building of each, an index into `ids`.
-        ids: what the buildings are called.
+        heights: (m, 3) of the faces' corners, metres.
+        sources: (m,) index into `ids`.
+        ids: names of the things.
     """
-    drawn = np.array([crc32(name.encode()) for name in ids], dtype=np.int64)[owners]
-    facades, tiles = to_linear(np.array(FACADES)), to_linear(np.array(TILES))
-    colours = facades[drawn % len(facades)]
-    slopes, level = normals[:, 2] > _SLOPED, normals[:, 2] > _LEVEL
-    colours[slopes] = tiles[drawn[slopes] // len(facades) % len(tiles)]
-    colours[level] = to_linear(np.array(FLAT_ROOF))
-    return colours
+    low, high = np.full(len(ids), np.inf), np.full(len(ids), -np.inf)
+    np.minimum.at(low, sources, heights.min(axis=1))
+    np.maximum.at(high, sources, heights.max(axis=1))
+    numbers = np.array([(crc32(name.encode()) & 0xFFFF) / 0xFFFF for name in ids])
+    return np.stack([low, high, numbers], axis=1).astype(np.float32).reshape(-1, 3)[sources]
+
+
+def _coloured(plain: Floats, numbers: NDArray[np.float32], surface: Surface, up: Floats) -> Floats:
+    """Give buildings plasters and roofs, and trees greens, of their own.
+
+    Args:
+        plain: (m, 3) the layer's colour, linear.
+        numbers: (m, 1) of the things that the faces belong to.
+        surface: the layer's.
+        up: (m, 1) upward part of the faces' normals.
+    """
+    if surface == Surface.FOLIAGE:
+        lighter, yellower = 0.75 + 0.5 * numbers, 0.7 + 0.6 * (7.3 * numbers % 1)
+        return plain * np.hstack([lighter * yellower, lighter, lighter])
+    if surface != Surface.FACADE:
+        return plain
+    walls = _PLASTERS[(numbers[:, 0] * 7919).astype(int) % len(_PLASTERS)]
+    return np.where(up > _LEVEL_ROOF, _GRAVEL, np.where(up > _PITCHED, _TILES, walls))
 
 
 def _normals(vertices: Floats, faces: NDArray[np.int64]) -> Floats:

@@ -8,13 +8,14 @@ from numpy.typing import NDArray
 
 from dojo_env.rendering import textures
 from dojo_env.rendering.compiling import inner, kernel
+from dojo_env.rendering.lanes import LaneMap, find_lane
 from dojo_env.rendering.lighting import SRGB
 
 Floats = NDArray[np.float64]
 
 LAMP_HEIGHT = 8.0
 """Metres; a street lamp this high lights the ground under it with 1."""
-_SHADOW_BIAS = 0.12
+_SHADOW_BIAS = 0.1
 _NEAR_GROUND = 0.35
 """Height of the surroundings above a place that closes it in fully, metres."""
 _CLOSED_IN = 0.35
@@ -23,9 +24,15 @@ _BARE = (0.14, 0.21, 0.076)
 """Linear colour of the ground beyond the map's edge."""
 _KNEE = 0.55
 """Linear light from which brighter places are held back."""
-_LAMP_COLOUR = (1.0, 0.72, 0.42)
+_LAMP_COLOUR = (1.0, 0.82, 0.58)
 _BEAM = (1.0, 0.95, 0.82)
 _WINDOW = (1.0, 0.78, 0.45)
+_LIT_WINDOWS = 0.55
+"""Share of the panes that are dark at night."""
+_LEVEL = 0.95
+"""Upward part of the normal of level roofs."""
+_STREET = 0.16
+"""What panes mirror where they do not show the sky, as a share of its light."""
 _GRASS, _ASPHALT, _PAVING, _PAINT, _BALLAST, _FACADE, _FOLIAGE, _WATER = 1, 2, 3, 4, 5, 6, 7, 8
 _SUN, _SUN_COLOUR, _SKY_COLOUR, _GROUND_COLOUR, _ZENITH, _HORIZON, _WEATHER = range(7)
 """Rows of the packed light; the last holds head lamps, wetness and fog."""
@@ -52,9 +59,11 @@ class Surroundings(NamedTuple):
         normals: (m, 3) of the scene's faces.
         surfaces: (m,) `Surface`.
         colours: (m, 3) linear.
-        light: (7, 3) rows as `pack_light` makes them.
+        things: (m, 3) lowest and highest place of the thing each face belongs to, and its own number.
+        light: (7, 3) rows as `Light.packed` has them.
         sun: the scene as the sun sees it.
         around: the smoothed heights of the scene seen from above.
+        lanes: where lanes run.
         lamps: (k, 3) street lamps, metres, scene frame.
         ground: height of the ground beyond the map's edge, metres.
     """
@@ -62,9 +71,11 @@ class Surroundings(NamedTuple):
     normals: Floats
     surfaces: NDArray[np.uint8]
     colours: NDArray[np.float32]
+    things: NDArray[np.float32]
     light: Floats
     sun: HeightMap
     around: HeightMap
+    lanes: LaneMap
     lamps: Floats
     ground: float
 
@@ -89,24 +100,37 @@ def shade(depths, tags, view, world, samples, pictures):
         samples: along each side of a pixel.
         pictures: (3, h, w, 3) uint8 to fill: lit, shaded by something that moves, in the light of head lamps.
     """
-    weight = 1.0 / (samples * samples)
-    sums, shown, scratch = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
+    sums, shown, scratch, lane = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3)), np.empty(5)
     for row in range(pictures.shape[1]):
         for column in range(pictures.shape[2]):
             sums[:] = 0.0
-            for sample in range(samples * samples):
+            step = _sample_step(tags, row * samples, column * samples, samples)
+            taken = 0
+            for sample in range(step // 2, samples * samples, step):
+                taken += 1
                 v, u = row * samples + sample // samples, column * samples + sample % samples
-                _shade_sample(tags[v, u], depths[v, u], u, v, view, world, scratch, shown)
+                _shade_sample(tags[v, u], depths[v, u], u, v, view, world, scratch, lane, shown)
                 for picture in range(3):
                     for c in range(3):
-                        sums[picture, c] += weight * expose(shown[picture, c])
+                        sums[picture, c] += expose(shown[picture, c])
             for picture in range(3):
                 for c in range(3):
-                    pictures[picture, row, column, c] = SRGB[int(sums[picture, c] * 4095.0 + 0.5)]
+                    pictures[picture, row, column, c] = SRGB[int(sums[picture, c] / taken * 4095.0 + 0.5)]
 
 
 @inner
-def _shade_sample(face, depth, u, v, view, world, scratch, shown):
+def _sample_step(tags, top, left, samples):
+    """Tell which samples of a pixel to shade: all where faces meet, else every second one or so."""
+    face = tags[top, left]
+    for v in range(top, top + samples):
+        for u in range(left, left + samples):
+            if tags[v, u] != face:
+                return 1
+    return max(1, samples - 1)
+
+
+@inner
+def _shade_sample(face, depth, u, v, view, world, scratch, lane, shown):
     """Colour what one sample sees, three times."""
     ray, normal, place = scratch[0], scratch[1], scratch[2]
     length = _cast(u, v, view, ray)
@@ -115,7 +139,7 @@ def _shade_sample(face, depth, u, v, view, world, scratch, shown):
         distance = (view.eye[2] - world.ground) / -ray[2]
     if distance > 1e8:
         for c in range(3):
-            shown[0, c] = shown[1, c] = shown[2, c] = _sky(ray, world.light, c)
+            shown[0, c] = shown[1, c] = shown[2, c] = _sky(ray[0], ray[1], ray[2], world.light, c)
         return
     for axis in range(3):
         place[axis] = view.eye[axis] + distance * ray[axis]
@@ -124,15 +148,18 @@ def _shade_sample(face, depth, u, v, view, world, scratch, shown):
         for axis in range(3):
             normal[axis] = -normal[axis]
     surface = world.surfaces[face] if face >= 0 else _GRASS
-    _light_surface(face, surface, place, normal, distance / view.lens[0], world, shown)
-    mirror = _mirrored(surface, place, normal, ray, distance / view.lens[0], world.light[_WEATHER, 1])
+    pixel = distance / view.lens[0]
+    tone, pane = _tone(surface, face, place, normal, pixel, world, lane)
+    if pane >= 0.0:
+        _show_pane(pane, normal, ray, world.light, shown)
+    else:
+        _light_surface(face, tone, place, normal, world, shown)
+    _mirror(surface, place, normal, ray, pixel, world, shown)
     fog = 1.0 - exp(-world.light[_WEATHER, 2] * distance)
-    veil = max(fog, 1.0 - exp(-max(0.0, distance - 300.0) / 1500.0))
+    veil = max(fog, 1.0 - exp(-max(0.0, distance - 200.0) / 1500.0))
     for picture in range(3):
         for c in range(3):
-            horizon = world.light[_HORIZON, c]
-            value = shown[picture, c] * (1.0 - mirror) + mirror * horizon
-            shown[picture, c] = value * (1.0 - veil) + veil * horizon
+            shown[picture, c] += veil * (world.light[_HORIZON, c] - shown[picture, c])
 
 
 @inner
@@ -146,28 +173,46 @@ def _cast(u, v, view, ray):
 
 
 @inner
-def _sky(ray, light, c):
+def _sky(x, y, z, light, c):
     """Colour of the sky along a ray: from the horizon's to the zenith's, brighter towards the sun."""
-    share = 1.0 - exp(-5.0 * max(0.0, ray[2]))
-    towards = ray[0] * light[_SUN, 0] + ray[1] * light[_SUN, 1] + ray[2] * light[_SUN, 2]
+    share = 1.0 - exp(-5.0 * max(0.0, z))
+    towards = x * light[_SUN, 0] + y * light[_SUN, 1] + z * light[_SUN, 2]
     glow = 0.25 * max(0.0, towards) ** 24 * light[_SUN_COLOUR, c]
-    return light[_HORIZON, c] * (1.0 - share) + light[_ZENITH, c] * share + glow
+    clear = light[_HORIZON, c] * (1.0 - share) + light[_ZENITH, c] * share + glow
+    if z < 0.03:
+        return clear
+    white = light[_HORIZON, c] + 0.15 * light[_SUN_COLOUR, c]
+    hidden = textures.clouds(1.1 * x / (z + 0.12), 1.1 * y / (z + 0.12)) * min(1.0, 4.0 * (z - 0.03))
+    return clear + hidden * (white - clear)
 
 
 @inner
-def _light_surface(face, surface, place, normal, pixel, world, shown):
+def _show_pane(pane, normal, ray, light, shown):
+    """Show a window: what it mirrors over the dark behind it, or at night somebody's lamp."""
+    along = normal[0] * ray[0] + normal[1] * ray[1] + normal[2] * ray[2]
+    x, y, z = (
+        ray[0] - 2.0 * along * normal[0],
+        ray[1] - 2.0 * along * normal[1],
+        ray[2] - 2.0 * along * normal[2],
+    )
+    mirrored = 0.1 + 0.9 * (1.0 - min(1.0, abs(along))) ** 5
+    opens = min(1.0, max(0.0, 4.0 * z + 0.3))
+    for c in range(3):
+        behind = (0.03 + 0.12 * (pane < 0.3)) * light[_SKY_COLOUR, c]
+        behind += light[_WEATHER, 0] * 0.6 * _WINDOW[c] * (pane > _LIT_WINDOWS)
+        street = _STREET * light[_SKY_COLOUR, c]
+        sky = street + opens * (_sky(x, y, z, light, c) - street)
+        value = behind + (mirrored + 0.25 * mirrored * pane) * (sky - behind)
+        shown[0, c] = shown[1, c] = shown[2, c] = value
+
+
+@inner
+def _light_surface(face, tone, place, normal, world, shown):
     """Light a place: in the open, in the shadow of something that moves, and in front of head lamps."""
     light = world.light
     headlights = light[_WEATHER, 0]
-    tone, window = _tone(surface, place, normal, pixel, light[_WEATHER, 1])
-    if window >= 0.0:
-        for c in range(3):
-            seen = 0.35 * light[_HORIZON, c] + 0.04 * light[_SKY_COLOUR, c]
-            seen += headlights * 0.55 * _WINDOW[c] * (window > 0.55)
-            shown[0, c] = shown[1, c] = shown[2, c] = seen
-        return
     facing = normal[0] * light[_SUN, 0] + normal[1] * light[_SUN, 1] + normal[2] * light[_SUN, 2]
-    reached = facing * _sunlit(place, normal, world.sun) if facing > 0.0 else 0.0
+    reached = facing * _sunlit(place, normal, facing, world.sun) if facing > 0.02 else 0.0
     over = _lookup(world.around, place[0], place[1]) - place[2]
     open_sky = 1.0 - _CLOSED_IN * min(1.0, max(0.0, over / _NEAR_GROUND))
     up = 0.5 + 0.5 * normal[2]
@@ -177,44 +222,72 @@ def _light_surface(face, surface, place, normal, pixel, world, shown):
         soft = open_sky * (up * light[_SKY_COLOUR, c] + (1.0 - up) * light[_GROUND_COLOUR, c])
         soft += lamps * _LAMP_COLOUR[c]
         shown[0, c] = albedo * (soft + reached * light[_SUN_COLOUR, c])
-        shown[1, c] = albedo * soft * (0.62 if reached == 0.0 else 0.8)
-        shown[2, c] = shown[0, c] + albedo * headlights * 1.6 * _BEAM[c]
+        shown[1, c] = albedo * soft
+        shown[2, c] = shown[0, c] + albedo * headlights * 2.4 * _BEAM[c]
 
 
 @inner
-def _tone(surface, place, normal, pixel, wet):
-    """Texture of a surface: brightness, and a number from 0 to 1 where there is a window, else -1."""
+def _tone(surface, face, place, normal, pixel, world, lane):
+    """Texture of a surface: brightness, and a number from 0 to 1 where there is a pane of glass, else -1."""
     x, y, z = place[0], place[1], place[2]
-    level = normal[2] > 0.5
-    tone, window = 1.0, -1.0
+    level, along = normal[2] > 0.5, place[1] * normal[0] - place[0] * normal[1]
+    tone, pane = 1.0, -1.0
     if surface == _GRASS:
         tone = textures.grass(x, y, pixel)
-    elif surface == _ASPHALT:
-        tone = textures.asphalt(x, y, pixel)
+    elif surface == _ASPHALT or surface == _PAINT:  # noqa: PLR1714, SIM109 - numba makes a search of `in`
+        find_lane(x, y, world.lanes, lane)
+        tone = (
+            textures.asphalt(x, y, lane, pixel) if surface == _ASPHALT else textures.paint(x, y, lane, pixel)
+        )
     elif surface == _PAVING:
-        tone = textures.paving(x, y, pixel) if level else 0.8
-    elif surface == _PAINT:
-        tone = textures.paint(x, y, pixel)
+        tone = textures.paving(x, y, pixel) if level else textures.kerb(along, pixel)
     elif surface == _BALLAST:
         tone = textures.ballast(x, y, pixel)
     elif surface == _FOLIAGE:
-        tone = textures.foliage(x, y, z, pixel)
+        tone = textures.foliage(x, y, z, pixel) * (0.75 + 0.25 * normal[2])
+    elif surface == _FACADE and normal[2] > 0.2:
+        across = sqrt(max(1e-6, 1.0 - normal[2] ** 2))
+        tone = (
+            textures.tiles(along / across, z, pixel) if normal[2] < _LEVEL else textures.gravel(x, y, pixel)
+        )
     elif surface == _FACADE:
-        tone, window = textures.facade(x * -normal[1] + y * normal[0], z, level, pixel)
-    if level and surface != _PAINT:
-        tone *= 1.0 - 0.42 * wet
-    return max(0.05, tone), window
+        foot, top, number = world.things[face, 0], world.things[face, 1], world.things[face, 2]
+        tone, pane = textures.facade(along, z - foot, top - z, number, pixel)
+    if level:
+        tone *= 1.0 - (0.2 if surface == _PAINT else 0.45) * world.light[_WEATHER, 1]
+    return max(0.05, tone), pane
 
 
 @inner
-def _mirrored(surface, place, normal, ray, pixel, wet):
-    """Share of the sky's light that a wet street or water sends on."""
-    flat = 1.0 - min(1.0, abs(ray[2]) * 1.3)
-    if surface == _WATER:
-        return 0.15 + 0.7 * flat**3
-    if wet > 0.0 and normal[2] > 0.5 and _ASPHALT <= surface <= _PAINT:
-        return wet * (0.03 + 0.55 * flat * flat) * textures.puddles(place[0], place[1], pixel)
-    return 0.0
+def _mirror(surface, place, normal, ray, pixel, world, shown):
+    """Add what water and wet ground send on: the sky, and long streaks under lamps."""
+    wet = world.light[_WEATHER, 1]
+    if normal[2] <= 0.9 or (surface != _WATER and (wet == 0.0 or surface == _GRASS)):
+        return
+    facing = min(1.0, max(0.0, -ray[2]))
+    share = 0.04 + 0.96 * (1.0 - facing) ** 5
+    if surface != _WATER:
+        share *= 0.75 * wet * textures.puddles(place[0], place[1], pixel)
+    lamps = world.light[_WEATHER, 0]
+    streak = 6.0 * lamps * _streaks(place, ray, world.lamps) if lamps > 0.0 else 0.0
+    for c in range(3):
+        sky = _sky(ray[0], ray[1], -ray[2], world.light, c)
+        for picture in range(3):
+            shown[picture, c] += share * (sky + streak * _LAMP_COLOUR[c] - shown[picture, c])
+
+
+@inner
+def _streaks(place, ray, lamps):
+    """How brightly rough wet ground mirrors street lamps: along the line of sight they are drawn out."""
+    total = 0.0
+    for k in range(len(lamps)):
+        x, y, z = lamps[k, 0] - place[0], lamps[k, 1] - place[1], lamps[k, 2] - place[2]
+        square = x * x + y * y + z * z
+        if 1.0 < square < 6400.0:
+            far = 1.0 / sqrt(square)
+            x, y, z = x * far - ray[0], y * far - ray[1], z * far - ray[2]
+            total += (z * z / (x * x + y * y + z * z)) ** 60
+    return min(2.0, total)
 
 
 @inner
@@ -229,19 +302,36 @@ def _lookup(seen, x, y):
 
 
 @inner
-def _sunlit(place, normal, sun):
-    """Share of a place that the sun reaches, over a small square of the shadow map."""
-    step = 0.7 / sun.place[0]
-    x = y = z = 0.0
+def _sunlit(place, normal, facing, sun):
+    """Share of a place that the sun reaches, over three by three pixels of the shadow map, weighted smoothly.
+
+    The map's heights are compared with the plane of the surface, so that it does not shade itself.
+    """
+    x = y = z = across = along = 0.0
     for axis in range(3):
         p = place[axis] + 0.04 * normal[axis]
         x += sun.frame[0, axis] * p
         y += sun.frame[1, axis] * p
         z += sun.frame[2, axis] * p
+        across -= sun.frame[0, axis] * normal[axis]
+        along -= sun.frame[1, axis] * normal[axis]
+    size_y, size_x = sun.heights.shape
+    u, v = (
+        size_x / 2 + (x - sun.place[1]) * sun.place[0] - 0.5,
+        size_y / 2 - (y - sun.place[2]) * sun.place[0] - 0.5,
+    )
+    left, top = floor(u), floor(v)
+    if left < 1 or top < 1 or left + 2 >= size_x or top + 2 >= size_y:
+        return 1.0
+    u, v = u - left, v - top
+    across, along = across / facing / sun.place[0], along / facing / sun.place[0]
     reached = 0.0
-    for i in range(-1, 2):
-        for j in range(-1, 2):
-            reached += _lookup(sun, x + i * step, y + j * step) < z + _SHADOW_BIAS
+    for i in range(-1, 3):
+        wide = 1.0 - u if i < 0 else (u if i == 2 else 1.0)
+        for j in range(-1, 3):
+            high = 1.0 - v if j < 0 else (v if j == 2 else 1.0)
+            plane = z + across * (i - u) - along * (j - v)
+            reached += wide * high * (sun.heights[top + j, left + i] < plane + _SHADOW_BIAS)
     return reached / 9.0
 
 

@@ -1,5 +1,7 @@
 """The pieces that road users are built from: flat convex polygons, each with the part it shows.
 
+A figure or a tyre is made of tubes; bodies of cars are lofted, and have lamps and panes painted on.
+
 Lengths are metres, x points to the nose, y to the left, z up; faces turn counter-clockwise, from outside.
 """
 
@@ -29,10 +31,18 @@ class Part(IntEnum):
     LEGS = 10
     WHITE = 11
     CHROME = 12
+    HAIR = 13
+    GEAR = 14
+    """What somebody has with him: a bag, an umbrella, a helmet, the frame of a bicycle."""
+    STRIPE = 15
+    """The bright stripe of a police car or a fire engine."""
 
+
+_SIDEWARD = 1e-3
+"""A line of which no more than this goes up or ahead has no left side."""
 
 Face = tuple[Floats, Part]
-"""A flat convex polygon, (n, 3), and its part."""
+"""A flat convex polygon, (n, 3), and its part; or several that have as many corners, (m, n, 3)."""
 
 
 def section(x: float, half: float, low: float, high: float) -> Floats:
@@ -65,24 +75,88 @@ def mirrored(faces: Iterable[Face]) -> list[Face]:
     return [
         each
         for corners, part in faces
-        for each in ((corners, part), ((corners * [1.0, -1.0, 1.0])[::-1], part))
+        for each in ((corners, part), ((corners * [1.0, -1.0, 1.0])[..., ::-1, :], part))
     ]
 
 
-def wheels(places: Iterable[float], half: float, radius: float, detail: int, tyre: float = 0.2) -> list[Face]:
-    """Set eight-sided wheels against both sides of the body at each axle; discs where `detail` is not 0."""
-    angles = np.arange(8) * np.pi / 4 + np.pi / 8
-    faces: list[Face] = []
-    for x in places:
-        flat = np.column_stack([x + radius * np.cos(angles), np.zeros(8), radius + radius * np.sin(angles)])
-        across = np.array([0.0, 1.0, 0.0])
-        outer, inner = flat + half * across, flat + (half - tyre) * across
-        left = [outer[::-1]]
-        if detail == 0:
-            left += [np.array([outer[k - 1], outer[k], inner[k], inner[k - 1]]) for k in range(8)]
-        faces += [(face, Part.TYRE) for face in left]
-        faces += [((face * [1.0, -1.0, 1.0])[::-1], Part.TYRE) for face in left]
+def tube(
+    spine: Floats, radii: Sequence[float] | Floats, sides: int, parts: Part | NDArray[np.uint8]
+) -> list[Face]:
+    """Wrap a tube around a line, and close its ends.
+
+    Args:
+        spine: (..., n, 3) the line; several of them give several tubes at once.
+        radii: (n,) of the tube at each point, or (..., n, 2): to the left, and across both line and that.
+        sides: of its rings.
+        parts: what it shows, or (n - 1, sides) what each side of each section shows; the first side lies to
+            the left, and a rising tube turns over its back.
+
+    Returns:
+        Faces; their corners begin with the dimensions of `spine` before its last two.
+    """
+    across = np.asarray(radii, dtype=float)
+    across = across[:, None] * np.ones(2) if across.ndim == 1 else across
+    along = np.empty_like(spine)
+    along[..., 1:-1, :] = spine[..., 2:, :] - spine[..., :-2, :]
+    along[..., 0, :] = spine[..., 1, :] - spine[..., 0, :]
+    along[..., -1, :] = spine[..., -1, :] - spine[..., -2, :]
+    along /= np.sqrt((along * along).sum(axis=-1, keepdims=True))
+    x, y, z = along[..., 0], along[..., 1], along[..., 2]
+    level = np.hypot(x, z)
+    # To the left of where the line runs, and at right angles to both; a line sideways has neither.
+    slim = np.maximum(level, _SIDEWARD)
+    left = np.stack([-x * y / slim, level, -z * y / slim], axis=-1)
+    over = np.stack([-z / slim, np.zeros_like(x), x / slim], axis=-1)
+    angles = (np.arange(sides) + 0.5) * 2 * np.pi / sides
+    flat = across[..., None, :] * np.column_stack([np.cos(angles), np.sin(angles)])
+    rings = spine[..., None, :] + flat[..., :1] * left[..., None, :] + flat[..., 1:] * over[..., None, :]
+    after = np.roll(rings, -1, axis=-2)
+    quads = np.stack(
+        [rings[..., :-1, :, :], after[..., :-1, :, :], after[..., 1:, :, :], rings[..., 1:, :, :]], axis=-2
+    )
+    ends = rings[..., 0, ::-1, :], rings[..., -1, :, :]
+    if isinstance(parts, Part):
+        every = quads.reshape(*quads.shape[:-4], -1, 4, 3)
+        return [(every, parts), *((end, parts) for end in ends)]
+    faces: list[Face] = [(quads[..., parts == part, :, :], Part(part)) for part in np.unique(parts)]
+    return [*faces, (ends[0], Part(parts[0, 0])), (ends[1], Part(parts[-1, 0]))]
+
+
+def ring(
+    middle: Sequence[float], radii: tuple[float, float], half: float, sides: int, part: Part
+) -> list[Face]:
+    """Make a wheel without a disc, such as a tyre: its tread, and a flat ring on each side.
+
+    Args:
+        middle: of the wheel.
+        radii: inner and outer.
+        half: of its thickness.
+        sides: of its tread.
+        part: what it shows.
+    """
+    angles = np.arange(sides) * 2 * np.pi / sides
+    unit = np.column_stack([np.cos(angles), np.zeros(sides), np.sin(angles)])
+    inner, outer = (np.asarray(middle) + radius * unit for radius in radii)
+    side = np.array([0.0, half, 0.0])
+
+    def band(a: Floats, b: Floats) -> Floats:
+        return np.stack([a, b, np.roll(b, -1, axis=0), np.roll(a, -1, axis=0)], axis=1)
+
+    faces: list[Face] = [
+        (band(inner + side, outer + side)[:, ::-1], part),
+        (band(inner - side, outer - side), part),
+        (band(outer + side, outer - side)[:, ::-1], part),
+        (band(inner + side, inner - side), part),
+    ]
     return faces
+
+
+def disc(middle: Sequence[float], radius: float, half: float, sides: int, part: Part) -> list[Face]:
+    """Make two round sides of a wheel, each seen from its own."""
+    angles = np.arange(sides) * 2 * np.pi / sides
+    flat = radius * np.column_stack([np.cos(angles), np.zeros(sides), np.sin(angles)]) + np.asarray(middle)
+    side = np.array([0.0, half, 0.0])
+    return [((flat + side)[::-1], part), (flat - side, part)]
 
 
 def lights(tail: float, half: float, front: tuple[float, float], rear: tuple[float, float]) -> list[Face]:

@@ -50,8 +50,14 @@ def touch(screen, is_ahead, target):
             top, bottom = min(top, screen[k, 1]), max(bottom, screen[k, 1])
     first, last = int(max(0.0, left)), int(min(float(width), right + 1.0))
     for row in range(int(max(0.0, top)), int(min(float(height), bottom + 1.0))):
-        target.spans[row, 0] = min(target.spans[row, 0], first)
-        target.spans[row, 1] = max(target.spans[row, 1], last)
+        keep_span(target, row, first, last)
+
+
+@inner
+def keep_span(target, row, first, last):
+    """Note that these columns of a row may change; the last is exclusive."""
+    target.spans[row, 0] = min(target.spans[row, 0], first)
+    target.spans[row, 1] = max(target.spans[row, 1], last)
 
 
 @inner

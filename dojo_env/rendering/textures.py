@@ -1,8 +1,16 @@
 """Procedural textures: how bright each surface is at a place of the map. Pure functions of position."""
 
-from math import floor
+from math import floor, sqrt
 
 from dojo_env.rendering.compiling import kernel
+
+_TRACK, _TRACK_WIDTH = 0.78, 0.42
+"""Where wheels run, to either side of a lane's middle, and how wide they wear it, metres."""
+_FLOOR, _BAY = 3.0, 2.4
+"""Height of a storey, and what a window and the wall beside it take, metres."""
+_GROUND_FLOOR, _SHOP_BAY = 3.5, 3.6
+_COVER = 0.33
+"""Radius of a manhole's cover, metres."""
 
 
 @kernel
@@ -29,7 +37,7 @@ def _layered_noise(x, y, pixel):
     """Sum four octaves of noise around 0; octaves finer than a pixel (in units of x) fade out."""
     total, gain, scale = 0.0, 0.5, 1.0
     for _ in range(4):
-        shown = min(1.0, max(0.0, 1.5 - 2.0 * pixel * scale))
+        shown = _shown(pixel * scale)
         if shown > 0.0:
             total += gain * shown * (_smooth_noise(x * scale + 17.0, y * scale + 5.0) - 0.5)
         gain *= 0.55
@@ -38,10 +46,106 @@ def _layered_noise(x, y, pixel):
 
 
 @kernel
-def asphalt(x, y, pixel):
-    """Grain and patches."""
-    tone = 1.0 + 0.28 * _layered_noise(0.13 * x, 0.13 * y, 0.13 * pixel)
-    return tone + 0.34 * _layered_noise(5.0 * x, 5.0 * y, 5.0 * pixel)
+def _shown(pixels):
+    """How much of a detail shows when a pixel is as large as this many of it."""
+    return min(1.0, max(0.0, 1.5 - 2.0 * pixels))
+
+
+@kernel
+def _stripe(distance, width, pixel):
+    """Share of a pixel that a line covers: all in its middle, and never more than its width allows."""
+    cover = (0.5 * (width + pixel) - distance) / pixel
+    return min(1.0, width / pixel, max(0.0, cover))
+
+
+@kernel
+def _hump(distance, width):
+    """1 in the middle, 0 from `width` on."""
+    share = max(0.0, 1.0 - (distance / width) ** 2)
+    return share * share
+
+
+@kernel
+def asphalt(x, y, lane, pixel):
+    """Grain, wear along the lanes, patches, joints, cracks and manholes.
+
+    Args:
+        x: metres, scene frame.
+        y: the same.
+        lane: (5,) as `lanes.find_lane` fills it.
+        pixel: size of a pixel there, metres.
+    """
+    tone = 1.0 + 0.3 * _layered_noise(0.11 * x, 0.11 * y, 0.11 * pixel)
+    tone += 0.3 * _layered_noise(6.0 * x, 6.0 * y, 6.0 * pixel)
+    if lane[3] != 0.0:
+        tone *= _wear(lane, pixel)
+    return tone * _cracks(x, y, pixel)
+
+
+@kernel
+def _cracks(x, y, pixel):
+    """Thin cracks, in places where the ground gives way."""
+    weak = _smooth_noise(0.07 * x + 31.0, 0.07 * y)
+    if weak < 0.5 or pixel > 0.08:
+        return 1.0
+    line = abs(_layered_noise(0.45 * x, 0.45 * y, 0.0)) / 0.5
+    return 1.0 - 0.5 * min(1.0, 5.0 * (weak - 0.5)) * _stripe(line, 0.012, pixel)
+
+
+@kernel
+def _wear(lane, pixel):
+    """What wheels and oil leave on a lane; it fades to the sides of ways across junctions."""
+    along, across, left, half = lane[0], lane[1], lane[2], abs(lane[3])
+    own = int(lane[4] * 65535.0)
+    aside = abs(across)
+    uneven = 0.5 + _smooth_noise(0.09 * along, 3.7 * own)
+    if lane[3] < 0.0:
+        uneven *= 1.6 * _hump(aside, half)
+    tone = 1.0 + 0.1 * uneven * _hump(abs(aside - _TRACK), _TRACK_WIDTH)
+    waiting = 1.0 / (1.0 + left / 9.0)
+    spots = max(0.0, 0.8 + 2.0 * _layered_noise(0.7 * along + own, 1.6 * across, 0.7 * pixel))
+    tone *= 1.0 - (0.09 + 0.22 * waiting) * uneven * spots * _hump(aside, 0.55)
+    return tone * _works(along, across, half, own, pixel) if lane[3] > 0.0 else tone
+
+
+@kernel
+def _works(along, across, half, own, pixel):
+    """What was built and mended on a lane: its own tone, joints, sealed cracks, patches, and manholes."""
+    tone = 1.0 + 0.16 * (_hashed(own, floor(along / 37.0)) - 0.5)
+    tone *= 1.0 - 0.3 * _stripe(abs(half - 0.06 - abs(across)), 0.03, pixel)
+    cell = floor(along / 13.0)
+    if _hashed(own + 1, cell) < 0.45:
+        bend = 1.1 * _layered_noise(0.55 * across + 3.1 * cell, own, 0.0)
+        line = along - 13.0 * cell - 6.0 - 4.0 * (_hashed(own + 2, cell) - 0.5) - bend
+        tone *= 1.0 - 0.4 * _stripe(abs(line), 0.035, pixel)
+    # One piece of six metres in nine was dug up and closed again; it has a sealed rim.
+    cell = floor(along / 6.0)
+    chance = _hashed(own + 7, cell)
+    if chance < 0.11:
+        u = along - 6.0 * cell
+        width = 0.35 + 0.6 * _hashed(own + 8, cell)
+        reach = min(u - 0.4, 0.8 + 4.6 * _hashed(own + 9, cell) - u)
+        reach = min(reach, half * width - abs(across - half * (chance * 9.0 - 0.5) * (1.0 - width)))
+        if reach > 0.0:
+            tone *= 0.78 if chance < 0.08 else 1.13
+        tone *= 1.0 - 0.42 * _stripe(abs(reach), 0.05, pixel)
+    cell = floor(along / 19.0)
+    if _hashed(own + 3, cell) < 0.4:
+        u = along - 19.0 * cell - 3.0 - 13.0 * _hashed(own + 4, cell)
+        v = across - 0.9 * half * (_hashed(own + 5, cell) - 0.5)
+        tone *= _manhole(sqrt(u * u + v * v), u, v, pixel)
+    return tone
+
+
+@kernel
+def _manhole(distance, u, v, pixel):
+    """An iron cover with knobs, in a ring of concrete."""
+    if distance > _COVER + 0.1:
+        return 1.0
+    if distance > _COVER:
+        return 1.25
+    knobs = 0.18 * _shown(9.0 * pixel) * ((floor(9.0 * u) + floor(9.0 * v)) % 2)
+    return (0.62 + knobs) * (1.0 - 0.45 * _stripe(_COVER - distance, 0.03, pixel))
 
 
 @kernel
@@ -53,22 +157,32 @@ def grass(x, y, pixel):
 
 @kernel
 def paving(x, y, pixel):
-    """Slabs of half a metre with joints."""
+    """Slabs of half a metre with joints, some of them darker, and what people have dropped on them."""
     u, v = 2.0 * x, 2.0 * y
     i, j = floor(u), floor(v)
-    shown = min(1.0, max(0.0, 1.4 - 3.0 * pixel))
-    tone = 1.0 + 0.12 * shown * (_hashed(i, j) - 0.5) + 0.2 * _layered_noise(0.2 * x, 0.2 * y, 0.2 * pixel)
-    edge = min(u - i, 1.0 - (u - i), v - j, 1.0 - (v - j))
-    if edge < 0.035:
-        tone *= 1.0 - 0.28 * min(1.0, max(0.0, 1.2 - 12.0 * pixel))
-    return tone
+    tone = 1.0 + 0.2 * _shown(2.0 * pixel) * (_hashed(i, j) - 0.5)
+    tone += 0.34 * _layered_noise(0.25 * x, 0.25 * y, 0.25 * pixel)
+    tone += 0.14 * _layered_noise(5.0 * x, 5.0 * y, 5.0 * pixel)
+    edge = 0.5 * min(u - i, 1.0 - (u - i), v - j, 1.0 - (v - j))
+    return tone * (1.0 - 0.35 * _stripe(edge, 0.02, pixel))
 
 
 @kernel
-def paint(x, y, pixel):
-    """Road paint, worn in places."""
-    worn = _layered_noise(1.7 * x, 1.7 * y, 1.7 * pixel)
-    return 0.93 - 0.3 * max(0.0, worn)
+def kerb(along, pixel):
+    """Stones of a metre, side by side."""
+    i = floor(along)
+    edge = min(along - i, 1.0 - (along - i))
+    return (0.8 + 0.14 * (_hashed(i, 11) - 0.5)) * (1.0 - 0.4 * _stripe(edge, 0.02, pixel))
+
+
+@kernel
+def paint(x, y, lane, pixel):
+    """Road paint: dirty, and chipped off where wheels run over it."""
+    dirt = _layered_noise(0.8 * x, 0.8 * y, 0.8 * pixel)
+    chips = 1.3 * _layered_noise(7.0 * x, 7.0 * y, 7.0 * pixel) + 0.9 * dirt
+    wheels = _hump(abs(abs(lane[1]) - _TRACK), 1.4 * _TRACK_WIDTH) if lane[3] != 0.0 else 0.0
+    gone = min(1.0, max(0.0, 3.0 * (chips + 0.32 * wheels - 0.3)))
+    return (0.86 - 0.3 * max(0.0, dirt) - 0.1 * wheels) * (1.0 - 0.75 * gone)
 
 
 @kernel
@@ -78,24 +192,88 @@ def ballast(x, y, pixel):
 
 
 @kernel
-def facade(along, z, level, pixel):
-    """Plaster with a window every 2.4 m on each floor of 3 m; plain where it is level, as on a roof.
+def gravel(x, y, pixel):
+    """What lies on level roofs."""
+    return 1.0 + 0.5 * _layered_noise(3.0 * x, 3.0 * y, 3.0 * pixel)
 
-    Returns the tone and, where there is a window, a number from 0 to 1 that is its own; else -1.
+
+@kernel
+def tiles(along, z, pixel):
+    """Rows of tiles on a pitched roof."""
+    row = floor(z / 0.24)
+    tile = floor(along / 0.3 + 0.5 * (row % 2))
+    tone = 1.0 + 0.22 * _shown(3.0 * pixel) * (_hashed(tile, row) - 0.5)
+    tone += 0.3 * _layered_noise(0.5 * along, 0.5 * z, 0.5 * pixel)
+    return tone * (1.0 - 0.4 * _stripe(z - 0.24 * row, 0.03, pixel))
+
+
+@kernel
+def facade(along, height, left, number, pixel):  # noqa: PLR0911 - one for each thing of a wall
+    """Plaster with windows in frames on each floor, a cornice, and perhaps shops on the ground floor.
+
+    Args:
+        along: metres along the wall.
+        height: metres above the building's foot.
+        left: metres to its highest place.
+        number: the building's own, from 0 to 1.
+        pixel: size of a pixel there, metres.
+
+    Returns:
+        The tone, and where there is a pane of glass a number from 0 to 1 that is its own; else -1.
     """
-    if level:
-        return 0.75, -1.0
-    i, j = floor(along / 2.4), floor(z / 3.0)
-    u, v = along / 2.4 - i, z / 3.0 - j
-    if 0.27 < u < 0.73 and 0.3 < v < 0.78 and pixel < 1.0:
-        return 1.0, _hashed(i, j)
-    return 1.0 + 0.2 * _layered_noise(0.4 * along, 0.4 * z, 0.4 * pixel), -1.0
+    own = int(number * 65535.0)
+    plaster = 1.0 + 0.16 * _layered_noise(0.4 * along, 0.4 * height, 0.4 * pixel)
+    plaster *= 1.0 - 0.12 * max(0.0, 1.0 - 0.5 * left)
+    if left < 0.5:
+        return (1.12 if left < 0.32 else 0.62), -1.0
+    if height < _GROUND_FLOOR and own % 5 < 3 and left > _FLOOR:
+        return _shop(along, height, own, plaster, pixel)
+    if height < 0.6:
+        return 0.7 * plaster, -1.0
+    shift = _GROUND_FLOOR - _FLOOR
+    i, j = floor(along / _BAY), floor((height - shift) / _FLOOR)
+    u, v = along / _BAY - i - 0.5, (height - shift) / _FLOOR - j
+    half = 0.2 + 0.05 * (own % 3)
+    if abs(u) > half + 0.03 or not 0.22 < v < 0.86 or left < 1.0 or pixel > 1.0:
+        return plaster, -1.0
+    if v < 0.27:
+        return 1.1, -1.0
+    border = min(half - abs(u), 0.6 * (v - 0.27), 0.6 * (0.82 - v))
+    if border < 0.0:
+        return 0.92 * plaster, -1.0
+    if border < 0.025 or abs(u) < 0.014:
+        return 1.25, -1.0
+    return 1.0, _hashed(i + 31 * own, j)
+
+
+@kernel
+def _shop(along, height, own, plaster, pixel):
+    """A shop front: panes between pillars under a sign."""
+    i = floor(along / _SHOP_BAY)
+    u = along / _SHOP_BAY - i
+    if height > 2.65:
+        shown = 2.75 < height < 3.35 and 0.06 < u < 0.94
+        return (0.35 + 0.9 * _hashed(i + own, 5) if shown else 0.9 * plaster), -1.0
+    edge = min(u - 0.05, 0.95 - u)
+    if edge < 0.0 or height < 0.35:
+        return 0.75 * plaster, -1.0
+    if edge < 0.014 or abs(u - 0.5) < 0.008 or height > 2.58:
+        return 0.4, -1.0
+    return 1.0, 0.56 + 0.44 * _hashed(i + 17 * own, 2) if pixel < 1.0 else 0.5
 
 
 @kernel
 def foliage(x, y, z, pixel):
-    """Leaves."""
-    return 1.0 + 1.2 * _layered_noise(1.9 * (x + 0.37 * z), 1.9 * (y + 0.61 * z), 1.9 * pixel)
+    """Leaves, and the dark between them."""
+    tone = 1.0 + 0.8 * _layered_noise(0.9 * (x + 0.37 * z), 0.9 * (y + 0.61 * z), 0.9 * pixel)
+    leaves = _layered_noise(4.5 * (x - 0.43 * z), 4.5 * (y + 0.71 * z), 4.5 * pixel)
+    return (tone + 1.3 * leaves) * (0.45 if leaves < -0.16 else 1.0)
+
+
+@kernel
+def clouds(x, y):
+    """Share of thin clouds that hides the sky at a place far above."""
+    return min(0.85, max(0.0, 2.2 * _layered_noise(x, y, 0.0) + 0.12))
 
 
 @kernel

@@ -1,41 +1,83 @@
-"""The road users of a snapshot as kernels draw them: model, place, colour and lights of each."""
+"""The road users of a snapshot as kernels draw them: model, place, colours and lights of each."""
 
 from functools import cache, lru_cache
-from math import cos, sin
+from math import cos, floor, sin
 from typing import NamedTuple
 from zlib import crc32
 
 import numpy as np
 from numpy.typing import NDArray
 
-from dojo_env.rendering.compiling import kernel
+from dojo_env.rendering.compiling import inner, kernel
 from dojo_env.rendering.lighting import to_linear
-from dojo_env.rendering.models import DETAILS, Model, build_models
+from dojo_env.rendering.models import DETAILS, UMBRELLAS, Model, Variant, build_models
+from dojo_env.rendering.people import PACE, TALL
 from dojo_env.snapshot import Kind, Snapshot
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
+RGB = tuple[int, int, int]
 
-_NATURAL = to_linear(
-    np.array(
-    [
-        (222, 224, 226), (222, 224, 226), (196, 200, 204), (150, 154, 160), (92, 97, 104), (36, 38, 42),
-        (28, 30, 34), (24, 52, 104), (40, 84, 150), (146, 24, 28), (176, 40, 36), (60, 82, 66),
-        (178, 164, 132), (70, 50, 40),
-    ],
-    dtype=np.uint8,
-))  # fmt: skip
-"""Linear colours that cars have, and clothes, roughly as often as here."""
-_BY_KIND = {
-    Kind.TAXI: (238, 206, 60), Kind.VAN: (228, 228, 224), Kind.BUS: (196, 44, 40),
+_SHARES = 100
+"""Colours that a road user may have, as often as there are percents."""
+_PAINTS: dict[RGB, int] = {
+    (92, 97, 104): 17, (64, 68, 74): 10, (228, 230, 231): 24, (30, 31, 34): 15, (18, 19, 22): 7,
+    (186, 190, 194): 10, (36, 66, 124): 6, (24, 38, 72): 3, (150, 24, 28): 5, (70, 82, 66): 1,
+    (150, 136, 112): 1, (196, 96, 30): 1,
+}  # fmt: skip
+"""Paints of cars and their percents. Source: Axalta, Global Automotive Color Popularity Report 2021, Europe:
+grey 27, white a quarter, black 22, silver 10, blue 11; a few per cent are red, brown, green and others."""
+_VAN_PAINTS: dict[RGB, int] = {
+    (230, 231, 229): 64, (190, 193, 196): 12, (92, 97, 104): 8, (40, 70, 130): 6, (214, 170, 30): 5,
+    (160, 30, 30): 5,
+}  # fmt: skip
+_CLOTHES: dict[RGB, int] = {
+    (34, 36, 42): 16, (52, 60, 82): 10, (86, 90, 96): 8, (222, 220, 214): 11, (150, 150, 150): 5,
+    (62, 92, 140): 8, (150, 176, 204): 5, (140, 32, 38): 6, (196, 66, 50): 4, (72, 92, 66): 5,
+    (158, 138, 104): 6, (96, 68, 50): 5, (208, 164, 60): 3, (206, 128, 142): 3, (96, 56, 100): 2,
+    (60, 134, 130): 3,
+}  # fmt: skip
+_BY_KIND: dict[Kind, RGB] = {
+    Kind.TAXI: (238, 206, 60), Kind.BUS: (196, 44, 40),
     Kind.COACH: (226, 226, 230), Kind.TRUCK: (50, 92, 150), Kind.TRAILER: (170, 44, 40),
     Kind.TRAM: (214, 40, 36), Kind.TRAIN: (200, 30, 34), Kind.AMBULANCE: (240, 240, 236),
     Kind.POLICE: (60, 90, 170), Kind.FIRE_ENGINE: (190, 24, 24), Kind.SHIP: (60, 70, 84),
+}  # fmt: skip
+_SKIN: dict[RGB, int] = {
+    (232, 190, 166): 30, (218, 172, 146): 26, (198, 146, 116): 16, (166, 114, 84): 12, (120, 78, 56): 9,
+    (78, 50, 38): 7,
+}  # fmt: skip
+_TROUSERS: dict[RGB, int] = {
+    (40, 50, 78): 30, (26, 27, 31): 28, (72, 84, 110): 10, (84, 84, 86): 10, (150, 136, 110): 10,
+    (74, 62, 50): 6, (196, 192, 184): 3, (66, 72, 54): 3,
+}  # fmt: skip
+_HAIR: dict[RGB, int] = {
+    (26, 21, 19): 30, (56, 38, 27): 34, (98, 70, 44): 14, (172, 140, 92): 10, (150, 148, 146): 9,
+    (120, 56, 30): 3,
+}  # fmt: skip
+_GEAR: dict[RGB, int] = {
+    (28, 30, 34): 32, (52, 60, 84): 14, (150, 30, 36): 12, (44, 84, 150): 12, (64, 96, 70): 8,
+    (214, 214, 210): 8, (120, 122, 126): 6, (214, 176, 46): 4, (150, 70, 120): 4,
 }  # fmt: skip
 _UNSET = (255, 255, 0)
 """SUMO's colour for a vehicle that was given none."""
 _LINEAR = to_linear(np.arange(256, dtype=np.uint8))
 _CODES_KEPT = 1 << 14
+
+_ON_FOOT = (Kind.PEDESTRIAN, Kind.PRAM)
+"""Kinds that keep their proportions, whatever box SUMO has for them, and are scaled by its height alone."""
+_CRANK_TURN = 4.6
+"""Metres that a bicycle rolls while its cranks turn once."""
+_BY_LENGTH = (Kind.BUS, Kind.TRUCK, Kind.TRAM, Kind.TRAIN)
+"""Kinds whose variants differ in length, so that SUMO's decides."""
+_LEAST_SPEED = 0.2
+"""m/s; who is slower stands."""
+_CHILD = 1.45
+"""Metres; types of people that are smaller are children."""
+_CHILDREN, _DRY = 10, 8
+"""One of so many people of usual size is a child; one of so many has no umbrella."""
+_STATURES = np.array([0.95, 0.98, 1.0, 1.02, 1.05])
+"""Shares of their look's height that people have."""
 
 
 class Users(NamedTuple):
@@ -45,8 +87,9 @@ class Users(NamedTuple):
         frames: (n, 3, 3) columns are the model's axes, scaled to the road user's size, metres.
         places: (n, 3) middle of the front end on the ground, metres.
         models: (n,) index into the library.
-        colours: (n, 3) linear.
+        colours: (n, 5, 3) linear: of the body, or of somebody's clothes; of skin, trousers, hair and gear.
         lights: (n,) `Lights`.
+        origin: (3,) of the scene, metres, map frame.
     """
 
     frames: Floats
@@ -54,6 +97,7 @@ class Users(NamedTuple):
     models: Ints
     colours: Floats
     lights: NDArray[np.uint8]
+    origin: Floats
 
 
 class Library(NamedTuple):
@@ -65,6 +109,8 @@ class Library(NamedTuple):
         planes: (m, 4) unit normal of each face and its distance from 0, in the unit box.
         parts: (m,) `Part`.
         spans: (models, levels, 4) first and last vertex, first and last face; last ones are exclusive.
+        profiles: (models, 4) what throws shadows, in the unit box: height of the nose, and of what stands
+            higher the rear and front end and half the width.
     """
 
     vertices: Floats
@@ -72,8 +118,11 @@ class Library(NamedTuple):
     planes: Floats
     parts: NDArray[np.uint8]
     spans: Ints
+    profiles: Floats
 
 
+_NOSE, _HIGH = 0.16, 0.8
+"""Share of the length that is the nose; share of the height over which a road user is high."""
 MOST_FACES, MOST_VERTICES = 2000, 4096
 """No model has more of them; kernels make room for as many."""
 
@@ -81,7 +130,8 @@ MOST_FACES, MOST_VERTICES = 2000, 4096
 @cache
 def library() -> Library:
     """Pack the models."""
-    levels = [model for variants in build_models() for each in variants for model in each]
+    every = [variant for variants in build_models().values() for variant in variants]
+    levels = [model for variant in every for pose in variant.poses for model in pose]
     vertices = np.cumsum([0] + [len(model.vertices) for model in levels])
     faces = np.cumsum([0] + [len(model.faces) for model in levels])
     spans = np.stack([vertices[:-1], vertices[1:], faces[:-1], faces[1:]], axis=1)
@@ -91,7 +141,14 @@ def library() -> Library:
         planes=np.concatenate([_planes(model) for model in levels]),
         parts=np.concatenate([model.parts for model in levels]),
         spans=spans.astype(np.int32).reshape(-1, DETAILS, 4),
+        profiles=np.array([_profile(pose[0].vertices) for variant in every for pose in variant.poses]),
     )
+
+
+def _profile(vertices: Floats) -> tuple[float, float, float, float]:
+    """Measure what of a model throws its shadow; see `Library.profiles`."""
+    nose, high = vertices[vertices[:, 0] > -_NOSE], vertices[vertices[:, 2] > _HIGH]
+    return nose[:, 2].max(), high[:, 0].min(), high[:, 0].max(), np.abs(high[:, 1]).max()
 
 
 def _planes(model: Model) -> Floats:
@@ -101,26 +158,101 @@ def _planes(model: Model) -> Floats:
     return np.column_stack([normals, (normals * a).sum(axis=1)])
 
 
+class _Looks(NamedTuple):
+    """What there is to choose from.
+
+    Attributes:
+        first: (kinds + 1,) first variant of each kind; those of the next kind follow.
+        adults: (kinds,) how many of a kind's variants are of usual height; children follow.
+        umbrellas: (kinds,) how many of a kind's last variants have umbrellas; children are before them.
+        by_length: (kinds,) whether a kind's variants are chosen by length.
+        on_foot: (kinds,) whether a kind is scaled by its height alone.
+        paces: (kinds,) metres in which a road user goes through its poses.
+        models: (variants + 1,) first model of each variant, by pose.
+        sizes: (variants, 3) metres, as built.
+        fronts: (variants,) metres before what moves them.
+        paints: (kinds, 100, 3) linear colours of bodies.
+        wear: (4, 100, 3) linear colours of skin, trousers, hair and gear.
+    """
+
+    first: Ints
+    adults: Ints
+    umbrellas: Ints
+    by_length: NDArray[np.bool_]
+    on_foot: NDArray[np.bool_]
+    paces: Floats
+    models: Ints
+    sizes: Floats
+    fronts: Floats
+    paints: Floats
+    wear: Floats
+
+
 @cache
-def _variants() -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """First model and number of variants of each kind."""
-    counts = np.array([len(variants) for variants in build_models()])
-    return np.cumsum(counts) - counts, counts
+def _looks() -> _Looks:
+    """Tabulate what there is to choose from."""
+    models = build_models()
+    every = [variant for variants in models.values() for variant in variants]
+    walks = np.array([kind in _ON_FOOT for kind in models])
+    return _Looks(
+        first=np.cumsum([0] + [len(variants) for variants in models.values()]).astype(np.int32),
+        adults=np.array([_count_adults(variants) for variants in models.values()], dtype=np.int32),
+        umbrellas=np.array([UMBRELLAS if kind == Kind.PEDESTRIAN else 0 for kind in models], dtype=np.int32),
+        by_length=np.array([kind in _BY_LENGTH for kind in models]),
+        on_foot=walks,
+        paces=np.where(walks, PACE, _CRANK_TURN),
+        models=np.cumsum([0] + [len(variant.poses) for variant in every]).astype(np.int32),
+        sizes=np.array([variant.size for variant in every]),
+        fronts=np.array([variant.front for variant in every]),
+        paints=np.array([_shares(_paints_of(kind)) for kind in models]),
+        wear=np.array([_shares(colours) for colours in (_SKIN, _TROUSERS, _HAIR, _GEAR)]),
+    )
 
 
-def place_users(snapshot: Snapshot, origin: Floats) -> Users:
-    """Bring road users into the frame of a scene. Shape and colour follow from a road user's id alone."""
+def _count_adults(variants: tuple[Variant, ...]) -> int:
+    """Count the variants before the first child."""
+    return next((k for k, variant in enumerate(variants) if _is_child(variant)), len(variants))
+
+
+def _is_child(variant: Variant) -> bool:
+    return len(variant.poses) > 1 and variant.size[2] < _CHILD
+
+
+def _paints_of(kind: Kind) -> dict[RGB, int]:
+    if kind in _BY_KIND:
+        return {_BY_KIND[kind]: _SHARES}
+    if kind == Kind.VAN:
+        return _VAN_PAINTS
+    return _PAINTS if kind in (Kind.CAR, Kind.MOTORCYCLE) else _CLOTHES
+
+
+def _shares(colours: dict[RGB, int]) -> Floats:
+    """List each colour as often as it has percents, linear."""
+    return to_linear(np.repeat(np.array(list(colours), dtype=np.uint8), list(colours.values()), axis=0))
+
+
+def place_users(snapshot: Snapshot, origin: Floats, *, rain: float = 0.0) -> Users:
+    """Bring road users into the frame of a scene.
+
+    Shape and colour follow from a road user's id alone, its pose from where it is.
+
+    Args:
+        snapshot: the road users.
+        origin: (3,) of the scene, metres, map frame.
+        rain: 0 dry to 1 heavy rain, in which people have umbrellas.
+    """
     count = len(snapshot.ids)
     codes = np.fromiter(map(_code, snapshot.ids), np.int64, count)
     users = Users(
         frames=np.empty((count, 3, 3)),
         places=snapshot.positions - origin,
         models=np.empty(count, dtype=np.int32),
-        colours=np.empty((count, 3)),
+        colours=np.empty((count, 5, 3)),
         lights=snapshot.lights,
+        origin=origin,
     )
-    turns = (snapshot.headings, snapshot.slopes, snapshot.sizes)
-    _place(*turns, snapshot.kinds, snapshot.colours, codes, *_variants(), *_usual_colours(), users)
+    moves = (snapshot.headings, snapshot.slopes, snapshot.sizes, snapshot.speeds)
+    _place(*moves, snapshot.kinds, snapshot.colours, codes, float(rain), _looks(), users)
     return users
 
 
@@ -130,31 +262,78 @@ def _code(name: str) -> int:
     return crc32(name.encode())
 
 
-@cache
-def _usual_colours() -> tuple[Floats, NDArray[np.bool_]]:
-    """Linear colour of each kind, and whether it has one."""
-    chosen = [_BY_KIND.get(kind) for kind in Kind]
-    table = to_linear(np.array([colour or (0, 0, 0) for colour in chosen], dtype=np.uint8))
-    return table, np.array([colour is not None for colour in chosen])
-
-
 @kernel
-def _place(headings, slopes, sizes, kinds, given, codes, first, variants, usual, fixed, users):
-    """Turn and scale each road user's axes, choose its model, and its colour unless SUMO gives one."""
+def _place(headings, slopes, sizes, speeds, kinds, given, codes, rain, looks, users):
+    """Choose each road user's model and colours; turn and scale its axes."""
     for k in range(len(codes)):
+        kind, code = kinds[k], codes[k]
+        variant = _choose_variant(kind, code, sizes[k, 0], sizes[k, 2], rain, looks)
         cos_h, sin_h, cos_s, sin_s = cos(headings[k]), sin(headings[k]), cos(slopes[k]), sin(slopes[k])
         ahead = (cos_h * cos_s, sin_h * cos_s, sin_s)
         left = (-sin_h, cos_h, 0.0)
         up = (-cos_h * sin_s, -sin_h * sin_s, cos_s)
-        users.models[k] = first[kinds[k]] + codes[k] % variants[kinds[k]]
-        unset = given[k, 0] == _UNSET[0] and given[k, 1] == _UNSET[1] and given[k, 2] == _UNSET[2]
+        length, width, height, share = sizes[k, 0], sizes[k, 1], sizes[k, 2], 1.0
+        shift = 0.0
+        if looks.on_foot[kind]:
+            share = _scale_person(variant, code, height, looks)
+            shift = share * looks.fronts[variant] - 0.5 * length
+            length, width = share * looks.sizes[variant, 0], share * looks.sizes[variant, 1]
+            height = share * looks.sizes[variant, 2]
+        way = users.places[k, 0] * cos_h + users.places[k, 1] * sin_h
+        pose = _choose_pose(variant, code, way / (share * looks.paces[kind]), speeds[k], looks)
+        users.models[k] = looks.models[variant] + pose
         for axis in range(3):
-            users.frames[k, axis, 0] = ahead[axis] * sizes[k, 0]
-            users.frames[k, axis, 1] = left[axis] * sizes[k, 1]
-            users.frames[k, axis, 2] = up[axis] * sizes[k, 2]
-            if not unset:
-                users.colours[k, axis] = _LINEAR[given[k, axis]]
-            elif fixed[kinds[k]]:
-                users.colours[k, axis] = usual[kinds[k], axis]
-            else:
-                users.colours[k, axis] = _NATURAL[(codes[k] >> 8) % len(_NATURAL), axis]
+            users.places[k, axis] += shift * ahead[axis]
+            users.frames[k, axis, 0] = ahead[axis] * length
+            users.frames[k, axis, 1] = left[axis] * width
+            users.frames[k, axis, 2] = up[axis] * height
+        _colour(users.colours, k, kind, code, given, looks)
+
+
+@inner
+def _choose_variant(kind, code, length, height, rain, looks):
+    """Choose by a road user's id; by length where that tells; children by height, or a few of all."""
+    first, count, adults = looks.first[kind], looks.first[kind + 1] - looks.first[kind], looks.adults[kind]
+    if looks.by_length[kind]:
+        best = first
+        for variant in range(first, first + count):
+            if abs(looks.sizes[variant, 0] - length) < abs(looks.sizes[best, 0] - length):
+                best = variant
+        return best
+    wet = looks.umbrellas[kind]
+    if adults < count - wet and (height < _CHILD or (code >> 3) % _CHILDREN == 0):
+        return first + adults + code % (count - wet - adults)
+    if wet > 0 and code % _DRY != 0 and (code >> 5) % _SHARES < 2.5 * rain * _SHARES:
+        return first + count - wet + code % wet
+    return first + code % adults
+
+
+@inner
+def _scale_person(variant, code, height, looks):
+    """Tell by how much somebody is larger than his look; only people of usual height differ."""
+    if height < _CHILD:
+        return height / looks.sizes[variant, 2]
+    return height / TALL * _STATURES[(code >> 7) % len(_STATURES)]
+
+
+@inner
+def _choose_pose(variant, code, way, speed, looks):
+    """Choose the pose after a way, in paces: the first is for a stop."""
+    steps = looks.models[variant + 1] - looks.models[variant] - 1
+    if steps == 0 or speed < _LEAST_SPEED:
+        return 0
+    share = way + (code % 64) / 64
+    return 1 + int((share - floor(share)) * steps) % steps
+
+
+@inner
+def _colour(colours, k, kind, code, given, looks):
+    """Take SUMO's colour, or one of the kind's; and those of somebody's skin, trousers, hair and gear."""
+    unset = given[k, 0] == _UNSET[0] and given[k, 1] == _UNSET[1] and given[k, 2] == _UNSET[2]
+    paint = (code >> 8) % _SHARES
+    for c in range(3):
+        colours[k, 0, c] = looks.paints[kind, paint, c] if unset else _LINEAR[given[k, c]]
+    for row in range(len(looks.wear)):
+        share = (code * (2 * row + 3) >> 6) % _SHARES
+        for c in range(3):
+            colours[k, 1 + row, c] = looks.wear[row, share, c]

@@ -9,12 +9,17 @@ from functools import cached_property
 from typing import TYPE_CHECKING
 
 from dojo_env.camera import Camera
+from dojo_env.camera_presets import PAPER
 from dojo_env.conditions import Conditions, sample_conditions
 from dojo_env.config import SensingConfig
+from dojo_env.imaging import settle_imaging
 from dojo_env.snapshot import Snapshot
 from dojo_maps.bundle import Bundle
 
 if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
     from dojo_env.rendering.bullet import BulletWorld
     from dojo_env.rendering.outputs import Picture
     from dojo_env.rendering.renderer import Renderer
@@ -33,6 +38,7 @@ class Eyes:
         self._renderer: Renderer | BulletWorld | None = None
         self._lenses: dict[str, Lens] = {}
         self.conditions = config.conditions if isinstance(config.conditions, Conditions) else Conditions()
+        self.imaging = settle_imaging(config.imaging, seed=0)
 
     @cached_property
     def scene(self) -> "Scene":
@@ -42,13 +48,14 @@ class Eyes:
         return build_scene(self._bundle)
 
     def reset(self, seed: int) -> None:
-        """Begin an episode: draw its conditions, unless they are fixed."""
+        """Begin an episode: draw its conditions and its camera body, unless they are fixed."""
         wanted = self.config.conditions
         drawn = sample_conditions(wanted, seed) if isinstance(wanted, Mapping) else wanted
         if drawn.outside != self.conditions.outside:
             # Another light needs other backgrounds; the same keeps them.
             self.close()
         self.conditions = replace(drawn, seed=seed)
+        self.imaging = settle_imaging(self.config.imaging, seed)
         self._hung, self._lenses = {}, {}
 
     def close(self) -> None:
@@ -62,10 +69,12 @@ class Eyes:
         from dojo_env.sensors.placement import place_cameras
 
         if signal not in self._placed:
-            given = self.config.cameras.get(signal, ())
+            wanted = self.config.cameras
+            given = () if isinstance(wanted, str) else tuple(wanted.get(signal, ()))
+            preset = wanted if isinstance(wanted, str) else PAPER
             width, height = self.config.width, self.config.height
-            self._placed[signal] = tuple(given) or place_cameras(
-                self.scene, signal, width=width, height=height
+            self._placed[signal] = given or place_cameras(
+                self.scene, signal, preset=preset, width=width, height=height
             )
         return self._placed[signal]
 
@@ -83,7 +92,7 @@ class Eyes:
         own: another `viewer`.
         """
         pictures = self._draws.render(snapshot, [self._mount(camera) for camera in cameras], outputs)
-        return tuple(self._delivered(picture, snapshot.time, viewer) for picture in pictures)
+        return tuple(self._delivered(picture, snapshot, viewer) for picture in pictures)
 
     @property
     def _draws(self) -> "Renderer | BulletWorld":
@@ -98,6 +107,7 @@ class Eyes:
                 conditions=self.conditions,
                 smooth=self.config.smooth,
                 show_links=self.config.show_links,
+                look=self.config.look,
             )
         return self._renderer
 
@@ -106,17 +116,31 @@ class Eyes:
         if not (self.conditions.shake_m or self.conditions.shake_deg):
             return camera
         if camera not in self._hung:
-            from dojo_env.sensors.noise import shake_cameras
+            from dojo_env.sensors.mounts import shake_cameras
 
             (self._hung[camera],) = shake_cameras([camera], self.conditions)
         return self._hung[camera]
 
-    def _delivered(self, picture: "Picture", time: float, viewer: str) -> "Picture":
-        if picture.rgb is None or not self.conditions.spoils_pictures:
+    def _delivered(self, picture: "Picture", snapshot: Snapshot, viewer: str) -> "Picture":
+        """Make of a perfect picture what its camera delivers."""
+        if picture.rgb is not None and self.imaging.takes_time:
+            from dojo_env.sensors.shutter import expose
+
+            picture = expose(self._draw_colours, snapshot, picture, self.imaging)
+        if self.conditions.sway_deg:
+            from dojo_env.sensors.mounts import sway
+
+            picture = sway(picture, self.conditions, snapshot.time)
+        if picture.rgb is None or not (self.conditions.spoils_pictures or self.imaging.spoils_pictures):
             return picture
         if viewer not in self._lenses:
             from dojo_env.sensors.noise import Lens
 
-            self._lenses[viewer] = Lens(self.conditions)
-        spoilt = self._lenses[viewer].spoil(picture.rgb, picture.camera.name, time)
+            self._lenses[viewer] = Lens(self.conditions, self.imaging, self.scene)
+        spoilt = self._lenses[viewer].spoil(picture.rgb, picture.camera, snapshot.time)
         return replace(picture, outputs={**picture.outputs, "rgb": spoilt})
+
+    def _draw_colours(self, snapshot: Snapshot, camera: Camera) -> "NDArray[np.uint8]":
+        (picture,) = self._draws.render(snapshot, [camera])
+        colours: NDArray[np.uint8] = picture.rgb
+        return colours

@@ -1,7 +1,8 @@
-"""What cameras add to a picture: shaken mounts, rain, dirt, blur, noise and dropped frames, all seeded."""
+"""What cameras deliver of perfect pictures: what weather, lens, sensor and compression do to them, seeded."""
 
-from collections.abc import Iterable
+from collections.abc import Callable
 from dataclasses import replace
+from math import exp, log2
 from zlib import crc32
 
 import cv2
@@ -10,105 +11,139 @@ from numpy.typing import NDArray
 
 from dojo_env.camera import Camera
 from dojo_env.conditions import Conditions
+from dojo_env.imaging import Imaging
+from dojo_env.rendering.lighting import compute_light
+from dojo_env.rendering.scene import Scene
+from dojo_env.sensors.linear_light import Light, Picture, to_light, to_picture
+from dojo_env.sensors.mounts import random_of
+from dojo_env.sensors.optics import darken_corners, dim, draw_rain, refract, scatter_dirt, scatter_sun
 
-Picture = NDArray[np.uint8]
-
-_SPOTS = 60
-"""Spots of dirt on a very dirty lens."""
-_STREAKS = 90
-"""Streaks of heavy rain in a picture of 100,000 pixels."""
-
-
-def shake_cameras(cameras: Iterable[Camera], conditions: Conditions) -> tuple[Camera, ...]:
-    """Move and turn each camera a little, as a mount that was set up by hand; one draw per seed and name."""
-    return tuple(_shaken(camera, conditions) for camera in cameras)
-
-
-def _shaken(camera: Camera, conditions: Conditions) -> Camera:
-    if conditions.shake_m == 0 and conditions.shake_deg == 0:
-        return camera
-    generator = _generator(conditions, camera.name, 0.0, "shake")
-    x, y, z = np.array(camera.position) + generator.normal(0.0, conditions.shake_m, 3)
-    heading, pitch, roll = generator.normal(0.0, conditions.shake_deg, 3)
-    return replace(
-        camera,
-        position=(float(x), float(y), float(z)),
-        heading_deg=camera.heading_deg + float(heading),
-        pitch_deg=camera.pitch_deg + float(pitch),
-        roll_deg=camera.roll_deg + float(roll),
-    )
+_GREY = 0.18
+"""Mean of the linear light that automatic exposure wants: what a grey card reflects."""
+_MOST_STOPS = 4.0
+_DARKEST = 1e-4
+_GRAIN_PIXELS = 0.6
+_REC_709 = (0.2126, 0.7152, 0.0722)
+"""How bright red, green and blue light are. Source: ITU-R BT.709."""
 
 
 class Lens:
-    """Spoils the pictures of one episode. Keeps each camera's last picture, for frames that are dropped."""
+    """Spoils the pictures of one episode.
 
-    def __init__(self, conditions: Conditions) -> None:
-        """Take the conditions of an episode; what they say of light and weather belongs to the renderer."""
-        self._conditions = conditions
+    Keeps of each camera the last picture, for frames that are dropped, and the exposure.
+    """
+
+    def __init__(
+        self, conditions: Conditions, imaging: Imaging | None = None, scene: Scene | None = None
+    ) -> None:
+        """Take an episode's conditions and the camera body.
+
+        Args:
+            conditions: of these only what happens at the lens; light and weather are the renderer's.
+            imaging: how cameras work; None for perfect ones.
+            scene: what may hide the sun from a camera; None for an open sky.
+        """
+        self._conditions, self._imaging, self._scene = conditions, imaging or Imaging(), scene
+        self._light = compute_light(replace(conditions, exposure=0.0))
+        self._night = min(1.0, self._light.headlights)
         self._last: dict[str, Picture] = {}
-        self._dirt: dict[tuple[str, int, int], NDArray[np.float32]] = {}
+        self._stops: dict[str, tuple[float, float]] = {}
+        self._layers: dict[tuple[str, str, int, int], NDArray[np.float32]] = {}
 
-    def spoil(self, rgb: Picture, camera: str, time: float) -> Picture:
+    def spoil(self, rgb: Picture, camera: Camera, time: float) -> Picture:
         """Make of a perfect picture the one that this camera delivers.
 
         Args:
             rgb: (h, w, 3).
-            camera: its name.
-            time: simulated seconds; together with the name and the seed it decides everything random.
+            camera: whose it is.
+            time: simulated seconds; with the camera's name and the seed it decides everything random.
 
         Returns:
             (h, w, 3), a new picture, or the last one again where a frame is dropped.
         """
         state = self._conditions
-        generator = _generator(state, camera, time, "frame")
-        if camera in self._last and generator.random() < state.dropped:
-            return self._last[camera].copy()
-        if state.rain > 0:
-            rgb = _rained(rgb, state.rain, generator)
-        if state.dirt > 0:
-            rgb = _dimmed(rgb, self._dirt_on(camera, rgb.shape[0], rgb.shape[1]))
-        if state.blur > 0:
-            rgb = np.asarray(cv2.GaussianBlur(rgb, (0, 0), state.blur), dtype=np.uint8)
+        random = random_of(state, camera.name, time, "frame")
+        if camera.name in self._last and random.random() < state.dropped:
+            return self._last[camera.name].copy()
+        rgb = self._look_out(rgb, camera, time, random)
+        if self._imaging.changes_light:
+            rgb = to_picture(self._record(to_light(rgb), camera, time))
         if state.noise > 0:
-            grain = generator.normal(0.0, state.noise, rgb.shape).astype(np.float32)
+            grain = random.normal(0.0, state.noise, rgb.shape).astype(np.float32)
             rgb = np.clip(np.rint(rgb + grain), 0, 255).astype(np.uint8)
-        self._last[camera] = rgb.copy()
+        if self._imaging.jpeg_quality >= 1:
+            rgb = _compress(rgb, round(self._imaging.jpeg_quality))
+        self._last[camera.name] = rgb.copy()
         return rgb
 
-    def _dirt_on(self, camera: str, height: int, width: int) -> NDArray[np.float32]:
-        """Transparency of the dirt on a lens: (h, w), 1 where it is clean."""
-        key = (camera, height, width)
-        if key not in self._dirt:
-            generator = _generator(self._conditions, camera, 0.0, "dirt")
-            spots = np.zeros((height, width), dtype=np.float32)
-            for _ in range(round(_SPOTS * self._conditions.dirt)):
-                centre = (int(generator.integers(width)), int(generator.integers(height)))
-                radius = int(height * generator.uniform(0.01, 0.05)) + 1
-                cv2.circle(spots, centre, radius, float(generator.uniform(0.3, 0.9)), -1)
-            soft = cv2.GaussianBlur(spots, (0, 0), height * 0.012)
-            self._dirt[key] = np.asarray(1 - soft, dtype=np.float32)
-        return self._dirt[key]
+    def _look_out(self, rgb: Picture, camera: Camera, time: float, random: np.random.Generator) -> Picture:
+        """Look through the rain, and what it and the road leave on the lens."""
+        state, (height, width) = self._conditions, rgb.shape[:2]
+        if state.rain > 0:
+            rgb = draw_rain(rgb, state.rain, random)
+        if state.drops > 0:
+            seed = (state.seed, crc32(camera.name.encode()), crc32(b"drops"))
+            rgb = refract(rgb, state.drops, time, seed)
+        if state.dirt > 0:
+            own = random_of(state, camera.name, 0.0, "dirt")
+            rgb = dim(rgb, self._layer("dirt", camera, lambda: scatter_dirt(height, width, state.dirt, own)))
+        if state.blur > 0:
+            rgb = np.asarray(cv2.GaussianBlur(rgb, (0, 0), state.blur), dtype=np.uint8)
+        return rgb
+
+    def _record(self, light: Light, camera: Camera, time: float) -> Light:
+        """Let light through the lens onto a sensor; (h, w, 3) is changed in place."""
+        body = self._imaging
+        if body.glare > 0:
+            stray = self._layer("glare", camera, lambda: scatter_sun(camera, self._light, self._scene))
+            light += np.float32(body.glare) * stray
+        if body.vignetting > 0:
+            light *= self._layer("vignetting", camera, lambda: darken_corners(camera, body.vignetting))
+        gain = 1.0
+        if body.auto_exposure > 0:
+            gain = 2.0 ** self._expose(light, camera.name, time)
+            light *= np.float32(gain)
+        if body.shot_noise > 0 or body.read_noise > 0:
+            gain *= body.night_gain**self._night
+            random = random_of(self._conditions, camera.name, time, "sensor")
+            grain = _draw_grain(random, light.shape)
+            shot, read = body.shot_noise**2 * gain, (body.read_noise * gain) ** 2
+            light += grain * np.sqrt(np.float32(shot) * light + np.float32(read)) / np.float32(255)
+        return light
+
+    def _expose(self, light: Light, camera: str, time: float) -> float:
+        """Follow the mean light of a camera's pictures, the first one at once; returns stops."""
+        body = self._imaging
+        mean = float(np.dot(cv2.mean(light)[:3], _REC_709))
+        wanted = body.auto_exposure * log2(_GREY / max(mean, _DARKEST))
+        wanted = min(_MOST_STOPS, max(-_MOST_STOPS, wanted))
+        before, stops = self._stops.get(camera, (time, wanted))
+        passed = max(0.0, time - before)
+        left = exp(-passed / body.adaptation_s) if body.adaptation_s > 0 else 0.0
+        stops = wanted + (stops - wanted) * left
+        self._stops[camera] = (time, stops)
+        return stops
+
+    def _layer(
+        self, what: str, camera: Camera, make: Callable[[], NDArray[np.float32]]
+    ) -> NDArray[np.float32]:
+        """Give what stays the same in all pictures of a camera."""
+        key = (what, camera.name, camera.height, camera.width)
+        if key not in self._layers:
+            self._layers[key] = make()
+        return self._layers[key]
 
 
-def _dimmed(rgb: Picture, clean: NDArray[np.float32]) -> Picture:
-    mud = np.array([70.0, 62.0, 50.0], dtype=np.float32)
-    return np.rint(rgb * clean[..., None] + mud * (1 - clean[..., None])).astype(np.uint8)
+def _draw_grain(random: np.random.Generator, shape: tuple[int, ...]) -> Light:
+    """Draw noise of deviation 1 that neighbours share, as they do after colours are interpolated."""
+    grain = random.standard_normal(shape, dtype=np.float32)
+    kernel = cv2.getGaussianKernel(5, _GRAIN_PIXELS, cv2.CV_32F)
+    blurred = np.asarray(cv2.sepFilter2D(grain, -1, kernel, kernel), dtype=np.float32)
+    return blurred / np.float32((kernel**2).sum())
 
 
-def _rained(rgb: Picture, rain: float, generator: np.random.Generator) -> Picture:
-    """Draw falling drops as short slanted streaks."""
-    height, width = rgb.shape[:2]
-    streaks = np.zeros((height, width), dtype=np.uint8)
-    count = round(rain * _STREAKS * height * width / 1e5)
-    starts = generator.integers(0, [width, height], (count, 2))
-    lengths = generator.uniform(0.02, 0.06, count) * height
-    for (x, y), length in zip(starts.tolist(), lengths.tolist(), strict=True):
-        cv2.line(streaks, (x, y), (round(x + 0.15 * length), round(y + length)), 90, 1, cv2.LINE_AA)
-    veil = streaks[..., None].astype(np.float32) / 255 * 0.5
-    return np.rint(rgb * (1 - veil) + 205.0 * veil).astype(np.uint8)
-
-
-def _generator(conditions: Conditions, camera: str, time: float, purpose: str) -> np.random.Generator:
-    """Make a generator that depends on nothing but its arguments."""
-    instant = int(np.float64(time).view(np.uint64))
-    return np.random.default_rng([conditions.seed, crc32(camera.encode()), instant, crc32(purpose.encode())])
+def _compress(rgb: Picture, quality: int) -> Picture:
+    """Compress a picture as JPEG, and unpack it again."""
+    _, packed = cv2.imencode(".jpg", rgb[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, quality])
+    unpacked = cv2.imdecode(packed, cv2.IMREAD_COLOR)
+    return np.ascontiguousarray(np.asarray(unpacked, dtype=np.uint8)[..., ::-1])

@@ -25,11 +25,12 @@ _CODECS = {".mp4": "mp4v", ".webm": "VP80"}
 
 
 @contextmanager
-def open_video(path: Path | str) -> Iterator["Video"]:
+def open_video(path: Path | str, *, frame_rate: float = FRAME_RATE) -> Iterator["Video"]:
     """Give a video to add pictures to; the file is there when the context is left, or after an error none.
 
     Args:
         path: the file; its suffix says which kind, `.mp4` or `.webm`.
+        frame_rate: frames per second.
 
     Raises:
         ConfigError: another suffix, or the path is a folder or a device.
@@ -43,7 +44,7 @@ def open_video(path: Path | str) -> Iterator["Video"]:
     if is_there(path) and not path.is_file():
         raise ConfigError(f"{path}: is a folder or a device; give the video another name")
     with replaced(path) as fresh:
-        video = Video(fresh)
+        video = Video(fresh, frame_rate)
         try:
             yield video
         finally:
@@ -56,9 +57,9 @@ def open_video(path: Path | str) -> Iterator["Video"]:
 class Video:
     """Collects pictures of one size; `count` tells how many."""
 
-    def __init__(self, path: Path) -> None:
-        """Take where to write; the file begins with the first picture."""
-        self._path = path
+    def __init__(self, path: Path, frame_rate: float = FRAME_RATE) -> None:
+        """Take where to write, at how many frames per second; the file begins with the first picture."""
+        self._path, self._frame_rate = path, frame_rate
         self._writer: Any = None
         self.count = 0
 
@@ -73,7 +74,7 @@ class Video:
             codec = _CODECS[self._path.suffix.lower()]
             code = cv2.VideoWriter.fourcc(*codec)
             with quiet_output():
-                self._writer = cv2.VideoWriter(str(self._path), code, FRAME_RATE, (width, height))
+                self._writer = cv2.VideoWriter(str(self._path), code, self._frame_rate, (width, height))
             if not self._writer.isOpened():
                 raise ToolMissingError(
                     f"the installed OpenCV cannot write {self._path.suffix} videos ({codec}); "

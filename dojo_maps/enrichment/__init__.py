@@ -14,7 +14,12 @@ from dojo_maps.enrichment.town import build_town
 
 
 def furnish(
-    road_map: RoadMap, paved: shapely.Geometry, *, generated: bool, surroundings: bool = True
+    road_map: RoadMap,
+    paved: shapely.Geometry,
+    *,
+    generated: bool,
+    surroundings: bool = True,
+    far_side_signals: bool = False,
 ) -> RoadMap:
     """Add stop lines, islands, signal heads and poles, and where the network has none, places to walk.
 
@@ -25,6 +30,7 @@ def furnish(
         paved: the network's own ground, in the frame of `origin`.
         generated: whether to add what the source does not tell of: sidewalks, crossings and surroundings.
         surroundings: whether houses, trees and street lamps are among it.
+        far_side_signals: whether traffic also has signal heads across the junction.
     """
     road_map = replace(road_map, props=road_map.props + find_islands(road_map, paved))
     if generated:
@@ -33,5 +39,5 @@ def furnish(
     if generated and not road_map.crossings:
         road_map = replace(road_map, crossings=generate_crossings(road_map))
     road_map = replace(road_map, stop_lines=place_stop_lines(road_map))
-    road_map = place_signal_heads(road_map)
+    road_map = place_signal_heads(road_map, far_side=far_side_signals)
     return build_town(road_map) if generated and surroundings else road_map

@@ -1,4 +1,4 @@
-"""From the map's metres to degrees on the earth, for the formats that have them."""
+"""Between the map's metres and degrees on the earth."""
 
 from typing import Any
 
@@ -10,7 +10,7 @@ from dojo_maps.geometry.polylines import Floats
 
 
 class Earth:
-    """A network's projection, the other way round."""
+    """A network's projection, both ways."""
 
     def __init__(self, proj: str, net_offset: tuple[float, float]) -> None:
         """Take a PROJ string, and the offset of the map's coordinates, metres.
@@ -42,6 +42,18 @@ class Earth:
         if not (np.abs(longitudes) <= 180.0).all() or not (np.abs(latitudes) <= 90.0).all():
             raise ExportError(self._does_not_fit())
         return longitudes, latitudes
+
+    def positions(self, longitudes: Any, latitudes: Any) -> Floats:
+        """Turn longitudes and latitudes, (n,) each, into positions (n, 2), metres.
+
+        Raises:
+            ExportError: they do not fit the projection.
+        """
+        try:
+            x, y = self._convert(longitudes, latitudes, errcheck=True)
+        except pyproj.exceptions.ProjError as error:
+            raise ExportError(f"a place lies outside the projection {self._name[:200]!r}: {error}") from error
+        return np.column_stack([x, y]) + self._offset
 
     def _does_not_fit(self) -> str:
         return (

@@ -377,6 +377,10 @@ class _Document:
         own = sorted(self._lane_number(lane) for lane in approach if self._index.lanes[lane].road == road)
         if own:
             _add(signal, "validity", fromLane=own[0], toLane=own[-1])
+        if head.far_side:
+            # Beyond the end of the road that it is for, where s and t do not reach.
+            x, y, z = head.position
+            _add(signal, "positionInertial", x=x, y=y, z=z, hdg=head.heading)
         return number
 
     def _add_junctions(self, controllers: dict[str, list[int]]) -> None:

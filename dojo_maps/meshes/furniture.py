@@ -19,6 +19,8 @@ _HOUSING = (0.22, 0.34)
 _LAMPS = ("red", "yellow", "green")
 
 _Part = tuple[str, Floats, Ints]
+_Place = tuple[str | None, bool]
+"""The road that heads or a pole are for, and whether on the far side; walkers' poles are for none."""
 
 
 def signal_meshes(road_map: RoadMap) -> Iterator[Mesh]:
@@ -26,12 +28,12 @@ def signal_meshes(road_map: RoadMap) -> Iterator[Mesh]:
     metal: list[_Part] = []
     lamps: dict[str, list[_Part]] = defaultdict(list)
     shift = np.array([*road_map.origin, 0.0])
-    poles = _poles_by_road(road_map)
+    poles = _poles_by_signal(road_map)
     lane_road = {lane.id: lane.road for lane in road_map.lanes}
     for signal in road_map.signals:
         road_of_link = {link.index: lane_road.get(link.from_id) for link in signal.links}
         walks = {link.index for link in signal.links if link.kind is LinkKind.PEDESTRIAN}
-        arms: dict[str, list[SignalHead]] = defaultdict(list)
+        arms: dict[_Place, list[SignalHead]] = defaultdict(list)
         for head in signal.heads:
             walking = head.link_indices[0] in walks
             metal.append((signal.id, *_housing(head, shift, walking=walking)))
@@ -39,7 +41,7 @@ def signal_meshes(road_map: RoadMap) -> Iterator[Mesh]:
                 lamps[colour].append((signal.id, *part))
             road = road_of_link.get(head.link_indices[0])
             if road is not None and not walking:
-                arms[road].append(head)
+                arms[road, head.far_side].append(head)
         metal += _poles_and_arms(signal, poles, arms, shift)
     if metal:
         yield join("signal", metal)
@@ -48,28 +50,29 @@ def signal_meshes(road_map: RoadMap) -> Iterator[Mesh]:
             yield join(f"signal/{colour}", lamps[colour])
 
 
-def _poles_by_road(road_map: RoadMap) -> dict[str, list[tuple[str | None, Prop]]]:
-    """List each signal's poles with the road they serve; walkers' poles serve none."""
-    poles: dict[str, list[tuple[str | None, Prop]]] = defaultdict(list)
+def _poles_by_signal(road_map: RoadMap) -> dict[str, list[tuple[_Place, Prop]]]:
+    """List each signal's poles with what they serve."""
+    poles: dict[str, list[tuple[_Place, Prop]]] = defaultdict(list)
     for prop in road_map.props:
         tags = dict(prop.tags)
         if prop.kind == "pole" and "signal" in tags:
-            poles[tags["signal"]].append((tags.get("road"), prop))
+            place = tags.get("road"), tags.get("side") == "far"
+            poles[tags["signal"]].append((place, prop))
     return poles
 
 
 def _poles_and_arms(
     signal: Signal,
-    poles: dict[str, list[tuple[str | None, Prop]]],
-    arms: dict[str, list[SignalHead]],
+    poles: dict[str, list[tuple[_Place, Prop]]],
+    arms: dict[_Place, list[SignalHead]],
     shift: Floats,
 ) -> Iterator[_Part]:
-    for road, pole in poles[signal.id]:
+    for place, pole in poles[signal.id]:
         foot = np.array(pole.position) - shift
         top = foot + np.array([0.0, 0.0, pole.height])
         yield signal.id, *_tube(foot - [0.0, 0.0, 0.2], top, _POLE_RADIUS)
         hooks = [
-            np.array(head.position) - shift + [0.0, 0.0, _ARM_ABOVE_HEAD] for head in arms.get(road or "", ())
+            np.array(head.position) - shift + [0.0, 0.0, _ARM_ABOVE_HEAD] for head in arms.get(place, ())
         ]
         for hook in hooks:
             yield signal.id, *_tube(hook - [0.0, 0.0, _ARM_ABOVE_HEAD / 2], hook, _ARM_RADIUS / 2)

@@ -24,7 +24,7 @@ _LOSSES = (
     ("OSM006", "osm.unshared_node", "Roads that cross on one level share a node", WARNING, "none"),
     ("IMP001", "osm.split_signal", "A signalised junction has one controller", WARNING, "one controller"),
     ("IMP002", "osm.turn_lane_lost", "Lanes lead where their arrows say", NOTE, "all arrows"),
-    ("IMP003", "osm.turn_lane_mismatch", "There is an arrow entry for each lane", NOTE, "equal numbers"),
+    ("IMP003", "osm.tag_not_kept", "What tags say of lanes and access is kept", NOTE, "all kept"),
     ("IMP004", "osm.restriction_lost", "Forbidden turns are not connected", WARNING, "none"),
     ("IMP005", "osm.restriction_incomplete", "Turn restrictions are complete", NOTE, "from, via and to"),
     ("IMP006", "osm.sidewalk_lost", "Mapped sidewalks are built", NOTE, "6 m, for all but 10 m"),
@@ -35,6 +35,10 @@ _LOSSES = (
     ("IMP011", "osm.context_left_out", "Buildings, trees and areas are all kept", NOTE, "thousands of each"),
     ("IMP012", "osm.edit_lost", "Kept edits fit the new network", WARNING, "all"),
     ("IMP013", "osm.restriction_conditional", "Turn restrictions hold at all times", NOTE, "no conditions"),
+    ("IMP018", "osm.road_lost", "Mapped roads are built whole", WARNING, "10 m of each class"),
+    ("IMP021", "osm.junction_too_large", "Junctions pave no ground beside their roads", WARNING, "50 m²"),
+    ("IMP020", "osm.road_closed", "No barrier stands on a road", NOTE, "none"),
+    ("IMP019", "osm.not_imported", "All ways with traffic are imported", NOTE, "none left out"),
 )
 """What an import counts while it builds a network: code, id, title, severity and limit."""
 

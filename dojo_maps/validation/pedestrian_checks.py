@@ -305,8 +305,8 @@ GUESSED_CROSSING = Check(
     code="PED009",
     title="Crossings of the network are in OpenStreetMap",
     severity=NOTE,
-    limit="10 m",
+    limit="none guessed",
     source="measured: 66 % are",
     hint="remove the crossing, or map it",
-    needs=Need.OSM,
+    needs=Need.IMPORT,
 )

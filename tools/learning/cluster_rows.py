@@ -6,10 +6,10 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
+from dojo_env.clusters import open_cluster
 from dojo_env.errors import SimulationError
 from dojo_maps.whole_file import replaced
 
-from .cluster import open_cluster
 from .run_row import FIGURES, find_folder, run_row
 
 _RETRIES = 5
@@ -28,7 +28,7 @@ def run_rows(tasks: list[dict[str, Any]], results: Path, address: str, jobs: int
     Raises:
         SimulationError: a row has lost too many nodes.
     """
-    with open_cluster(address, jobs):
+    with open_cluster(address, jobs, [Path(__file__).parent]):
         import ray
 
         # A fresh process for each row, spread over the nodes.

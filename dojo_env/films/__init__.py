@@ -1,0 +1,1 @@
+"""Films of real cameras: read frame by frame, measured lane by lane, with what a controller would do."""

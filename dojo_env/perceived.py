@@ -1,0 +1,84 @@
+"""A decision as detectors tell it: controllers that are given this act on what cameras have seen."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+from itertools import cycle, islice
+from types import MappingProxyType
+
+import numpy as np
+
+from dojo_env.detectors.measuring import LaneMeasurements
+from dojo_env.errors import ConfigError
+from dojo_env.instant import Instant, build_approach
+from dojo_env.reading import Approach, LaneGroups, LaneReading
+from dojo_env.signals.plan import SignalPlan
+from dojo_env.simulation import Simulation
+
+
+class PerceivedInstant(Instant):
+    """What was measured of each signal's lanes by detectors; nothing else can be asked for.
+
+    Vehicles go by the numbers of their tracks. Which link each will take no camera tells, so those of a lane
+    are dealt out to its links in turn. What emissions they have is not told either, and counts as none.
+    """
+
+    __slots__ = ()
+
+    def __init__(self, instant: Instant, measured: Mapping[str, LaneMeasurements]) -> None:
+        """Take the place of an instant.
+
+        Args:
+            instant: tells the time and the signals' own states.
+            measured: of each of its signals, at least the lanes that lead to it and away from it.
+        """
+        self.time, self.traffic = instant.time, instant.traffic
+        self.signals = MappingProxyType(
+            {
+                signal: replace(view, lanes=read_lanes(measured[signal], view.plan))
+                for signal, view in instant.signals.items()
+            }
+        )
+        self._simulation, self._moment, self._snapshot = None, 0, None
+        self._lanes = {
+            lane: tuple(f"{signal} {number}" for number in numbers)
+            for signal, each in measured.items()
+            for lane, numbers in zip(each.lanes, each.tracks, strict=True)
+        }
+        self._approaches = {
+            signal: _list_approach(measured[signal], view.plan) for signal, view in self.signals.items()
+        }
+
+    def _present(self, what: str) -> Simulation:
+        raise ConfigError(
+            f"no camera tells the {what}; give the controller the truth, without a detector, or another one"
+        )
+
+
+def read_lanes(measured: LaneMeasurements, plan: SignalPlan) -> LaneReading:
+    """Turn measurements into the figures of the lanes that lead to a signal."""
+    rows = [measured.lanes.index(lane) for lane in plan.lanes]
+    speed = measured.mean_speed[rows]
+    raw = (
+        measured.vehicles[rows],
+        measured.halting[rows],
+        np.where(np.isnan(speed), plan.limits, speed),
+        measured.mean_length[rows],
+        measured.waiting[rows],
+        np.zeros(len(rows)),
+    )
+    (reading,) = LaneGroups([(plan.lanes, plan.limits, plan.lengths)]).divide([each.tolist() for each in raw])
+    return reading
+
+
+def _list_approach(measured: LaneMeasurements, plan: SignalPlan) -> Approach:
+    number = {lane: k for k, lane in enumerate(measured.lanes)}
+    links: list[int] = []
+    halting: list[bool] = []
+    for lane in plan.lanes:
+        own = list(dict.fromkeys(index for index, source, _ in plan.links if source == lane))
+        count, standing = (int(each[number[lane]]) for each in (measured.vehicles, measured.halting))
+        links += islice(cycle(own), count)
+        halting += [k < standing for k in range(count)]  # Who stands is in front.
+    return build_approach(
+        plan, links, halting, [float(measured.halting[number[lane]]) for lane in plan.out_lanes]
+    )

@@ -1,0 +1,1 @@
+"""What of the source the built network keeps, and what it lacks."""

@@ -1,0 +1,42 @@
+"""Ground of junctions that is far from every mapped road: it was paved by mistake."""
+
+import shapely
+
+from dojo_maps.issue import Element, Issue
+from dojo_maps.sources.osm.completeness.losses import loss
+from dojo_maps.sources.osm.junctions.grouping import FAR_FROM_ROAD
+from dojo_maps.sources.osm.pipeline import OsmNetwork
+
+MOST_FAR = 50.0
+"""Square metres of a junction that may lie far from all roads."""
+
+
+def check_junction_ground(network: OsmNetwork) -> list[Issue]:
+    """Measure the ground of each junction that is more than 6 m from the mapped carriageways."""
+    graph = network.layout.graph
+    roads = [
+        shapely.LineString(graph.line(section)).buffer(section.road.drives / 2 + FAR_FROM_ROAD)
+        for _, section in sorted(graph.sections.items())
+    ]
+    tree = shapely.STRtree(roads)
+    node_of = {name: node for node, name in network.plain.nodes.items()}
+    issues = []
+    for junction in network.road_map.junctions:
+        if len(junction.polygon) < 3 or junction.id not in node_of:
+            continue
+        ground = shapely.make_valid(shapely.Polygon(junction.polygon[:, :2]))
+        near = shapely.union_all([roads[k] for k in sorted(tree.query(ground))])
+        far = ground.difference(near)
+        if far.area > MOST_FAR:
+            place = far.representative_point()
+            issues.append(
+                loss(
+                    "osm.junction_too_large",
+                    f"{far.area:.0f} m² of a junction's ground are far from every mapped road",
+                    ("node", node_of[junction.id]), (place.x, place.y),
+                    "draw the junction's shape in netedit, or split it",
+                    near=Element(kind="junction", id=junction.id),
+                    measured=round(far.area, 1), limit=MOST_FAR,
+                )
+            )  # fmt: skip
+    return issues

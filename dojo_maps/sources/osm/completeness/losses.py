@@ -1,0 +1,200 @@
+"""What of an extract a built network lacks, each loss with the OSM element and a link to it."""
+
+from collections import defaultdict
+from collections.abc import Iterable
+from typing import Any
+
+import numpy as np
+import shapely
+
+from dojo_maps.index import MapIndex
+from dojo_maps.issue import Element, Issue, Severity
+from dojo_maps.sources.osm.layout.arms import incoming_name
+from dojo_maps.sources.osm.pipeline import OsmNetwork
+from dojo_maps.sources.osm.plain.lane_connections import arrow_targets
+from dojo_maps.sources.osm.plain.movements import Restriction
+from dojo_maps.sources.osm.read.data import link_to
+
+CROSSING_WITHIN = 10.0
+_LETTERS = {
+    "through": "s", "left": "lL", "slight_left": "lLs", "sharp_left": "lL", "right": "rR",
+    "slight_right": "rRs", "sharp_right": "rR", "reverse": "t", "merge_to_left": "slrLR",
+    "merge_to_right": "slrLR",
+}  # fmt: skip
+
+Share = tuple[int, int]
+"""How many are kept, of how many."""
+
+
+def share_of(share: Share) -> dict[str, Any]:
+    """Give a share as the report has it."""
+    kept, total = share
+    return {"kept": kept, "of": total, "share": round(kept / total, 4) if total else None}
+
+
+def loss(  # noqa: PLR0913
+    check: str,
+    what: str,
+    osm: tuple[str, int],
+    place: tuple[float, float],
+    hint: str,
+    *,
+    near: Element | None = None,
+    severity: Severity = Severity.WARNING,
+    measured: float | None = None,
+    limit: float | None = None,
+) -> Issue:
+    """Report something of the extract that the network lacks."""
+    kind, element = osm
+    elements = [near] if near else []
+    return Issue(
+        check=check,
+        severity=severity,
+        elements=(*elements, Element(kind=f"osm_{kind}", id=str(element))),
+        position=(place[0], place[1], 0.0),
+        message=f"{what}: {link_to(kind, element)}",
+        hint=hint,
+        measured=measured,
+        limit=limit,
+    )
+
+
+def check_crossings(network: OsmNetwork) -> tuple[Share, list[Issue]]:
+    """Look for a built crossing within 10 m of each mapped one."""
+    built = [shapely.LineString(c.shape[:, :2]) for c in network.road_map.crossings]
+    tree = shapely.STRtree(built)
+    why = {id(crossing): reason for crossing, reason in network.layout.lost}
+    issues = []
+    for crossing in network.layout.crossings:
+        place = shapely.Point(crossing.place)
+        nearest = tree.nearest(place) if built else None
+        distance = built[nearest].distance(place) if nearest is not None else np.inf
+        if distance > CROSSING_WITHIN:
+            reason = why.get(id(crossing), f"the nearest is {distance:.0f} m away")
+            issues.append(
+                loss(
+                    "osm.missing_crossing", f"a mapped crossing was not built ({reason})",
+                    (crossing.kind, crossing.element), crossing.place,
+                    "add the crossing in netedit, or map the sidewalks that it joins",
+                    measured=float(round(distance, 2)) if np.isfinite(distance) else None,
+                    limit=CROSSING_WITHIN,
+                )
+            )  # fmt: skip
+    total = len(network.layout.crossings)
+    return (total - len(issues), total), issues
+
+
+def tell_guesses(network: OsmNetwork) -> list[Issue]:
+    """Name the junctions whose crossings nobody has mapped."""
+    graph = network.layout.graph
+    return [
+        loss(
+            "osm.guessed_crossing",
+            f"{count} crossings at this signal are guessed, for none is mapped",
+            ("node", junction), graph.places[junction],
+            "map the crossings, or remove them in netedit", severity=Severity.NOTE, measured=count,
+        )
+        for junction, count in sorted(network.plain.guessed.items())
+    ]  # fmt: skip
+
+
+def check_signals(network: OsmNetwork) -> tuple[Share, list[Issue]]:
+    """Look for exactly one controller at each signalised junction."""
+    junctions, graph = network.layout.junctions, network.layout.graph
+    control = {junction: signal.id for signal in network.road_map.signals for junction in signal.junctions}
+    groups: dict[int, list[int]] = defaultdict(list)
+    for junction, controller in junctions.controllers.items():
+        groups[controller].append(junction)
+    issues = []
+    for members in groups.values():
+        found = {control.get(network.plain.nodes.get(junction, "")) for junction in members}
+        if len(found) == 1 and None not in found:
+            continue
+        node = junctions.signals[members[0]][0]
+        check = "osm.split_signal" if len(found - {None}) > 1 else "osm.missing_signal"
+        what = "a signalised junction has several controllers" if len(found) > 1 else "a signal was not built"
+        issues.append(
+            loss(check, what, ("node", node), graph.places[members[0]], "set the junction's type in netedit")
+        )
+    return (len(groups) - len(issues), len(groups)), issues
+
+
+def check_turn_lanes(network: OsmNetwork) -> tuple[Share, list[Issue]]:
+    """Compare the arrows painted on approaches with where their lanes lead, for turns that exist."""
+    index = MapIndex(network.road_map)
+    roads, leaving = index.roads, index.leaving
+    angles: dict[str, list[float]] = defaultdict(list)
+    for movement in network.plain.movements:
+        angles[incoming_name(movement.source)].append(movement.angle)
+    left_hand = network.road_map.left_hand
+    total, issues = 0, []
+    for edge, section in sorted(network.plain.sections.items()):
+        lanes = section.road.forward
+        if edge not in roads or len(angles[edge]) < 2 or not any(lane.turns for lane in lanes):
+            continue
+        total += 1
+        names = roads[edge].lanes[len(roads[edge].lanes) - len(lanes) :]
+        missing = [
+            turn
+            for lane, name in zip(lanes, names, strict=True)
+            for turn in lane.turns
+            if arrow_targets(turn, angles[edge], left_hand=left_hand) is not None
+            and not any(c.direction in _LETTERS.get(turn, "slrtLR") for c in leaving.get(name, ()))
+        ]
+        if missing:
+            way = section.ways[-1]
+            issues.append(
+                loss(
+                    "osm.turn_lane_lost", f"lanes of {edge} do not lead as their arrows say ({missing[0]})",
+                    ("way", way), network.layout.graph.places[section.end],
+                    "correct turn:lanes, or connect the lanes in netedit",
+                    near=Element(kind="road", id=edge), severity=Severity.NOTE,
+                )
+            )  # fmt: skip
+    return (total - len(issues), total), issues
+
+
+def check_restrictions(network: OsmNetwork) -> tuple[Share, list[Issue]]:
+    """Look for connections that a turn restriction forbids."""
+    sections = network.plain.sections
+    by_first, by_last = defaultdict(set), defaultdict(set)
+    for edge, section in sections.items():
+        if section.road.forward:
+            by_first[section.ways[0]].add(edge)
+            by_last[section.ways[-1]].add(edge)
+    lane_road = {lane.id: lane.road for lane in network.road_map.lanes}
+    pairs = {(lane_road[c.from_lane], lane_road[c.to_lane]) for c in network.road_map.connections}
+    total, issues = 0, []
+    for restriction in network.restrictions:
+        if restriction.via_ways or not (by_last[restriction.source] and by_first[restriction.target]):
+            continue
+        total += 1
+        if _is_broken(restriction, network, by_first, by_last, pairs):
+            place = network.layout.graph.places.get(restriction.via[0], (0.0, 0.0))
+            issues.append(
+                loss(
+                    "osm.restriction_lost", "a forbidden turn is connected",
+                    ("relation", restriction.relation), place, "remove the connection in netedit",
+                )
+            )  # fmt: skip
+    return (total - len(issues), total), issues
+
+
+def _is_broken(
+    restriction: Restriction,
+    network: OsmNetwork,
+    by_first: dict[int, set[str]],
+    by_last: dict[int, set[str]],
+    pairs: Iterable[tuple[str, str]],
+) -> bool:
+    of = network.layout.junctions.of
+    here = {of.get(node) for node in restriction.via} - {None}
+    sections = network.plain.sections
+    ending = {e for e in by_last[restriction.source] if of[sections[e].end] in here}
+    starting = {e for e in by_first[restriction.target] if of[sections[e].start] in here}
+    taken = [(a, b) for a, b in pairs if a in ending and of[sections[b].start] in here]
+    if restriction.only:
+        return bool(starting) and any(
+            b not in starting and b.removeprefix("-") != a.removeprefix("-") for a, b in taken
+        )
+    return any(b in starting for _, b in taken)

@@ -1,0 +1,195 @@
+"""How well a built network keeps what its extract says: figures for the report, and what was lost."""
+
+from typing import Any
+
+import shapely
+
+from dojo_maps.index import MapIndex
+from dojo_maps.issue import Element, Issue, Severity
+from dojo_maps.sources.osm.completeness.junction_ground import check_junction_ground
+from dojo_maps.sources.osm.completeness.lane_strips import strips
+from dojo_maps.sources.osm.completeness.losses import (
+    check_crossings,
+    check_restrictions,
+    check_signals,
+    check_turn_lanes,
+    loss,
+    share_of,
+    tell_guesses,
+)
+from dojo_maps.sources.osm.completeness.road_length import measure_road_length
+from dojo_maps.sources.osm.layout.sidewalks import is_sidewalk
+from dojo_maps.sources.osm.pipeline import OsmNetwork
+from dojo_maps.sources.osm.plain.movements import find_conditional
+from dojo_maps.sources.osm.read.data import OsmData
+
+SHORT_EDGE = 5.0
+_DRIVEN = ("driving", "bus")
+_BESIDE = 25.0
+"""Metres from a road within which a mapped sidewalk is counted as the road's."""
+_FOUND = 6.0
+_LOST_PART = 10.0
+
+
+def score_network(data: OsmData, network: OsmNetwork) -> tuple[dict[str, Any], tuple[Issue, ...]]:
+    """Measure a network against its source.
+
+    Returns:
+        The figures as JSON values, and the losses.
+    """
+    figures: dict[str, Any] = {"attribution": data.attribution}
+    issues: list[Issue] = []
+    for name, check in (
+        ("crossings", check_crossings),
+        ("signalised_junctions", check_signals),
+        ("turn_lanes", check_turn_lanes),
+        ("restrictions", check_restrictions),
+    ):
+        share, found = check(network)
+        figures[name] = share_of(share)
+        issues += found
+    kept, total, found = _check_sidewalks(data, network)
+    figures["sidewalk_metres"] = share_of((round(kept), round(total)))
+    lengths, missing = measure_road_length(data, network)
+    figures |= lengths
+    figures["overlap_square_metres"] = _overlap(network)
+    short = _check_short(network)
+    figures["edges"] = len(network.road_map.roads)
+    figures["edges_under_5_m"] = len(short)
+    return figures, (
+        *issues,
+        *found,
+        *missing,
+        *short,
+        *check_junction_ground(network),
+        *tell_guesses(network),
+        *_unread(data, network),
+    )
+
+
+def _check_sidewalks(data: OsmData, network: OsmNetwork) -> tuple[float, float, list[Issue]]:
+    """Measure the mapped sidewalks beside roads that have built pavement near them."""
+    road_map, graph = network.road_map, network.layout.graph
+    pavement = [
+        *strips(road_map, ("sidewalk",)).values(),
+        *(shapely.Polygon(a.polygon[:, :2]).buffer(0) for a in road_map.walking_areas if len(a.polygon) > 2),
+        *(shapely.Polygon(c.polygon[:, :2]).buffer(0) for c in road_map.crossings if len(c.polygon) > 2),
+    ]
+    reached = shapely.union_all([shape.buffer(_FOUND) for shape in pavement])
+    roads = [shapely.LineString(graph.line(section)) for section in graph.sections.values()]
+    beside = shapely.union_all([road.buffer(_BESIDE) for road in roads])
+    kept = total = 0.0
+    issues = []
+    for way, record in data.ways.items():
+        whole = graph.way_line(data, record) if is_sidewalk(record.tags) else None
+        if whole is None:
+            continue
+        line = whole.intersection(beside)
+        lost = line.difference(reached)
+        total += line.length
+        kept += line.length - lost.length
+        if lost.length > max(_LOST_PART, line.length / 2):
+            place = lost.representative_point()
+            issues.append(
+                loss(
+                    "osm.sidewalk_lost", f"{lost.length:.0f} m of a mapped sidewalk have no pavement",
+                    ("way", way), (place.x, place.y), "correct the road's sidewalk tags",
+                    severity=Severity.NOTE, measured=round(lost.length, 1), limit=_LOST_PART,
+                )
+            )  # fmt: skip
+    return kept, total, issues
+
+
+def _overlap(network: OsmNetwork) -> float:
+    """Measure the ground that the lanes of two roads both cover."""
+    roads = strips(network.road_map, _DRIVEN)
+    height = {
+        lane.road: float(lane.shape[:, 2].mean()) for lane in network.road_map.lanes if lane.kind in _DRIVEN
+    }
+    names = sorted(roads)
+    tree = shapely.STRtree([roads[name] for name in names])
+    total = 0.0
+    for number, name in enumerate(names):
+        for other in tree.query(roads[name], predicate="intersects"):
+            if other > number and abs(height[name] - height[names[other]]) < 2:
+                total += roads[name].intersection(roads[names[other]]).area
+    return round(total, 1)
+
+
+def _check_short(network: OsmNetwork) -> list[Issue]:
+    lanes = MapIndex(network.road_map).lanes
+    issues = []
+    for road in network.road_map.roads:
+        length = min(lanes[lane].length for lane in road.lanes)
+        if length < SHORT_EDGE and road.id in network.plain.sections:
+            section = network.plain.sections[road.id]
+            x, y, _ = lanes[road.lanes[0]].shape[0]
+            issues.append(
+                loss(
+                    "osm.short_edge", f"the road {road.id} is {length:.1f} m long between its junctions",
+                    ("way", section.ways[0]), (float(x), float(y)), "join the junctions at its ends",
+                    near=Element(kind="road", id=road.id), measured=length, limit=SHORT_EDGE,
+                    severity=Severity.NOTE,
+                )
+            )  # fmt: skip
+    return issues
+
+
+def _unread(data: OsmData, network: OsmNetwork) -> list[Issue]:
+    """Report what of the extract could not be used as it stands."""
+    graph = network.layout.graph
+    issues = []
+    for words, ways in sorted(graph.not_kept.items()):
+        nodes = [node for node in data.ways[ways[0]].nodes if node in graph.places]
+        place = graph.places[nodes[0]] if nodes else network.road_map.origin
+        what, _, lost = words.partition(": ")
+        issues.append(
+            loss(
+                "osm.tag_not_kept", f"{len(ways)} ways have {what}; not kept: {lost}; the first is",
+                ("way", ways[0]), place, "correct the lanes in netedit, or the tags",
+                severity=Severity.NOTE, measured=len(ways),
+            )
+        )  # fmt: skip
+    for way in sorted(set(graph.doubled)):
+        place = next(graph.places[node] for node in data.ways[way].nodes if node in graph.places)
+        issues.append(
+            loss(
+                "osm.parallel_ways", "another road is drawn over the same nodes, and was kept",
+                ("way", way), place, "remove one of the two",
+            )
+        )  # fmt: skip
+    for node, way in graph.unshared:
+        issues.append(
+            loss(
+                "osm.unshared_node", "another road crosses here without a common node; they meet",
+                ("way", way), graph.places[node], "add the node, or the bridge or tunnel, in OpenStreetMap",
+            )
+        )  # fmt: skip
+    for node in graph.barriers:
+        x, y = graph.places[node]
+        kind = data.nodes[node].tags["barrier"]
+        issues.append(
+            loss(
+                "osm.road_closed", f"a road is closed to all by a {kind}, also to those who may pass it",
+                ("node", node), (x, y), "join the two ends in netedit if your traffic passes there",
+                severity=Severity.NOTE,
+            )
+        )  # fmt: skip
+    for relation, node in find_conditional(data).items():
+        if node in graph.places:
+            issues.append(
+                loss(
+                    "osm.restriction_conditional", "a turn that is forbidden at some times is always open",
+                    ("relation", relation), graph.places[node],
+                    "remove the connection in netedit if your hours are among them", severity=Severity.NOTE,
+                )
+            )  # fmt: skip
+    if graph.missing:
+        what = f"roads name {len(graph.missing)} nodes that the extract lacks; they end there, the first at"
+        issues.append(
+            loss(
+                "osm.missing_node", what, ("node", graph.missing[0]), network.road_map.origin,
+                "cut extracts with complete ways", severity=Severity.NOTE,
+            )
+        )  # fmt: skip
+    return issues

@@ -1,0 +1,1 @@
+"""The roads of an extract as a graph of sections between vertices."""

@@ -1,0 +1,50 @@
+"""Roads that lead back to their own junction: some vanish in it, others are split, for SUMO has no loops."""
+
+import math
+from dataclasses import replace
+
+import shapely
+
+from dojo_maps.sources.osm.graph.road_graph import RoadGraph, Section
+from dojo_maps.sources.osm.junctions.grouping import Junctions
+
+_INNER, _ROUND = 80.0, 15.0
+"""Metres up to which a road inside a junction, or a part of a roundabout there, vanishes in it."""
+_LOOP = 40.0
+"""Metres up to which a road that leads back to where it began vanishes."""
+_SHORT_WAY = 1.5
+"""How much longer a part of a roundabout is than the straight line, at most, if it is the short way round."""
+_THIN = 0.6
+"""Widths of a road, as the area of a loop over its length, below which it lies on itself."""
+
+
+def is_inner(graph: RoadGraph, section: Section) -> bool:
+    """Tell whether a section between vertices of one junction vanishes in it."""
+    length = graph.length(section)
+    apart = math.dist(graph.places[section.start], graph.places[section.end])
+    if section.road.roundabout:
+        return length < max(_ROUND, apart * _SHORT_WAY)
+    if length < min(_INNER, _LOOP + 2 * apart):
+        return True
+    return length < _INNER and _area(graph, section) < _THIN * section.road.drives * length
+
+
+def split_loops(graph: RoadGraph, junctions: Junctions) -> bool:
+    """Split roads that lead back to their junction and stay; tell whether there was one."""
+    changed = False
+    for name, section in sorted(graph.sections.items()):
+        if junctions.of[section.start] != junctions.of[section.end] or is_inner(graph, section):
+            continue
+        if len(section.nodes) == 2:
+            ends = [graph.places[vertex] for vertex in section.nodes]
+            node = graph.add_node(((ends[0][0] + ends[1][0]) / 2, (ends[0][1] + ends[1][1]) / 2))
+            nodes = (section.start, node, section.end)
+            graph.sections[name] = replace(section, nodes=nodes, ways=section.ways * 2)
+        graph.split(name, len(graph.sections[name].nodes) // 2)
+        changed = True
+    return changed
+
+
+def _area(graph: RoadGraph, section: Section) -> float:
+    line = graph.line(section)
+    return float(shapely.Polygon(line).area) if len(line) > 2 else 0.0

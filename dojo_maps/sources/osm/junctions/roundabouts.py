@@ -1,0 +1,124 @@
+"""Roundabouts: rings that close, tagged as such or not, and small ones widened.
+
+A small ring grows by a few metres, so that a car finds room between two arms; netconvert leaves too little of
+it between them otherwise.
+"""
+
+import math
+from collections import defaultdict
+from dataclasses import replace
+
+import numpy as np
+import shapely
+
+from dojo_maps.geometry.polylines import Floats
+from dojo_maps.sources.osm.graph.road_graph import RoadGraph, Section
+
+_LARGEST = 60.0
+"""Metres across, of a ring that nothing but its shape makes a roundabout."""
+_ROUND = 0.88
+"""Its area, as a share of the circle's of its length; a square has 0.79."""
+_MOST_PARTS = 16
+_ROOM = 6.5
+"""Metres of ring to keep between the mouths of two arms, with their rounded corners."""
+_WALK = 2.5
+"""Metres of pavement on each side of an arm."""
+_WIDER = 4.0
+"""Metres by which a ring's radius grows at most."""
+_HOPELESS = 8.0
+"""Metres that a radius would have to grow from which a ring stays as it is: arms mapped as two lines each."""
+_FADES = 12.0
+"""Metres out from a ring over which its arms give way to it."""
+
+
+def recognise_rings(graph: RoadGraph) -> None:
+    """Take one-way roads that close to a circle, in the sense of traffic, for an untagged roundabout."""
+    leaving: dict[int, list[Section]] = defaultdict(list)
+    for _, section in sorted(graph.sections.items()):
+        if section.road.oneway and not section.road.roundabout and section.start != section.end:
+            leaving[section.start].append(section)
+    for section in [section for sections in leaving.values() for section in sections]:
+        ring = _turn_back(graph, leaving, section)
+        if ring and _is_circle(graph, ring):
+            for part in ring:
+                road = replace(part.road, roundabout=True)
+                graph.sections[part.id] = replace(graph.sections[part.id], road=road)
+
+
+def _turn_back(graph: RoadGraph, leaving: dict[int, list[Section]], first: Section) -> list[Section]:
+    """Follow one-way roads, always to the inner side, until they lead back to the first; empty if never."""
+    side = -1 if graph.left_hand else 1
+    ring = [first]
+    while ring[-1].end != first.start:
+        onward = leaving[ring[-1].end]
+        if not onward or len(ring) == _MOST_PARTS:
+            return []
+        arriving = graph.line(ring[-1])[-2:]
+        ring.append(max(onward, key=lambda s: (side * _turn(arriving, graph.line(s)[:2]), s.id)))
+    return ring
+
+
+def _turn(arriving: Floats, going: Floats) -> float:
+    """Measure the turn between two straight lines, radians, positive to the left."""
+    (a, b), (c, d) = arriving[1] - arriving[0], going[1] - going[0]
+    return math.atan2(a * d - b * c, a * c + b * d)
+
+
+def _is_circle(graph: RoadGraph, ring: list[Section]) -> bool:
+    line = np.concatenate([graph.line(section)[:-1] for section in ring])
+    if len(line) < 4:
+        return False
+    shape = shapely.Polygon(line)
+    turns_right = shapely.is_ccw(shape.exterior) != graph.left_hand
+    across = max(np.ptp(line, axis=0))
+    return bool(turns_right and across <= _LARGEST and 4 * math.pi * shape.area > _ROUND * shape.length**2)
+
+
+def widen_rings(graph: RoadGraph) -> None:
+    """Move the nodes of roundabouts outward where their arms lie too close together."""
+    ends = graph.ends()
+    for ring in find_rings(graph):
+        nodes = sorted({node for section in ring for node in section.nodes})
+        x, y = (sum(graph.places[node][axis] for node in nodes) / len(nodes) for axis in (0, 1))
+        radius = sum(math.dist(graph.places[node], (x, y)) for node in nodes) / len(nodes)
+        wanted = max(
+            sum(_mouth(graph, ends[vertex]) for vertex in (section.start, section.end))
+            / graph.length(section)
+            + _ROOM / graph.length(section)
+            for section in ring
+        )
+        missing = (wanted - 1.0) * radius
+        if not 0.0 < missing <= _HOPELESS:
+            continue
+        wider = min(missing, _WIDER)
+        arms = {name for node in nodes for name in ends.get(node, ())}
+        for node in {node for name in arms for node in graph.sections[name].nodes}:
+            a, b = graph.places[node]
+            apart = max(math.dist((a, b), (x, y)), 0.1)
+            push = wider * min(max(1.0 - (apart - radius) / _FADES, 0.0), 1.0) / apart
+            graph.places[node] = (round(a + (a - x) * push, 3), round(b + (b - y) * push, 3))
+
+
+def find_rings(graph: RoadGraph) -> list[list[Section]]:
+    """Find the roundabouts that close: sections that lead from each to the next, back to the first."""
+    leaving: dict[int, list[Section]] = defaultdict(list)
+    for _, section in sorted(graph.sections.items()):
+        if section.road.roundabout and section.start != section.end:
+            leaving[section.start].append(section)
+    rings, seen = [], set()
+    for start in sorted(leaving):
+        ring: list[Section] = []
+        here = start
+        while here not in seen and len(leaving[here]) == 1:
+            seen.add(here)
+            ring.append(leaving[here][0])
+            here = ring[-1].end
+        if ring and here == start:
+            rings.append(ring)
+    return rings
+
+
+def _mouth(graph: RoadGraph, names: list[str]) -> float:
+    """Give half the width of the widest arm at a vertex, with its pavement; 0 where there is none."""
+    roads = [graph.sections[name].road for name in names]
+    return max((road.drives / 2 + _WALK for road in roads if not road.roundabout), default=0.0)

@@ -1,0 +1,1 @@
+"""Where arms end, crossings lie and pavements run."""

@@ -1,0 +1,143 @@
+"""Roads that reach into a wide junction, up to where a crossing is mapped inside it.
+
+Where a turning lane leaves far before a junction's middle, the vertex there is part of the junction, and the
+crossing lies behind it. Its road goes on to the crossing; what lies beside it there is the junction's ground.
+"""
+
+import heapq
+import math
+from collections import defaultdict
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+import shapely
+import shapely.ops
+
+from dojo_maps.geometry.polylines import Floats, along
+from dojo_maps.sources.osm.layout.arms import Arm, Layout, ray, trim
+from dojo_maps.sources.osm.layout.crossing_arms import CROSSING_WIDTH
+from dojo_maps.sources.osm.layout.mapped_crossings import MappedCrossing
+
+_NEAREST, _FARTHEST = 10.0, 100.0
+"""Metres from a road's vertex to a crossing inside the junction between which the road goes on to it."""
+_NEARER = 0.5
+"""Share of the way to a crossing that the nearest road from the other side must be away from it."""
+_BESIDE, _BEFORE = 20.0, 15.0
+"""Metres of a road from a side, and before its end, that are kept free."""
+_ASIDE = 0.5
+"""Cosine of the angle between roads that arrive from different sides."""
+_AHEAD = 0.8
+"""Metres straight on that each metre of the way to a crossing must bring."""
+
+
+def reach_in(layout: Layout) -> bool:
+    """Lead roads on to the crossings ahead of them that found no place near; tell whether any were.
+
+    Where lanes are mapped one by one, the first of a crossing's pieces is enough.
+    """
+    ends, arms = layout.graph.ends(), layout.arms()
+    free = _free_vertices(layout, arms)
+    inside = _far_from_place(layout)
+    found = [
+        (float(along(line)[-1]), vertex, arm, line)
+        for vertex, arm in sorted(free.items() if inside else ())
+        for line in _ways_on(layout, ends, inside, vertex, arm)
+        if not _is_in_the_way(layout, arms, arm, line)
+    ]
+    reached: list[Floats] = []
+    for _, vertex, arm, line in sorted(found, key=lambda f: f[:3]):
+        if vertex in free and all(math.dist(line[-1], place) > _NEAREST for place in reached):
+            del free[vertex]
+            _lead_on(layout, vertex, arm, line)
+            reached.append(line[-1])
+    return bool(reached)
+
+
+def _free_vertices(layout: Layout, arms: dict[int, list[Arm]]) -> dict[int, Arm]:
+    """Find the vertices of wide junctions where a single road arrives, and that road."""
+    arms_at: dict[int, list[Arm]] = defaultdict(list)
+    for meeting in arms.values():
+        for arm in meeting:
+            section = layout.graph.sections[arm[0]]
+            arms_at[section.end if arm[1] else section.start].append(arm)
+    return {vertex: there[0] for vertex, there in arms_at.items() if len(there) == 1}
+
+
+def _far_from_place(layout: Layout) -> dict[str, list[MappedCrossing]]:
+    """List the crossings inside junctions that found a place far off, or none, by section."""
+    graph = layout.graph
+    placed = {id(crossing): arm for arm, crossing in layout.hosted.items()}
+    found: dict[str, list[MappedCrossing]] = defaultdict(list)
+    for crossing in layout.crossings:
+        if crossing.section in layout.inner:
+            arm = placed.get(id(crossing))
+            if arm is None or math.dist(ray(graph, arm)[0], crossing.place) > _NEAREST:
+                found[crossing.section].append(crossing)
+    return found
+
+
+def _ways_on(
+    layout: Layout,
+    ends: dict[int, list[str]],
+    inside: dict[str, list[MappedCrossing]],
+    vertex: int,
+    arm: Arm,
+) -> Iterator[Floats]:
+    """Follow the ways inside a junction from an arm's vertex, shortest first, to the crossings ahead."""
+    graph = layout.graph
+    start, outward = ray(graph, arm)
+    queue, seen = [(0.0, 0, np.array([start]), vertex)], {arm[0]}
+    while queue:
+        _, _, line, here = heapq.heappop(queue)
+        for name in sorted(set(ends[here]) & layout.inner - seen):
+            section = graph.sections[name]
+            onward = graph.line(section) if section.start == here else graph.line(section)[::-1]
+            path = shapely.LineString(onward)
+            found = min((path.project(shapely.Point(c.place)) for c in inside.get(name, ())), default=None)
+            cut = path if found is None else shapely.ops.substring(path, 0.0, found)
+            walked = np.vstack([line, shapely.get_coordinates(cut)[1:]])
+            seen.add(name)
+            length = float(along(walked)[-1])
+            if length > _FARTHEST or (start - walked[-1]) @ outward < _AHEAD * length:
+                continue
+            if found is None:
+                beyond = section.end if section.start == here else section.start
+                heapq.heappush(queue, (length, len(seen), walked, beyond))  # No two have seen as many.
+            else:
+                yield walked
+
+
+def _is_in_the_way(layout: Layout, arms: dict[int, list[Arm]], arm: Arm, line: Floats) -> bool:
+    """Tell whether a road led on along a line would lie before roads from the sides, or near one ahead."""
+    graph = layout.graph
+    outward = ray(graph, arm)[1]
+    farthest = _NEARER * float(along(line)[-1])
+    ground = shapely.LineString(trim(line, 0.0, CROSSING_WIDTH / 2)).buffer(
+        layout.half(arm[0]), cap_style="flat"
+    )
+    for other in arms[layout.junction(arm)]:
+        start, way = ray(graph, other)
+        if way @ outward < -_ASIDE and math.dist(start, line[-1]) < farthest:
+            return True
+        drawn = start + way * layout.cuts.get(other, 0.0)
+        road = shapely.LineString([drawn + way * _BESIDE, drawn - way * _BEFORE])
+        strip = road.buffer(layout.half(other[0]), cap_style="flat")
+        if abs(way @ outward) < _ASIDE and strip.intersects(ground):
+            return True
+    return False
+
+
+def _lead_on(layout: Layout, vertex: int, arm: Arm, line: Floats) -> None:
+    """Make a road longer, its vertex moved along a line; the ways inside the junction stay tied to it."""
+    graph = layout.graph
+    section = graph.sections[arm[0]]
+    passed = [graph.add_node((x, y)) for x, y in line[:-1].tolist()]
+    graph.places[vertex] = (round(float(line[-1][0]), 3), round(float(line[-1][1]), 3))
+    if arm[1]:
+        nodes = (*section.nodes[:-1], *passed, vertex)
+        ways = (*section.ways, *section.ways[-1:] * len(passed))
+    else:
+        nodes = (vertex, *passed[::-1], *section.nodes[1:])
+        ways = (*section.ways[:1] * len(passed), *section.ways)
+    graph.sections[arm[0]] = replace(section, nodes=nodes, ways=ways)

@@ -1,0 +1,132 @@
+"""What is to be built, seen from the arms of its junctions: how far they are drawn back, crossings there."""
+
+from collections import defaultdict
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from dojo_maps.geometry.polylines import Floats, along
+from dojo_maps.sources.osm.graph.road_graph import RoadGraph, Section
+from dojo_maps.sources.osm.junctions.grouping import Junctions
+from dojo_maps.sources.osm.layout.mapped_crossings import MappedCrossing
+
+_CORNER = 6.0
+"""Metres that a road loses at a junction where nothing draws it back."""
+
+Arm = tuple[str, bool]
+"""A section's id, and whether its end is meant rather than its start."""
+
+
+@dataclass(slots=True, kw_only=True)
+class Layout:
+    """What is to be built.
+
+    Attributes:
+        inner: sections that lie inside a junction and vanish.
+        cuts: metres by which a section's end is drawn back from its vertex.
+        hosted: the crossing at each arm.
+        lost: crossings with no place, and why.
+        asides: metres by which a section is moved to its left, because another lies too near.
+    """
+
+    graph: RoadGraph
+    junctions: Junctions
+    crossings: list[MappedCrossing]
+    inner: set[str] = field(default_factory=set)
+    cuts: dict[Arm, float] = field(default_factory=dict)
+    hosted: dict[Arm, MappedCrossing] = field(default_factory=dict)
+    lost: list[tuple[MappedCrossing, str]] = field(default_factory=list)
+    asides: dict[str, float] = field(default_factory=dict)
+
+    def trimmed(self, name: str) -> Floats:
+        """Give a section's line, drawn back at its ends."""
+        cuts = [self.cuts.get((name, at_end), 0.0) for at_end in (False, True)]
+        return trim(self.graph.line(self.graph.sections[name]), *cuts)
+
+    def junction(self, arm: Arm) -> int:
+        """Name the junction that an arm ends at."""
+        section = self.graph.sections[arm[0]]
+        return self.junctions.of[section.end if arm[1] else section.start]
+
+    def arms(self) -> dict[int, list[Arm]]:
+        """List the arms of each junction."""
+        found: dict[int, list[Arm]] = defaultdict(list)
+        for name in sorted(self.graph.sections):
+            if name not in self.inner:
+                for at_end in (False, True):
+                    found[self.junction((name, at_end))].append((name, at_end))
+        return dict(found)
+
+    def half(self, name: str) -> float:
+        """Measure half the width of a section's lanes."""
+        return self.graph.sections[name].road.drives / 2
+
+    def room(self, arm: Arm, *, left: float) -> float:
+        """Measure how far an arm may be drawn back so that some metres of its road are left."""
+        length = self.graph.length(self.graph.sections[arm[0]])
+        return length - self.cuts.get((arm[0], not arm[1]), _CORNER) - left
+
+
+def incoming_name(arm: Arm) -> str:
+    """Name the edge that arrives through an arm."""
+    return arm[0] if arm[1] else f"-{arm[0]}"
+
+
+def outgoing_name(arm: Arm) -> str:
+    """Name the edge that leaves through an arm."""
+    return f"-{arm[0]}" if arm[1] else arm[0]
+
+
+def outward(graph: RoadGraph, arm: Arm) -> Floats:
+    """Give the line of an arm's road from its vertex on."""
+    line = graph.line(graph.sections[arm[0]])
+    return line[::-1] if arm[1] else line
+
+
+def ray(graph: RoadGraph, arm: Arm) -> tuple[Floats, Floats]:
+    """Give an arm's vertex and the unit vector away from it, along its first 20 m."""
+    line = outward(graph, arm)
+    lengths = along(line)
+    ahead = np.array([np.interp(min(20.0, float(lengths[-1])), lengths, values) for values in line.T])
+    way = ahead - line[0]
+    return line[0], way / max(float(np.hypot(*way)), 1e-6)
+
+
+def trim(line: Floats, start: float, end: float) -> Floats:
+    """Draw a line back at its ends, as far as a metre of it is left."""
+    lengths = along(line)
+    total = float(lengths[-1])
+    if start + end > max(total - 1.0, 0.0):
+        share = max(total - 1.0, 0.0) / max(start + end, 1e-9)
+        start, end = start * share, end * share
+    inner = (lengths > start + 0.3) & (lengths < total - end - 0.3)
+    wanted = np.concatenate([[start], lengths[inner], [total - end]])
+    return np.column_stack([np.interp(wanted, lengths, values) for values in line.T])
+
+
+def divider(layout: Layout, section: Section, heights: dict[int, float]) -> Floats:
+    """Find the line between the two directions, drawn back where a crossing lies at an end.
+
+    The way is taken for the middle of the carriageway.
+    """
+    line = np.column_stack([layout.graph.line(section), [heights.get(node, 0.0) for node in section.nodes]])
+    cuts = [layout.cuts.get((section.id, at_end), 0.0) for at_end in (False, True)]
+    line = trim(line, *cuts)
+    road = section.road
+    aside = (road.across(road.forward) - road.across(road.backward)) / 2
+    aside = -aside if layout.graph.left_hand else aside
+    return shift(line, aside + layout.asides.get(section.id, 0.0))
+
+
+def shift(line: Floats, distance: float) -> Floats:
+    """Move a line to its left, corners mitred."""
+    if not distance:
+        return line
+    step = np.diff(line[:, :2], axis=0)
+    step /= np.maximum(np.hypot(*step.T), 1e-9)[:, None]
+    left = np.column_stack([-step[:, 1], step[:, 0]])
+    before, after = np.vstack([left[:1], left]), np.vstack([left, left[-1:]])
+    middle = before + after
+    size = np.maximum((middle**2).sum(axis=1), 0.5)
+    aside = distance * 2 * middle / size[:, None]
+    return np.column_stack([line[:, :2] + aside, line[:, 2:]])

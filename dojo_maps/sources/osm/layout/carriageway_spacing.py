@@ -1,0 +1,159 @@
+"""Keep carriageways off each other: they get narrower lanes where they are mapped too near, then move apart.
+
+OpenStreetMap draws middles of carriageways, often a metre or two beside the truth. Lanes as wide as they are
+would lie on each other there.
+"""
+
+import itertools
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+import shapely
+
+from dojo_maps.geometry.polylines import Floats
+from dojo_maps.sources.osm.layout.arms import Arm, Layout, ray
+
+_GAP = 0.3
+_NARROWEST = 2.75
+_FARTHEST = 2.5
+"""Metres that a carriageway may be moved to its side."""
+_STEP = 2.0
+_PARALLEL = 0.94
+_LEVEL, _ISLAND = 8.0, 1.5
+"""Metres between the ends of two arms on one line, and between their borders where people may wait."""
+_LEAST_OVERLAP = 4.0
+"""Square metres."""
+_TAKEN_OVER = 0.75
+"""Metres that one carriageway may move for the other; more would lead it away from its own ends."""
+_TRIED = 6
+"""Distances that are tried between none and all that a road should move."""
+_NEAR_SHARE = 0.25
+"""Share of the places along a road where another may lie nearer than is made room for: they part slowly."""
+
+
+def space_carriageways(layout: Layout) -> None:
+    """Narrow the lanes of roads that lie on each other, and move them apart where that is not enough."""
+    names = [name for name in sorted(layout.graph.sections) if name not in layout.inner]
+    lines = {name: shapely.LineString(layout.trimmed(name)) for name in names}
+    tree = shapely.STRtree([lines[name].buffer(layout.half(name), cap_style="flat") for name in names])
+    pairs = [(names[a], names[b]) for a, b in tree.query(tree.geometries, predicate="intersects").T if a < b]
+    near = {pair: found for pair in pairs if (found := _near_places(layout, lines, *pair))}
+    for (one, other), (apart, _) in near.items():
+        share = (apart - _GAP) / (layout.half(one) + layout.half(other))
+        for name in (one, other):
+            section = layout.graph.sections[name]
+            width = round(min(section.road.width, max(_NARROWEST, section.road.width * share)), 2)
+            layout.graph.sections[name] = replace(section, road=replace(section.road, width=width))
+    for pair, (apart, sides) in near.items():
+        wanted = layout.half(pair[0]) + layout.half(pair[1]) + _GAP - apart
+        if wanted > 0:
+            rooms = []
+            for name, side in zip(pair, sides, strict=True):
+                around = tree.query(lines[name], "dwithin", distance=layout.half(name) + wanted)
+                thirds = sorted({names[hit] for hit in around} - {*pair})
+                rooms.append(_room(layout, lines, name, thirds, -side, wanted))
+            for name, side, metres in zip(pair, sides, _share_out(wanted, rooms), strict=True):
+                moved = layout.asides.get(name, 0.0) - side * metres
+                layout.asides[name] = max(-_FARTHEST, min(_FARTHEST, moved))
+
+
+def _share_out(wanted: float, rooms: Sequence[float]) -> tuple[float, float]:
+    """Split the metres by which two roads move apart: half each, or what there is room for on either side."""
+    one = min(wanted / 2, rooms[0])
+    other = min(wanted - one, rooms[1])
+    one = min(wanted - other, rooms[0])
+    rest = (wanted - one - other) / 2
+    if abs(one - other) / 2 > _TAKEN_OVER:
+        return wanted / 2, wanted / 2
+    return one + rest, other + rest
+
+
+def _room(
+    layout: Layout,
+    lines: dict[str, shapely.LineString],
+    name: str,
+    thirds: Sequence[str],
+    side: int,
+    wanted: float,
+) -> float:
+    """Measure how far a road may move to a side, up to what is wanted, before it lies on others."""
+    layer = layout.graph.sections[name].road.layer
+    room = wanted
+    for third in thirds:
+        needed = layout.half(name) + layout.half(third)
+        near, beside = _beside(lines[name], lines[third], needed + wanted)
+        if beside == side and layout.graph.sections[third].road.layer == layer:
+            steps = np.linspace(0.0, wanted, _TRIED)
+            lying = np.maximum(needed + steps[:, None] - near, 0.0).sum(axis=1) * _STEP
+            room = min(room, float(steps[lying < _LEAST_OVERLAP].max(initial=0.0)))
+    return room
+
+
+def side_by_side(layout: Layout, arms: Sequence[Arm]) -> list[list[Arm]]:
+    """Group a junction's arms: those with no room for an island between them are crossed as one."""
+    groups = [[arm] for arm in arms]
+    for arm, other in itertools.combinations(arms, 2):
+        if not _touch(layout, arm, other):
+            continue
+        one, two = (next(group for group in groups if a in group) for a in (arm, other))
+        if one is not two:
+            one += two
+            groups.remove(two)
+    return groups
+
+
+def _touch(layout: Layout, arm: Arm, other: Arm) -> bool:
+    if arm[0] == other[0]:
+        return False
+    rays = [ray(layout.graph, a) for a in (arm, other)]
+    if float(rays[0][1] @ rays[1][1]) < _PARALLEL:
+        return False
+    lines = [layout.trimmed(name) for name, _ in (arm, other)]
+    ends = [line[-1] if at_end else line[0] for line, (_, at_end) in zip(lines, (arm, other), strict=True)]
+    room = shapely.distance(shapely.Point(ends[0]), shapely.LineString(lines[1]))
+    ahead = abs(float((ends[1] - ends[0]) @ rays[0][1]))
+    return ahead < _LEVEL and room - layout.half(arm[0]) - layout.half(other[0]) < _ISLAND
+
+
+def _near_places(
+    layout: Layout, lines: dict[str, shapely.LineString], one: str, other: str
+) -> tuple[float, tuple[int, int]] | None:
+    """Measure how far apart two roads run where they lie on each other; and on which side of each.
+
+    Returns:
+        Metres between their middles, and for each road 1 where the other lies to its left, -1 to its right;
+        None where they do not run along each other on one level, or are parts of a ring.
+    """
+    roads = [layout.graph.sections[name].road for name in (one, other)]
+    if roads[0].layer != roads[1].layer or all(road.roundabout for road in roads):
+        return None
+    needed = layout.half(one) + layout.half(other)
+    near, side = _beside(lines[one], lines[other], needed)
+    if float((needed - near).sum()) * _STEP < _LEAST_OVERLAP:
+        return None
+    back, other_side = _beside(lines[other], lines[one], needed)
+    return (float(np.quantile(near, _NEAR_SHARE)), (side, other_side)) if len(back) else None
+
+
+def _beside(line: shapely.LineString, other: shapely.LineString, needed: float) -> tuple[Floats, int]:
+    """Measure a line's distances to another where that is too near, and on which side it lies."""
+    places, headings = _samples(line)
+    distances = shapely.distance(shapely.points(places), other)
+    close = distances < needed
+    nearest = shapely.get_coordinates(
+        shapely.line_interpolate_point(other, shapely.line_locate_point(other, shapely.points(places[close])))
+    )
+    across = nearest - places[close]
+    turn = headings[close][:, 0] * across[:, 1] - headings[close][:, 1] * across[:, 0]
+    return distances[close], 1 if float(turn.sum()) > 0 else -1
+
+
+def _samples(line: shapely.LineString) -> tuple[Floats, Floats]:
+    """Take places every two metres along a line, and the unit vectors ahead."""
+    at = np.arange(_STEP / 2, max(line.length, _STEP), _STEP)
+    places = shapely.get_coordinates(line.interpolate(at))
+    ahead = shapely.get_coordinates(line.interpolate(np.minimum(at + 0.5, line.length)))
+    behind = shapely.get_coordinates(line.interpolate(np.maximum(at - 0.5, 0.0)))
+    way = ahead - behind
+    return places, way / np.maximum(np.hypot(*way.T), 1e-9)[:, None]

@@ -1,0 +1,84 @@
+"""Where each crossing goes: at an arm of a junction, whose border moves out to it."""
+
+import itertools
+import math
+
+from dojo_maps.sources.osm.graph.road_graph import RoadGraph
+from dojo_maps.sources.osm.layout.arms import Arm, Layout, ray
+from dojo_maps.sources.osm.layout.mapped_crossings import MappedCrossing
+
+CROSSING_WIDTH = 4.0
+_FARTHEST = 30.0
+"""Metres from a vertex up to which a crossing may lie at its arm."""
+_LEFT_OVER = 6.0
+_BOTH_CARRIAGEWAYS = 28.0
+
+
+def host_crossings(layout: Layout) -> None:
+    """Give each crossing the arm nearest to it, nearest crossings first; what was hosted before is not."""
+    graph = layout.graph
+    for found in (layout.hosted, layout.cuts, layout.lost):
+        found.clear()
+    arms = layout.arms()
+    wishes = []
+    for number, crossing in enumerate(layout.crossings):
+        for arm in _candidates(layout, arms, crossing):
+            distance, cut = _reach_of(graph, arm, crossing)
+            back = _faces_back(graph, arms[layout.junction(arm)][0], arm)
+            wishes.append((round(distance, 1), back, number, arm, cut))
+    placed: set[int] = set()
+    for distance, _, number, arm, cut in sorted(wishes):
+        if number in placed or arm in layout.hosted or distance > _FARTHEST:
+            continue
+        room = layout.room(arm, left=_LEFT_OVER)
+        if cut > 4.0 and cut > room + 4.0:
+            continue
+        layout.hosted[arm] = layout.crossings[number]
+        layout.cuts[arm] = max(min(cut, room), 0.0)
+        placed.add(number)
+    for number, crossing in enumerate(layout.crossings):
+        if number not in placed:
+            layout.lost.append((crossing, "another crossing or the road's end is too near"))
+
+
+def align_carriageways(layout: Layout) -> None:
+    """Draw both carriageways of an arm back to one line; netconvert would pull the one to the other."""
+    graph = layout.graph
+    for arms in layout.arms().values():
+        rays = {arm: ray(graph, arm) for arm in arms}
+        for arm, other in itertools.permutations(arms, 2):
+            (place, way), (twin, back) = rays[arm], rays[other]
+            apart = twin - place
+            ahead = float(apart @ way)
+            aside = abs(float(apart[0] * way[1] - apart[1] * way[0]))
+            if arm not in layout.hosted or float(way @ back) < 0.94 or not 0 < aside < _BOTH_CARRIAGEWAYS:
+                continue
+            wanted = layout.cuts[arm] - ahead
+            if layout.cuts.get(other, 0.0) < wanted < layout.room(other, left=_LEFT_OVER):
+                layout.cuts[other] = wanted
+
+
+def _candidates(layout: Layout, arms: dict[int, list[Arm]], crossing: MappedCrossing) -> list[Arm]:
+    """List the arms where a crossing may be built."""
+    section = layout.graph.sections[crossing.section]
+    if crossing.section not in layout.inner and crossing.node not in (section.start, section.end):
+        return [(crossing.section, False), (crossing.section, True)]
+    if crossing.section in layout.inner:
+        return arms.get(layout.junctions.of[section.start], [])
+    return arms.get(layout.junctions.of[crossing.node], [])
+
+
+def _reach_of(graph: RoadGraph, arm: Arm, crossing: MappedCrossing) -> tuple[float, float]:
+    """Measure from an arm's vertex to a crossing, and how far the arm must be drawn back for it."""
+    section = graph.sections[arm[0]]
+    if crossing.section == arm[0]:
+        distance = graph.length(section) - crossing.along if arm[1] else crossing.along
+        return distance, distance + CROSSING_WIDTH / 2
+    vertex = section.end if arm[1] else section.start
+    distance = math.dist(graph.places[vertex], crossing.place)
+    return distance + 0.01, CROSSING_WIDTH / 2
+
+
+def _faces_back(graph: RoadGraph, first: Arm, arm: Arm) -> bool:
+    """Tell whether an arm leads to the other side than the first, so that crossings line up on one side."""
+    return float(ray(graph, first)[1] @ ray(graph, arm)[1]) < 0

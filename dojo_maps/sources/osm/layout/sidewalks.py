@@ -1,0 +1,125 @@
+"""Which sides of a road have a sidewalk: by tags, by ways mapped beside it, or as streets in towns do."""
+
+import numpy as np
+import shapely
+
+from dojo_maps.sources.osm.graph.road_graph import RoadGraph, Section
+from dojo_maps.sources.osm.read.data import OsmData, Tags
+from dojo_maps.sources.osm.read.way_tags import may_have_sidewalk
+
+SIDEWALK_WIDTH = 2.5
+ISLAND_WIDTH = 1.0
+"""Metres of pavement where a crossing leads to a side without a sidewalk: an island or a kerb."""
+_BESIDE = 9.0
+"""Metres from the carriageway's border within which a mapped sidewalk belongs to the road."""
+_MEDIAN = 25.0
+"""Metres to the other carriageway of a divided road."""
+_SHARE = 0.4
+_ROOM = 1.8
+"""Metres between two roads that leave no room for a sidewalk."""
+
+
+def is_sidewalk(tags: Tags) -> bool:
+    """Tell whether a way is a separately mapped sidewalk."""
+    return tags.get("footway") == "sidewalk" or tags.get("path") == "sidewalk"
+
+
+class Sidewalks:
+    """Answers for both sides of any section of a graph."""
+
+    def __init__(self, data: OsmData, graph: RoadGraph) -> None:
+        self._graph = graph
+        lines = []
+        for way in data.ways.values():
+            line = graph.way_line(data, way) if is_sidewalk(way.tags) else None
+            if line is not None:
+                lines.append(line)
+        self.mapped = lines
+        self._mapped = shapely.STRtree(lines)
+        self._sections = sorted(graph.sections)
+        roads = [shapely.LineString(graph.line(graph.sections[name])) for name in self._sections]
+        self._roads = shapely.STRtree(roads)
+        halves = [graph.sections[name].road.drives / 2 for name in self._sections]
+        self._strips = shapely.STRtree(shapely.buffer(roads, halves, cap_style="flat"))
+
+    def sides(self, section: Section) -> tuple[bool, bool]:
+        """Tell whether there is a sidewalk on the left and on the right, seen along the section."""
+        left, right = (self._side(section, k) for k in (0, 1))
+        return left, right
+
+    def _side(self, section: Section, side: int) -> bool:
+        said = section.road.sidewalks[side]
+        if said in ("no", "yes"):
+            return said == "yes"
+        sign = 1 if side == 0 else -1
+        if self._is_beside_road(section, sign):
+            return False
+        if said:
+            return True
+        if self._share_beside(section, sign) >= _SHARE:
+            return True
+        inner = section.road.kind.endswith("_link") and side == self._graph.left_hand
+        return may_have_sidewalk(section.road) and not inner and not self._is_median(section, sign)
+
+    def _samples(self, section: Section) -> tuple[np.ndarray, np.ndarray]:
+        """Take places along a section and the unit vectors to their left."""
+        line = shapely.LineString(self._graph.line(section))
+        count = max(2, int(line.length / 8))
+        at = (np.arange(count) + 0.5) / count * line.length
+        ahead = shapely.get_coordinates(line.interpolate(np.minimum(at + 0.5, line.length)))
+        behind = shapely.get_coordinates(line.interpolate(np.maximum(at - 0.5, 0)))
+        way = ahead - behind
+        way /= np.hypot(*way.T)[:, None]
+        return (ahead + behind) / 2, np.column_stack([-way[:, 1], way[:, 0]])
+
+    def _rays(self, section: Section, sign: int, reach: float) -> list[shapely.LineString]:
+        places, left = self._samples(section)
+        return [
+            shapely.LineString([place, place + sign * reach * way])
+            for place, way in zip(places, left, strict=True)
+        ]
+
+    def _share_beside(self, section: Section, sign: int) -> float:
+        rays = self._rays(section, sign, section.road.drives / 2 + _BESIDE)
+        hit = (
+            {int(k) for k in self._mapped.query(rays, predicate="intersects")[0]}
+            if len(self.mapped)
+            else set()
+        )
+        return len(hit) / len(rays)
+
+    def _is_beside_road(self, section: Section, sign: int) -> bool:
+        """Tell whether another road on the same level leaves no room on that side."""
+        rays = self._rays(section, sign, section.road.drives / 2 + _ROOM)
+        hits = set()
+        for ray, number in self._strips.query(rays, predicate="intersects").T:
+            other = self._graph.sections[self._sections[number]]
+            if other.id != section.id and other.road.layer == section.road.layer:
+                hits.add(int(ray))
+        return len(hits) > len(rays) * (1 - _SHARE)
+
+    def _is_median(self, section: Section, sign: int) -> bool:
+        """Tell whether the other carriageway of a divided road lies on that side."""
+        inner = 1 if not self._graph.left_hand else -1
+        if not section.road.oneway or sign != inner:
+            return False
+        rays = self._rays(section, sign, section.road.drives / 2 + _MEDIAN)
+        heading = self._heading(section)
+        hits = 0
+        for ray in rays:
+            for number in self._roads.query(ray, predicate="intersects"):
+                other = self._graph.sections[self._sections[number]]
+                if (
+                    other.id != section.id
+                    and other.road.oneway
+                    and float(heading @ self._heading(other)) < -0.8
+                ):
+                    hits += 1
+                    break
+        return hits * 2 >= len(rays)
+
+    def _heading(self, section: Section) -> np.ndarray:
+        line = self._graph.line(section)
+        way = line[-1] - line[0]
+        size = float(np.hypot(*way))
+        return way / size if size else way

@@ -1,0 +1,1 @@
+"""Plain XML for netconvert: lanes, movements, connections."""

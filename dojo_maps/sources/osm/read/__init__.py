@@ -1,0 +1,1 @@
+"""Read an extract: elements as records, and what their tags say."""

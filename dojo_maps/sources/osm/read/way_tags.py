@@ -1,0 +1,191 @@
+"""What the tags of an OpenStreetMap way say of a road: lanes, turns, speed, sidewalks, who may drive."""
+
+from dataclasses import dataclass
+
+from dojo_maps.sources.osm.read.country import default_speed, read_speed
+from dojo_maps.sources.osm.read.data import Tags
+from dojo_maps.sources.osm.read.lane_tags import LaneTags, read_lanes
+from dojo_maps.sources.osm.read.lengths import read_length
+
+KINDS = {
+    "motorway": 13, "motorway_link": 12, "trunk": 11, "trunk_link": 10, "primary": 9, "primary_link": 8,
+    "secondary": 7, "secondary_link": 6, "tertiary": 5, "tertiary_link": 4, "unclassified": 3,
+    "residential": 3, "road": 3, "living_street": 2, "busway": 4, "bus_guideway": 4, "service": 1,
+}  # fmt: skip
+"""Roads that are built, by the tag `highway`, and their priority; service roads at signals only."""
+DRIVES = ("parking_aisle", "driveway", "drive-through", "emergency_access")
+"""Service roads that are no arms of a junction, by the tag `service`."""
+_BUS_ONLY = ("busway", "bus_guideway")
+_NO = ("no", "private", "emergency", "military", "forestry", "agricultural", "delivery")
+_YES = ("yes", "designated", "permissive", "destination", "customers", "official")
+_ACCESS = ("motorcar", "motor_vehicle", "vehicle", "access")
+"""Tags that say whether cars may drive; the first that is there counts."""
+_TIMED = ("access", "vehicle", "motor_vehicle", "motorcar", "oneway", "lanes", "maxspeed", "bus", "psv")
+"""Tags of a road that may hold at some times only."""
+_LANE_WIDTH, _NARROWEST, _WIDEST = 3.25, 2.5, 4.5
+"""Metres across a lane: usual, and least and most as a carriageway's width may have it."""
+_SIDEWALK_KINDS = {kind for kind, rank in KINDS.items() if 1 < rank <= 9} - {"busway", "bus_guideway"}
+_SIDEWALK_SPEED = 60 / 3.6 + 0.1
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RoadTags:
+    """A road in the direction of its way.
+
+    Attributes:
+        forward: lanes in the way's direction, outermost first; empty against a one-way.
+        backward: lanes against it, outermost first.
+        sidewalks: for the left and the right side: yes, no, separate, or "" where nothing is said.
+        layer: level above ground, from bridges and tunnels.
+        width: of a lane, metres.
+    """
+
+    kind: str
+    name: str
+    speed: float
+    width: float
+    forward: tuple[LaneTags, ...]
+    backward: tuple[LaneTags, ...]
+    sidewalks: tuple[str, str]
+    layer: int
+    roundabout: bool
+
+    @property
+    def oneway(self) -> bool:
+        """Whether traffic runs in one direction only."""
+        return not (self.forward and self.backward)
+
+    @property
+    def drives(self) -> float:
+        """Width of all lanes together, metres."""
+        return self.across(self.forward) + self.across(self.backward)
+
+    def across(self, lanes: tuple[LaneTags, ...]) -> float:
+        """Measure some lanes together, metres."""
+        return sum(lane.width or self.width for lane in lanes)
+
+
+def read_road(
+    tags: Tags, *, lon: float, lat: float, left_hand: bool, service: bool = False
+) -> tuple[RoadTags | None, list[str]]:
+    """Read a way's tags.
+
+    Args:
+        tags: of the way.
+        lon: degrees; countries have their own rules.
+        lat: degrees.
+        left_hand: traffic keeps left.
+        service: service roads are roads, too.
+
+    Returns:
+        The road, None where the way is none that cars or buses use; and what its tags say and the road does
+        not show, in words.
+    """
+    if why_not_a_road(tags, service=service) is not None:
+        return None, []
+    kind = tags["highway"] if _cars(tags) else "busway"
+    lanes = read_lanes(tags, _direction(tags), bus_only=not _cars(tags), left_hand=left_hand)
+    timed = [key for key in tags if key.endswith(":conditional") and key.partition(":")[0] in _TIMED]
+    speed = read_speed(tags.get("maxspeed", "")) or default_speed(kind, lon, lat)
+    road = RoadTags(
+        kind=kind,
+        name=tags.get("name", ""),
+        speed=round(speed, 2),
+        width=_lane_width(tags, lanes.forward + lanes.backward),
+        forward=lanes.forward,
+        backward=lanes.backward,
+        sidewalks=("yes", "yes") if tags["highway"] == "pedestrian" else _sidewalks(tags),
+        layer=_layer(tags),
+        roundabout=tags.get("junction") in ("roundabout", "circular"),
+    )
+    return road, [*lanes.unkept, *(f"{key}: what holds at some times only" for key in timed)]
+
+
+def why_not_a_road(tags: Tags, *, service: bool = False) -> str | None:
+    """Tell why a way is not built: its access, or an empty text for its kind; None for a road that is.
+
+    Args:
+        tags: of the way.
+        service: service roads are built, too.
+    """
+    kind = tags.get("highway")
+    named = kind in KINDS and (service or kind != "service")
+    if tags.get("area") == "yes" or not (named or _is_bus_road(tags)):
+        return ""
+    if _cars(tags) or _buses(tags):
+        return None
+    key = next((key for key in _ACCESS if key in tags), "highway")
+    return f"{key}={tags[key]}"
+
+
+def may_have_sidewalk(road: RoadTags) -> bool:
+    """Tell whether a road without a word about sidewalks has them, as streets in towns have."""
+    return road.kind in _SIDEWALK_KINDS and road.speed <= _SIDEWALK_SPEED and not road.roundabout
+
+
+def _is_bus_road(tags: Tags) -> bool:
+    """Tell whether buses drive where others may not: through pedestrian zones, on service roads of theirs."""
+    kind = tags.get("highway")
+    own = kind == "service" and tags.get("service") not in DRIVES and not _cars(tags)
+    return _buses(tags) and (kind == "pedestrian" or own)
+
+
+def _cars(tags: Tags) -> bool:
+    if tags.get("highway") in (*_BUS_ONLY, "pedestrian"):
+        return False
+    for key in _ACCESS:
+        if key in tags:
+            return tags[key] not in _NO
+    return True
+
+
+def _buses(tags: Tags) -> bool:
+    return tags.get("highway") in _BUS_ONLY or any(tags.get(key) in _YES for key in ("bus", "psv"))
+
+
+def _direction(tags: Tags) -> int:
+    """Give 1 for one-way along the way, -1 against it, 0 for two-way."""
+    value = tags.get("oneway", "")
+    if value in ("-1", "reverse"):
+        return -1
+    implied = tags.get("junction") in ("roundabout", "circular") or tags.get("highway", "").startswith(
+        "motorway"
+    )
+    return 1 if value in ("yes", "true", "1") or (implied and value != "no") else 0
+
+
+def _lane_width(tags: Tags, lanes: tuple[LaneTags, ...]) -> float:
+    """Divide the width of a carriageway among its lanes, metres."""
+    narrow = sum(lane.width or 0.0 for lane in lanes)
+    wide = max(sum(lane.width is None for lane in lanes), 1)
+    for key in ("width:carriageway", "width"):
+        whole = read_length(tags.get(key, ""))
+        if whole is not None and _NARROWEST <= (whole - narrow) / wide <= _WIDEST:
+            return round((whole - narrow) / wide, 2)
+    return _LANE_WIDTH
+
+
+def _layer(tags: Tags) -> int:
+    """Give the level of a bridge, a tunnel, or of a passage through a building that names one."""
+    bridge, tunnel = (tags.get(key, "no") for key in ("bridge", "tunnel"))
+    if bridge == tunnel == "no":
+        return 0
+    try:
+        layer = int(tags.get("layer", ""))
+    except ValueError:
+        layer = 0
+    if tunnel != "building_passage":
+        layer = layer or (1 if bridge != "no" else -1)
+    return max(-5, min(5, layer))
+
+
+def _sidewalks(tags: Tags) -> tuple[str, str]:
+    whole = tags.get("sidewalk", "")
+    sides = []
+    for side in ("left", "right"):
+        said = tags.get(f"sidewalk:{side}", tags.get("sidewalk:both", ""))
+        if not said and whole:
+            known = {"both": "yes", "yes": "yes", side: "yes", "separate": "separate"}
+            said = known.get(whole, "no" if whole in ("left", "right", "no", "none") else "")
+        sides.append("no" if said in ("no", "none") else said)
+    return sides[0], sides[1]

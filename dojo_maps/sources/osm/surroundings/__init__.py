@@ -1,0 +1,1 @@
+"""What stands around the roads: buildings, trees, water, green."""
