@@ -13,10 +13,10 @@ from dojo_maps.geometry.polylines import Floats, Shapes, along, drop_repeats, li
 
 FORECOURT = 3.5
 """Metres between the street's edge and houses."""
-_RADII = (150.0, 120.0, 90.0, 60.0, 40.0)
-"""How far around signals things may stand, metres; the first that leaves few enough lanes, or the last."""
-_MOST_LANES = 25_000.0
-"""Metres of lanes within that distance of signals."""
+_RADII = (150.0, 120.0, 100.0, 80.0, 65.0, 50.0, 40.0)
+"""How far around signals things may stand, metres; the first with few enough roads there, or the last."""
+_MOST_ROADS = 7_500.0
+"""Metres of roads within that distance of signals."""
 _BEYOND = 40.0
 """How far around that the streets are looked at, metres."""
 _SIGHT = 80.0
@@ -71,7 +71,8 @@ def look_around(road_map: RoadMap) -> Vicinity | None:
     if not places:
         return None
     lines = _lines(road_map.lanes)
-    focus = _focus(shapely.points(places), lines)
+    is_outer = np.array([lane.index == 0 for lane in road_map.lanes])
+    focus = _focus(shapely.points(places), lines[is_outer])
     reach = focus.buffer(_BEYOND, quad_segs=4)
     shapely.prepare(reach)
     is_near = shapely.intersects(reach, lines)
@@ -118,7 +119,7 @@ def _focus(places: Shapes, lines: Shapes) -> shapely.Geometry:
         focus = shapely.union_all(shapely.buffer(places, radius, quad_segs=4))
         shapely.prepare(focus)
         near = lines[shapely.intersects(focus, lines)]
-        if shapely.length(shapely.intersection(near, focus)).sum() < _MOST_LANES:
+        if shapely.length(shapely.intersection(near, focus)).sum() < _MOST_ROADS:
             break
     return focus
 

@@ -59,7 +59,14 @@ _RESTRICTIONS = {
     "motorcycle": "motorcycle",
     "pedestrian": "pedestrian",
 }
-_PROPS = {"island": "trafficIsland", "building": "building", "tree": "tree", "pole": "pole"}
+_PROPS = {
+    "island": "trafficIsland",
+    "building": "building",
+    "tree": "tree",
+    "hedge": "vegetation",
+    "pole": "pole",
+    "lamp": "streetLamp",
+}
 _STOP_LINE = 0.4
 """The width of a stop line, metres."""
 _NARROWEST = 0.1

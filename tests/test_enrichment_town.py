@@ -1,0 +1,186 @@
+"""Generated towns: nothing stands on a street, on another thing, or between a camera and its traffic."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import shapely
+
+from dojo_env.rendering.background import street_lamps
+from dojo_env.rendering.scene import build_scene
+from dojo_maps import RoadMap, convert
+from dojo_maps.conversion import ConvertOptions
+from dojo_maps.description import Prop, heading_of, points
+from dojo_maps.enrichment import furnish
+from dojo_maps.enrichment.town import build_town
+from dojo_maps.geometry.arrangement import paved_ground
+from dojo_maps.geometry.pieces import build_pieces, lane_strips
+from dojo_maps.input_files import read_bytes
+from dojo_maps.meshes.buildings import raise_outlines
+from dojo_maps.meshes.mesh import is_watertight
+from dojo_maps.sources.files import find_network
+from dojo_maps.sources.sumo_net import read_network
+
+CAMERA_HEIGHT, CAMERA_AHEAD = 10.0, 8.0
+
+
+def _furnished(name: str) -> RoadMap:
+    path, _ = find_network(name)
+    road_map, _ = read_network(read_bytes(path), path=path, name=name, sha256="")
+    return furnish(road_map, paved_ground(build_pieces(road_map)), generated=True, surroundings=False)
+
+
+@pytest.fixture(scope="module", params=["cologne1", "cologne3", "two-way", "ingolstadt1"])
+def town(request: pytest.FixtureRequest) -> tuple[RoadMap, RoadMap]:
+    """A map without and with its town."""
+    bare = _furnished(request.param)
+    return bare, build_town(bare)
+
+
+def _props(road_map: RoadMap, *kinds: str) -> list[Prop]:
+    return [prop for prop in road_map.props if prop.kind in kinds]
+
+
+def _outlines(props: list[Prop]) -> np.ndarray:
+    return np.array([shapely.Polygon(prop.polygon[:, :2]) for prop in props], dtype=object)
+
+
+def _feet(props: list[Prop]) -> np.ndarray:
+    return shapely.points([prop.position[:2] for prop in props])
+
+
+def _street(road_map: RoadMap) -> shapely.Geometry:
+    """Everything that vehicles and people use, before the town came."""
+    rings = [j.polygon for j in road_map.junctions if len(j.polygon) > 2]
+    rings += [thing.polygon for thing in (*road_map.sidewalks, *road_map.walking_areas)]
+    shapes = [shapely.make_valid(shapely.Polygon(ring[:, :2])) for ring in rings]
+    return shapely.union_all([*shapes, *lane_strips(road_map.lanes)])
+
+
+def _driven(road_map: RoadMap) -> shapely.Geometry:
+    lanes = [lane for lane in road_map.lanes if lane.kind != "sidewalk"]
+    return shapely.union_all(lane_strips(lanes))
+
+
+def test_houses_and_hedges_stand_on_no_street_and_on_no_other(town: tuple[RoadMap, RoadMap]) -> None:
+    bare, built = town
+    street = _street(bare)
+    for kind in ("building", "hedge"):
+        shapes = _outlines(_props(built, kind))
+        assert shapely.is_valid(shapes).all()
+        assert shapely.area(shapely.intersection(shapes, street)).max(initial=0.0) < 1e-3
+        assert shapely.union_all(shapes).area == pytest.approx(shapely.area(shapes).sum(), abs=0.01)
+    assert len(_props(built, "building")) > 20
+
+
+def test_houses_stand_along_the_pavement(town: tuple[RoadMap, RoadMap]) -> None:
+    bare, built = town
+    pavement = shapely.union_all([shapely.Polygon(walk.polygon[:, :2]).buffer(0) for walk in bare.sidewalks])
+    distances = shapely.distance(_outlines(_props(built, "building")), pavement)
+    assert distances.min() > 2.0
+    assert distances.max() < 6.5
+
+
+def test_posts_and_trunks_keep_clear_of_lanes_walls_and_crossings(town: tuple[RoadMap, RoadMap]) -> None:
+    _, built = town
+    feet = _feet(_props(built, "lamp", "sign", "tree"))
+    assert shapely.distance(feet, _driven(built)).min() > 0.25
+    assert shapely.distance(feet, shapely.union_all(_outlines(_props(built, "building")))).min() > 0.25
+    crossings = [shapely.Polygon(crossing.polygon[:, :2]) for crossing in built.crossings]
+    assert shapely.distance(feet, shapely.union_all(crossings)).min() > 1.4
+    apart = shapely.STRtree(feet).query(feet, "dwithin", distance=1.9)
+    assert (apart[0] == apart[1]).all()
+
+
+def test_crowns_keep_a_metre_from_lanes(town: tuple[RoadMap, RoadMap]) -> None:
+    _, built = town
+    trees = _props(built, "tree")
+    widest = 0.32 * 1.15 * np.array([tree.height for tree in trees])
+    assert (shapely.distance(_feet(trees), _driven(built)) - widest).min() > 0.99
+
+
+def test_nothing_hides_traffic_from_a_camera_over_the_junction(town: tuple[RoadMap, RoadMap]) -> None:
+    _, built = town
+    solids = list(_outlines(_props(built, "building", "hedge")))
+    trees = _props(built, "tree")
+    solids += list(shapely.buffer(_feet(trees), 0.32 * np.array([tree.height for tree in trees])))
+    tree = shapely.STRtree(solids)
+    stopped = {link.from_id for signal in built.signals for link in signal.links if link.kind == "vehicle"}
+    for lane in built.lanes:
+        line = shapely.LineString(lane.shape[:, :2])
+        if lane.id not in stopped or lane.kind == "sidewalk":
+            continue
+        step = lane.shape[-1, :2] - lane.shape[-2, :2]
+        eye = lane.shape[-1, :2] + CAMERA_AHEAD * step / np.hypot(*step)
+        for back in range(0, int(min(line.length, 75.0)), 5):
+            ray = shapely.LineString([eye, line.interpolate(line.length - back).coords[0]])
+            assert not len(tree.query(ray, predicate="intersects")), (lane.id, back)
+
+
+def test_what_is_generated_says_so_and_has_names_of_its_own(town: tuple[RoadMap, RoadMap]) -> None:
+    bare, built = town
+    new = built.props[len(bare.props) :]
+    assert built.props[: len(bare.props)] == bare.props
+    assert all(("origin", "generated") in prop.tags and prop.id.startswith("generated:") for prop in new)
+    for things in (built.props, built.sidewalks):
+        assert len({thing.id for thing in things}) == len(things)
+
+
+def test_forecourts_have_no_holes_and_keep_the_sidewalks(town: tuple[RoadMap, RoadMap]) -> None:
+    bare, built = town
+    assert built.sidewalks[: len(bare.sidewalks)] == bare.sidewalks
+    paved = [shapely.Polygon(walk.polygon[:, :2]) for walk in built.sidewalks[len(bare.sidewalks) :]]
+    assert all(shape.is_valid and shape.area > 1.0 for shape in paved)
+
+
+def test_a_source_that_tells_of_houses_gets_lamps_only() -> None:
+    bare = _furnished("cologne1")
+    told = build_town(replace(bare, source=replace(bare.source, kind="osm")))
+    assert {prop.kind for prop in told.props[len(bare.props) :]} == {"lamp"}
+    assert told.sidewalks == bare.sidewalks
+
+
+def test_a_map_without_signals_has_no_town() -> None:
+    bare = replace(_furnished("cologne1"), signals=())
+    assert build_town(bare) is bare
+
+
+def test_fast_roads_have_no_houses() -> None:
+    bare = _furnished("cologne1")
+    fast = replace(bare, lanes=tuple(replace(lane, speed=25.0) for lane in bare.lanes))
+    assert not _props(build_town(fast), "building")
+
+
+def test_convert_leaves_surroundings_out_and_keeps_sidewalks(tmp_path) -> None:
+    bundle, _ = convert("cologne1", tmp_path / "m.dojo", ConvertOptions(surroundings=False))
+    assert not _props(bundle.road_map, "building", "tree", "lamp")
+    assert bundle.road_map.sidewalks
+
+
+def test_the_lamps_that_light_the_night_are_those_that_stand_there(tmp_path) -> None:
+    bundle, _ = convert("cologne1", tmp_path / "m.dojo")
+    scene = build_scene(bundle)
+    lamps = street_lamps(scene, np.zeros(3), 5000.0)
+    assert len(lamps) == len(_props(bundle.road_map, "lamp"))
+    names = [mesh for mesh in bundle.read_meshes() if mesh.name == "building/lamp"]
+    corners = names[0].vertices
+    nearest = [np.linalg.norm(corners - lamp, axis=1).min() for lamp in lamps]
+    assert max(nearest) < 0.5
+
+
+def test_a_gable_roof_is_closed_and_encloses_what_it_should() -> None:
+    tags = (("roof:shape", "gabled"), ("roof:direction", "0"), ("roof:height", "4.0"))
+    outline = points([(0, 0), (12, 0), (12, 10), (0, 10)])
+    house = Prop(id="house", kind="building", height=13.0, polygon=outline, tags=tags)
+    mesh = raise_outlines("building", [house], np.zeros(3))
+    corners = mesh.vertices[mesh.faces]
+    volume = np.einsum("ij,ij->i", corners[:, 0], np.cross(corners[:, 1], corners[:, 2])).sum() / 6
+    assert is_watertight(mesh)
+    assert volume == pytest.approx(120.0 * (9.0 + 4.0 / 2 + 0.3), rel=1e-3)
+    assert mesh.vertices[:, 2].max() == pytest.approx(13.0, abs=0.01)
+
+
+@pytest.mark.parametrize("text", ["", "nan", "1e400", "north", "12345678"])
+def test_heading_of_is_east_where_the_tag_is_no_heading(text: str) -> None:
+    prop = Prop(id="a", kind="lamp", height=8.0, position=(0.0, 0.0, 0.0), tags=(("heading", text),))
+    assert heading_of(prop) == 0.0
