@@ -4,7 +4,7 @@ import shapely
 
 from dojo_maps.issue import Element, Issue
 from dojo_maps.sources.osm.completeness.losses import loss
-from dojo_maps.sources.osm.junctions.grouping import FAR_FROM_ROAD
+from dojo_maps.sources.osm.junctions.grouping import around_road
 from dojo_maps.sources.osm.pipeline import OsmNetwork
 
 MOST_FAR = 50.0
@@ -14,10 +14,7 @@ MOST_FAR = 50.0
 def check_junction_ground(network: OsmNetwork) -> list[Issue]:
     """Measure the ground of each junction that is more than 6 m from the mapped carriageways."""
     graph = network.layout.graph
-    roads = [
-        shapely.LineString(graph.line(section)).buffer(section.road.drives / 2 + FAR_FROM_ROAD)
-        for _, section in sorted(graph.sections.items())
-    ]
+    roads = [around_road(graph, section) for _, section in sorted(graph.sections.items())]
     tree = shapely.STRtree(roads)
     node_of = {name: node for node, name in network.plain.nodes.items()}
     issues = []

@@ -23,7 +23,7 @@ _WIDEST = 70.0
 """Metres across the vertices of one junction."""
 _WIDEST_JOINED = 150.0
 """Metres across the vertices of a junction that would leave a road without length beside it otherwise."""
-FAR_FROM_ROAD = 6.0
+_FAR_FROM_ROAD = 6.0
 """Metres from a carriageway's border from which ground is none of a junction's."""
 _MOST_VOID = 200.0
 """Square metres of such ground between the vertices that are joined; junctions are drawn tighter."""
@@ -125,6 +125,11 @@ def group_junctions(
     return junctions
 
 
+def around_road(graph: RoadGraph, section: Section) -> shapely.Geometry:
+    """Give a road's carriageway and the ground near it, all that may be a junction's beside it."""
+    return shapely.LineString(graph.line(section)).buffer(section.road.drives / 2 + _FAR_FROM_ROAD)
+
+
 def _leaves_no_void(
     graph: RoadGraph, ends: dict[int, list[str]], groups: Groups, one: int, other: int
 ) -> bool:
@@ -135,10 +140,7 @@ def _leaves_no_void(
     sections = [
         graph.sections[name] for name in sorted({name for vertex in members for name in ends[vertex]})
     ]
-    roads = [
-        shapely.LineString(graph.line(section)).buffer(section.road.drives / 2 + FAR_FROM_ROAD)
-        for section in sections
-    ]
+    roads = [around_road(graph, section) for section in sections]
     return float(around.difference(shapely.union_all(roads)).area) <= _MOST_VOID
 
 
