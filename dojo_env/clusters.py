@@ -3,12 +3,14 @@
 import logging
 import os
 import socket
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
-from dojo_env.errors import ConfigError
+from dojo_env.errors import ConfigError, SimulationError
+
+Task = TypeVar("Task")
 
 LOCAL = "local"
 _PATIENCE = 5.0
@@ -76,6 +78,30 @@ def open_cluster(address: str, slots: int, modules: Sequence[Path] = ()) -> Iter
         yield
     finally:
         ray.shutdown()
+
+
+def collect_results(running: dict[Any, Task], name: Callable[[Task], str]) -> Iterator[tuple[Task, Any]]:
+    """Wait for tasks, whichever ends first; yields each with what it gave.
+
+    Args:
+        running: what each of Ray's references is for; emptied as they end.
+        name: tells people which task it is.
+
+    Raises:
+        SimulationError: a task has lost too many nodes. What a task itself raised is raised as it is.
+    """
+    import ray  # noqa: PLC0415 - optional
+
+    while running:
+        (done, *_), _ = ray.wait(list(running))
+        task = running.pop(done)
+        try:
+            result = ray.get(done)
+        except ray.exceptions.RayTaskError as error:
+            raise error.cause from None
+        except ray.exceptions.RayError as error:
+            raise SimulationError(f"{name(task)}: {type(error).__name__}") from error
+        yield task, result
 
 
 def _check_answers(address: str) -> None:

@@ -5,11 +5,10 @@ from functools import cache
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from dojo_env.clusters import open_cluster
+from dojo_env.clusters import collect_results, open_cluster
 from dojo_env.datasets.parts import make_part
 from dojo_env.datasets.settings import DatasetSettings, Job
 from dojo_env.datasets.workers import Worker
-from dojo_env.errors import SimulationError
 from dojo_maps.whole_file import replaced_folder
 
 _RETRIES = 5
@@ -37,15 +36,7 @@ def run_on_cluster(
 
         remote = ray.remote(num_cpus=1, max_retries=_RETRIES, scheduling_strategy="SPREAD")(_make_on_node)
         running = {remote.remote(settings, job): job for job in jobs}
-        while running:
-            (done, *_), _ = ray.wait(list(running))
-            job = running.pop(done)
-            try:
-                files = ray.get(done)
-            except ray.exceptions.RayTaskError as error:
-                raise error.cause from None
-            except ray.exceptions.RayError as error:
-                raise SimulationError(f"episode {job.number}: {type(error).__name__}") from error
+        for job, files in collect_results(running, lambda job: f"episode {job.number}"):
             with replaced_folder(parts / job.name) as folder:
                 _write_files(files, folder)
             yield job

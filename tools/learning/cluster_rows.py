@@ -6,8 +6,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-from dojo_env.clusters import open_cluster
-from dojo_env.errors import SimulationError
+from dojo_env.clusters import collect_results, open_cluster
 from dojo_maps.whole_file import replaced
 
 from .run_row import FIGURES, find_folder, run_row
@@ -40,15 +39,7 @@ def run_rows(tasks: list[dict[str, Any]], results: Path, address: str, jobs: int
             ): task
             for task in tasks
         }
-        while running:
-            (done, *_), _ = ray.wait(list(running))
-            task = running.pop(done)
-            try:
-                files = ray.get(done)
-            except ray.exceptions.RayTaskError as error:
-                raise error.cause from None
-            except ray.exceptions.RayError as error:
-                raise SimulationError(f"{task['scenario']}: {task['row']}: {type(error).__name__}") from error
+        for task, files in collect_results(running, lambda task: f"{task['scenario']}: {task['row']}"):
             _write_files(files, find_folder(task["row"], task["scenario"], results))
             print(f"{task['scenario']}: {task['row']}", file=sys.stderr)
 
