@@ -14,6 +14,7 @@ from dojo_maps.index import MapIndex
 from dojo_maps.issue import Element, Issue, Severity
 from dojo_maps.sources.netconvert import NetconvertError, run_netconvert, warning_issue
 from dojo_maps.sources.osm.graph.road_graph import build_graph
+from dojo_maps.sources.osm.graph.tracks import add_tracks
 from dojo_maps.sources.osm.junctions.overlap_merging import lying_on_neighbours
 from dojo_maps.sources.osm.layout.arms import Layout
 from dojo_maps.sources.osm.layout.stages import lay_out
@@ -80,7 +81,9 @@ def build_network(data: OsmData, *, path: Path, name: str, sha256: str) -> OsmNe
     moved: dict[int, tuple[int, float]] = {}
     paved: set[str] = set()
     for _ in range(_ROUNDS):
-        layout = lay_out(data, build_graph(data, path), joined, moved)
+        graph = build_graph(data, path)
+        add_tracks(data, graph, path)
+        layout = lay_out(data, graph, joined, moved)
         with scratch_folder() as folder:
             plain = write_plain(data, layout, restrictions, folder, paved)
             built, warnings, dropped = _convert(folder, path, left_hand=layout.graph.left_hand)

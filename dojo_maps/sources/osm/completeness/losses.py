@@ -2,6 +2,7 @@
 
 from collections import defaultdict
 from collections.abc import Iterable
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -24,6 +25,26 @@ _LETTERS = {
 
 Share = tuple[int, int]
 """How many are kept, of how many."""
+
+
+@dataclass(slots=True)
+class Left:
+    """What of one kind was not built: its metres, and the way that most of them are of."""
+
+    metres: float = 0.0
+    ways: int = 0
+    longest: float = 0.0
+    way: int = 0
+    place: tuple[float, float] = field(default=(0.0, 0.0))
+
+    def add(self, way: int, lost: shapely.Geometry) -> None:
+        """Count what of a way was not built."""
+        self.metres += lost.length
+        self.ways += 1
+        if lost.length > self.longest:
+            point = lost.interpolate(0.5, normalized=True) if lost.geom_type == "LineString" else None
+            point = point or lost.representative_point()
+            self.longest, self.way, self.place = lost.length, way, (point.x, point.y)
 
 
 def share_of(share: Share) -> dict[str, Any]:
@@ -192,7 +213,7 @@ def _is_broken(
     sections = network.plain.sections
     ending = {e for e in by_last[restriction.source] if of[sections[e].end] in here}
     starting = {e for e in by_first[restriction.target] if of[sections[e].start] in here}
-    taken = [(a, b) for a, b in pairs if a in ending and of[sections[b].start] in here]
+    taken = [(a, b) for a, b in pairs if a in ending and b in sections and of[sections[b].start] in here]
     if restriction.only:
         return bool(starting) and any(
             b not in starting and b.removeprefix("-") != a.removeprefix("-") for a, b in taken

@@ -5,7 +5,6 @@ What counts is the source: every way of a kind that is built, whole, whatever th
 
 from collections import defaultdict
 from collections.abc import Iterator
-from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -14,7 +13,7 @@ import shapely
 from dojo_maps.description import LaneKind
 from dojo_maps.geometry.pieces import lane_strips
 from dojo_maps.issue import Issue, Severity
-from dojo_maps.sources.osm.completeness.losses import loss, share_of
+from dojo_maps.sources.osm.completeness.losses import Left, loss, share_of
 from dojo_maps.sources.osm.pipeline import OsmNetwork
 from dojo_maps.sources.osm.read.data import OsmData, Tags
 from dojo_maps.sources.osm.read.way_tags import KINDS, why_not_a_road
@@ -28,25 +27,6 @@ _LEAST_LOST = 10.0
 _TRACKS = ("tram", "light_rail", "rail", "subway", "narrow_gauge")
 
 
-@dataclass(slots=True)
-class _Left:
-    """What of one kind was not built: its metres, and the way that most of them are of."""
-
-    metres: float = 0.0
-    ways: int = 0
-    longest: float = 0.0
-    way: int = 0
-    place: tuple[float, float] = field(default=(0.0, 0.0))
-
-    def add(self, way: int, lost: shapely.Geometry) -> None:
-        self.metres += lost.length
-        self.ways += 1
-        if lost.length > self.longest:
-            point = lost.interpolate(0.5, normalized=True) if lost.geom_type == "LineString" else None
-            point = point or lost.representative_point()
-            self.longest, self.way, self.place = lost.length, way, (point.x, point.y)
-
-
 def measure_road_length(data: OsmData, network: OsmNetwork) -> tuple[dict[str, Any], list[Issue]]:
     """Measure the mapped roads against the built ones.
 
@@ -58,12 +38,14 @@ def measure_road_length(data: OsmData, network: OsmNetwork) -> tuple[dict[str, A
     floor = _Floor(network)
     kept: dict[str, float] = defaultdict(float)
     total: dict[str, float] = defaultdict(float)
-    lost: dict[str, _Left] = defaultdict(_Left)
-    left_out: dict[str, _Left] = defaultdict(_Left)
+    lost: dict[str, Left] = defaultdict(Left)
+    left_out: dict[str, Left] = defaultdict(Left)
     for way, record in data.ways.items():
         kind = _kind(record.tags)
         line = graph.way_line(data, record) if kind else None
         if kind is None or line is None:
+            continue
+        if graph.tracks is not None and way in graph.tracks.ways:
             continue
         if way not in graph.ways:
             reason = why_not_a_road(record.tags)
@@ -115,7 +97,7 @@ def _kind(tags: Tags) -> str | None:
     return f"railway={tags['railway']}" if tags.get("railway") in _TRACKS else None
 
 
-def _lost_issues(lost: dict[str, _Left]) -> Iterator[Issue]:
+def _lost_issues(lost: dict[str, Left]) -> Iterator[Issue]:
     for kind, left in sorted(lost.items()):
         yield loss(
             "osm.road_lost",
@@ -127,7 +109,7 @@ def _lost_issues(lost: dict[str, _Left]) -> Iterator[Issue]:
         )  # fmt: skip
 
 
-def _left_out_issues(left_out: dict[str, _Left]) -> Iterator[Issue]:
+def _left_out_issues(left_out: dict[str, Left]) -> Iterator[Issue]:
     for kind, left in sorted(left_out.items()):
         yield loss(
             "osm.not_imported",

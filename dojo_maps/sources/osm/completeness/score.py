@@ -18,6 +18,7 @@ from dojo_maps.sources.osm.completeness.losses import (
     tell_guesses,
 )
 from dojo_maps.sources.osm.completeness.road_length import measure_road_length
+from dojo_maps.sources.osm.completeness.track_length import measure_tracks
 from dojo_maps.sources.osm.layout.sidewalks import is_sidewalk
 from dojo_maps.sources.osm.pipeline import OsmNetwork
 from dojo_maps.sources.osm.plain.movements import find_conditional
@@ -52,6 +53,8 @@ def score_network(data: OsmData, network: OsmNetwork) -> tuple[dict[str, Any], t
     figures["sidewalk_metres"] = share_of((round(kept), round(total)))
     lengths, missing = measure_road_length(data, network)
     figures |= lengths
+    tracks, torn = measure_tracks(data, network)
+    figures |= tracks
     figures["overlap_square_metres"] = _overlap(network)
     short = _check_short(network)
     figures["edges"] = len(network.road_map.roads)
@@ -60,6 +63,7 @@ def score_network(data: OsmData, network: OsmNetwork) -> tuple[dict[str, Any], t
         *issues,
         *found,
         *missing,
+        *torn,
         *short,
         *check_junction_ground(network),
         *tell_guesses(network),

@@ -83,6 +83,8 @@ class RoadGraph:
     missing: list[int] = field(default_factory=list)
     barriers: list[int] = field(default_factory=list)
     """Nodes at which roads are closed."""
+    tracks: "RoadGraph | None" = None
+    """Ways of their own for trams, trains and bicycles, on the same nodes; no sections of roads."""
 
     def ends(self) -> dict[int, list[str]]:
         """List the sections at each vertex, a loop twice."""
@@ -158,9 +160,9 @@ def build_graph(data: OsmData, path: Path | str) -> RoadGraph:
         places=places, sections={}, left_hand=left_hand, proj=proj, offset=offset,
         not_kept=not_kept, ways=frozenset(roads), unshared=unshared, missing=missing, barriers=barriers,
     )  # fmt: skip
-    _cut_sections(graph, pieces, roads)
+    cut_sections(graph, pieces, roads)
     _drop_doubles(graph)
-    while _join_sections(graph):
+    while join_sections(graph):
         pass
     return graph
 
@@ -203,7 +205,7 @@ def _project(
     return proj, offset, places
 
 
-def _cut_sections(
+def cut_sections(
     graph: RoadGraph, pieces: Iterable[tuple[int, tuple[int, ...]]], roads: dict[int, RoadTags]
 ) -> None:
     """Cut ways where they meet; each one-way section runs in its traffic's direction."""
@@ -253,7 +255,7 @@ def _importance(section: Section) -> tuple[int, float]:
     return KINDS[section.road.kind], section.road.drives
 
 
-def _join_sections(graph: RoadGraph) -> bool:
+def join_sections(graph: RoadGraph) -> bool:
     """Join sections across vertices that only part them; tell whether any were."""
     changed = False
     for vertex, at in sorted(graph.ends().items()):

@@ -2,6 +2,7 @@
 
 from collections import defaultdict
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -9,6 +10,9 @@ from dojo_maps.geometry.polylines import Floats, along
 from dojo_maps.sources.osm.graph.road_graph import RoadGraph, Section
 from dojo_maps.sources.osm.junctions.grouping import Junctions
 from dojo_maps.sources.osm.layout.mapped_crossings import MappedCrossing
+
+if TYPE_CHECKING:
+    from dojo_maps.sources.osm.layout.track_layout import TrackLayout
 
 _CORNER = 6.0
 """Metres that a road loses at a junction where nothing draws it back."""
@@ -27,6 +31,7 @@ class Layout:
         hosted: the crossing at each arm.
         lost: crossings with no place, and why.
         asides: metres by which a section is moved to its left, because another lies too near.
+        tracks: of trams, trains and bicycles, as they are built.
     """
 
     graph: RoadGraph
@@ -37,6 +42,7 @@ class Layout:
     hosted: dict[Arm, MappedCrossing] = field(default_factory=dict)
     lost: list[tuple[MappedCrossing, str]] = field(default_factory=list)
     asides: dict[str, float] = field(default_factory=dict)
+    tracks: "TrackLayout | None" = None
 
     def trimmed(self, name: str) -> Floats:
         """Give a section's line, drawn back at its ends."""

@@ -1,6 +1,7 @@
 """Write a layout as SUMO's plain XML: nodes, edges with every lane, connections and crossings."""
 
 from collections import defaultdict
+from collections.abc import Mapping
 from collections.abc import Set as AbstractSet
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -20,6 +21,7 @@ from dojo_maps.sources.osm.layout.sidewalks import ISLAND_WIDTH, SIDEWALK_WIDTH,
 from dojo_maps.sources.osm.plain.lane_connections import connect_lanes
 from dojo_maps.sources.osm.plain.movements import Movement, Movements, Restriction, directed, leads_through
 from dojo_maps.sources.osm.plain.right_of_way import SIGNED_PRIORITY, RightOfWay
+from dojo_maps.sources.osm.plain.track_edges import TrackEdges
 from dojo_maps.sources.osm.read.data import OsmData
 from dojo_maps.sources.osm.read.lane_tags import LaneTags, LaneUse
 from dojo_maps.sources.osm.read.way_tags import KINDS
@@ -32,6 +34,11 @@ _WHO = {
     LaneUse.BICYCLE: 'allow="bicycle"',
 }
 """Vehicle classes of SUMO's by the use of a lane."""
+_WITH_TRAM = {
+    LaneUse.DRIVING: _WHO[LaneUse.DRIVING].replace(" tram", ""),
+    LaneUse.BUS: 'allow="bus coach taxi emergency tram"',
+}
+"""The same of a lane that a tram shares."""
 
 
 _RING_RADIUS = 0.5
@@ -89,9 +96,20 @@ def write_plain(
             least = ISLAND_WIDTH if name in paved else 0.0
             plain.sidewalks[name] = (max(left, least), max(right, least))
     rights = RightOfWay(data, layout)
-    _write(folder / EDGES, "edges", [*_edges(layout, arms, plain, rights), *_roundabouts(layout)])
-    _write(folder / NODES, "nodes", [_location(layout), *_nodes(layout, arms, plain, rights)])
-    _write(folder / CONNECTIONS, "connections", _connections(layout, arms, restrictions, plain))
+    edges = [*_edges(layout, arms, plain, rights), *_roundabouts(layout)]
+    connections = _connections(layout, arms, restrictions, plain)
+    nodes = [_location(layout)]
+    kinds: dict[int, str] = {}
+    if layout.tracks is not None:
+        tracks = TrackEdges(layout, layout.tracks, plain.heights)
+        edges += tracks.edges()
+        nodes += tracks.nodes()
+        connections += tracks.connections(plain.sidewalks)
+        kinds = dict.fromkeys(sorted(tracks.junctions), "priority")
+        kinds |= dict.fromkeys(sorted(tracks.rail_crossings()), "rail_crossing")
+    _write(folder / EDGES, "edges", edges)
+    _write(folder / NODES, "nodes", [*nodes, *_nodes(layout, arms, plain, rights, kinds)])
+    _write(folder / CONNECTIONS, "connections", connections)
     return plain
 
 
@@ -107,7 +125,14 @@ def _location(layout: Layout) -> str:
     )
 
 
-def _nodes(layout: Layout, arms: dict[int, list[Arm]], plain: Plain, rights: RightOfWay) -> list[str]:
+def _nodes(
+    layout: Layout,
+    arms: dict[int, list[Arm]],
+    plain: Plain,
+    rights: RightOfWay,
+    kinds: Mapping[int, str],
+) -> list[str]:
+    """Write the roads' junctions; `kinds` are the types of those that tracks lead into."""
     members = layout.junctions.members()
     lines = []
     for junction in sorted(arms):
@@ -117,7 +142,9 @@ def _nodes(layout: Layout, arms: dict[int, list[Arm]], plain: Plain, rights: Rig
         kind = f'type="{rights.kind(junction, arms[junction])}"'
         if controller is not None:
             kind = f'type="traffic_light" tl="{controller}"'
-        elif not any(_drives(plain, outgoing_name(arm)) for arm in arms[junction]):
+        elif kinds.get(junction) == "rail_crossing":
+            kind = 'type="rail_crossing"'
+        elif junction not in kinds and not any(_drives(plain, outgoing_name(arm)) for arm in arms[junction]):
             kind = 'type="dead_end"'
         if any(layout.graph.sections[name].road.roundabout for name, _ in arms[junction]):
             kind += f' radius="{_RING_RADIUS}"'
@@ -182,7 +209,8 @@ def _edge(
         lines.append(f'<lane index="0" allow="pedestrian" width="{walk:.2f}" speed="{road.speed:.2f}"/>')
     for number, lane in enumerate(lanes):
         width = lane.width or road.width
-        lines.append(f'<lane index="{number + bool(walk)}" {_WHO[lane.use]} width="{width:.2f}"/>')
+        who = (_WITH_TRAM if lane.tram else _WHO)[lane.use]
+        lines.append(f'<lane index="{number + bool(walk)}" {who} width="{width:.2f}"/>')
     return [*lines, "</edge>"]
 
 

@@ -28,6 +28,10 @@ class LaneUse(StrEnum):
     DRIVING = "driving"
     BUS = "bus"
     BICYCLE = "bicycle"
+    CYCLEWAY = "cycleway"
+    """A cycle track of its own, where people walk besides."""
+    TRAM = "tram"
+    RAIL = "rail"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -38,11 +42,13 @@ class LaneTags:
         use: who it is for.
         turns: painted on it; none where nothing is.
         width: metres; None for that of the road's lanes.
+        tram: a tram shares it.
     """
 
     use: LaneUse = LaneUse.DRIVING
     turns: tuple[str, ...] = ()
     width: float | None = None
+    tram: bool = False
 
     @property
     def bus(self) -> bool:

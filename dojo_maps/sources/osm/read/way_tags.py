@@ -95,7 +95,7 @@ def read_road(
         forward=lanes.forward,
         backward=lanes.backward,
         sidewalks=("yes", "yes") if tags["highway"] == "pedestrian" else _sidewalks(tags),
-        layer=_layer(tags),
+        layer=read_layer(tags),
         roundabout=tags.get("junction") in ("roundabout", "circular"),
     )
     return road, [*lanes.unkept, *(f"{key}: what holds at some times only" for key in timed)]
@@ -165,7 +165,7 @@ def _lane_width(tags: Tags, lanes: tuple[LaneTags, ...]) -> float:
     return _LANE_WIDTH
 
 
-def _layer(tags: Tags) -> int:
+def read_layer(tags: Tags) -> int:
     """Give the level of a bridge, a tunnel, or of a passage through a building that names one."""
     bridge, tunnel = (tags.get(key, "no") for key in ("bridge", "tunnel"))
     if bridge == tunnel == "no":

@@ -1,0 +1,267 @@
+"""Tracks of trams, trains and bicycles: sections of their own beside the roads, and lanes of streets.
+
+They are a graph beside that of the roads, on the same nodes. Where a track meets a road far from its ends,
+or begins to run in it, the road is split, so that there is a junction.
+"""
+
+from collections import defaultdict
+from collections.abc import Iterable, Mapping
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pyproj
+import shapely
+
+from dojo_maps.geometry.polylines import Floats, along
+from dojo_maps.sources.osm.graph.crowding import check_crowding
+from dojo_maps.sources.osm.graph.node_runs import known_runs
+from dojo_maps.sources.osm.graph.road_graph import RoadGraph, Section, cut_sections, join_sections
+from dojo_maps.sources.osm.graph.shared_nodes import Run, share_nodes
+from dojo_maps.sources.osm.graph.street_tracks import StreetPart, Streets, tram_lanes
+from dojo_maps.sources.osm.read.data import OsmData
+from dojo_maps.sources.osm.read.track_tags import CYCLEWAY, RAIL, read_track
+from dojo_maps.sources.osm.read.way_tags import RoadTags
+
+_FAR = 300.0
+"""Metres beyond the roads' bounds up to which tracks are built."""
+_BORDER = 20.0
+"""Metres from a road's end within which a track that meets it is part of the junction there."""
+_SHARE = 0.5
+"""Of a road that a tram must run in so that it shares its lanes."""
+_TWIN = 6.5
+"""Metres between the two tracks of a line, at most."""
+_ALONG = 0.93
+"""Least cosine of the angle between a track and the road that it runs along."""
+
+
+def add_tracks(data: OsmData, graph: RoadGraph, path: Path | str) -> None:
+    """Find an extract's tracks and split the roads for them.
+
+    Trains are built where their track meets a road on the ground.
+
+    Raises:
+        SourceError: tracks lie on each other.
+    """
+    on_roads = graph.positions()
+    tags = {way: road for way, found in data.ways.items() if (road := read_track(found.tags)) is not None}
+    tags = {
+        way: road
+        for way, road in tags.items()
+        if way not in graph.ways
+        and (road.kind != RAIL or any(node in on_roads for node in data.ways[way].nodes))
+    }
+    runs, _ = known_runs(data, tags)
+    _project(data, graph, runs)
+    runs = _near_roads(graph, runs)
+    check_crowding(runs, tags, graph.places, path)
+    runs = _with_common_nodes(graph, runs, tags, path)
+    sections: dict[str, Section] = {}
+    for kind in sorted({road.kind for road in tags.values()}):
+        alone = replace(graph, sections={})
+        cut_sections(alone, [run for run in runs if tags[run[0]].kind == kind], tags)
+        while join_sections(alone):
+            pass
+        sections |= alone.sections
+    graph.tracks = replace(graph, sections=sections, ways=frozenset(way for way, _ in runs))
+    _orient_twins(graph, graph.tracks)
+    _share_streets(graph, graph.tracks)
+    _split_roads(graph, graph.tracks)
+
+
+def _project(data: OsmData, graph: RoadGraph, runs: Iterable[Run]) -> None:
+    """Lay the nodes that are no road's into the plane."""
+    new = sorted({node for _, run in runs for node in run} - graph.places.keys())
+    if not new:
+        return
+    lon, lat = (np.array([getattr(data.nodes[node], key) for node in new]) for key in ("lon", "lat"))
+    x, y = pyproj.Proj(graph.proj)(lon, lat)
+    for node, a, b in zip(new, x, y, strict=True):
+        graph.places[node] = (
+            round(float(a) + graph.offset[0], 3),
+            round(float(b) + graph.offset[1], 3),
+        )
+
+
+def neighbourhood(graph: RoadGraph) -> shapely.Polygon:
+    """Outline the box around the roads within which tracks are built."""
+    at = np.array([graph.places[node] for section in graph.sections.values() for node in section.nodes])
+    return shapely.box(*(at.min(axis=0) - _FAR), *(at.max(axis=0) + _FAR))
+
+
+def _near_roads(graph: RoadGraph, runs: Iterable[Run]) -> list[Run]:
+    """Cut tracks at the border of the roads' neighbourhood."""
+    box = neighbourhood(graph)
+    found: list[Run] = []
+    for way, nodes in runs:
+        inside = shapely.contains_xy(box, np.array([graph.places[node] for node in nodes]))
+        kept: list[int] = []
+        for index, node in enumerate(nodes):
+            if index and inside[index] != inside[index - 1]:
+                border = shapely.LineString([graph.places[n] for n in nodes[index - 1 : index + 1]])
+                x, y = border.intersection(box.exterior).coords[0]
+                kept.append(graph.add_node((round(x, 3), round(y, 3))))
+                found += [(way, tuple(kept))] if inside[index - 1] else []
+                kept = kept if inside[index] else []
+            kept += [node] if inside[index] else []
+        found.append((way, tuple(kept)))
+    return [run for run in found if len(run[1]) > 1]
+
+
+def _with_common_nodes(
+    graph: RoadGraph, runs: list[Run], tags: Mapping[int, RoadTags], path: Path | str
+) -> list[Run]:
+    """Give tracks a node in common with each other and with roads where they cross on the ground."""
+    names = sorted(graph.sections)
+    both = [(number, graph.sections[name].nodes) for number, name in enumerate(names)]
+    both += [(len(names) + number, nodes) for number, (_, nodes) in enumerate(runs)]
+    roads = {number: graph.sections[name].road for number, name in enumerate(names)}
+    # Tracks count as two-way here: one-way roads that cross each other are left alone.
+    roads |= {
+        len(names) + number: replace(tags[way], forward=tags[way].forward or tags[way].backward,
+                                     backward=tags[way].backward or tags[way].forward)
+        for number, (way, _) in enumerate(runs)
+    }  # fmt: skip
+    shared, _ = share_nodes(both, roads, graph.places, path)
+    for name, (_, nodes) in zip(names, shared, strict=False):
+        section = graph.sections[name]
+        if nodes != section.nodes:
+            old = iter(zip(section.nodes[1:], section.ways, strict=True))
+            ways = []
+            end, way = next(old)
+            for node in nodes[1:]:
+                ways.append(way)
+                if node == end:
+                    end, way = next(old, (end, way))
+            graph.sections[name] = replace(section, nodes=nodes, ways=tuple(ways))
+    return [(way, nodes) for (way, _), (_, nodes) in zip(runs, shared[len(names) :], strict=True)]
+
+
+def _orient_twins(graph: RoadGraph, tracks: RoadGraph) -> None:
+    """Make the two rails of a line one-way, as its traffic keeps to a side, where nothing is said."""
+    names = [name for name in sorted(tracks.sections) if tracks.sections[name].road.kind != CYCLEWAY]
+    lines = [shapely.LineString(tracks.line(tracks.sections[name])) for name in names]
+    tree = shapely.STRtree(lines)
+    for number, name in enumerate(names):
+        section = tracks.sections[name]
+        if section.road.oneway:
+            continue
+        side = _twin_side(lines, tree, number)
+        if side:
+            along_it = (side > 0) != graph.left_hand
+            driven = section if along_it else section.flipped()
+            tracks.sections[name] = replace(driven, road=replace(driven.road, backward=()))
+
+
+def _twin_side(lines: list[shapely.LineString], tree: shapely.STRtree, number: int) -> int:
+    """Tell on which side of a track another runs along most of it: 1 left, -1 right, 0 none."""
+    line = lines[number]
+    count = max(3, int(line.length / 10))
+    at = (np.arange(count) + 0.5) / count * line.length
+    ahead = shapely.get_coordinates(line.interpolate(np.minimum(at + 0.5, line.length)))
+    behind = shapely.get_coordinates(line.interpolate(np.maximum(at - 0.5, 0.0)))
+    way = (ahead - behind) / np.maximum(np.hypot(*(ahead - behind).T), 1e-9)[:, None]
+    sides = [0]
+    for place, heading in zip((ahead + behind) / 2, way, strict=True):
+        aside = np.array([-heading[1], heading[0]])
+        ray = {
+            side: shapely.LineString([place + side * aside, place + side * _TWIN * aside]) for side in (1, -1)
+        }
+        sides += [
+            side for side, reach in ray.items() if any(k != number for k in tree.query(reach, "intersects"))
+        ]
+    best = max((1, -1), key=sides.count)
+    return best if sides.count(best) * 2 > count and sides.count(-best) * 2 <= count else 0
+
+
+def _share_streets(graph: RoadGraph, tracks: RoadGraph) -> None:
+    """Split streets where a tram begins to run in them, and let it share their lanes."""
+    cuts: dict[str, list[float]] = defaultdict(list)
+    for _, track, part in _street_parts(graph, tracks):
+        line = shapely.LineString(graph.line(graph.sections[part.street]))
+        own = shapely.LineString(tracks.line(track))
+        cuts[part.street] += [line.project(own.interpolate(at)) for at in (part.start, part.end)]
+    for name, places in sorted(cuts.items()):
+        _split_at(graph, name, places)
+    covered: dict[tuple[str, bool, int], float] = defaultdict(float)
+    for _, track, part in _street_parts(graph, tracks):
+        street = graph.sections[part.street].road
+        for lane in tram_lanes(street, track.road, part, left_hand=graph.left_hand):
+            covered[part.street, *lane] += part.end - part.start
+    for (name, forward, number), metres in sorted(covered.items()):
+        section = graph.sections[name]
+        if metres >= _SHARE * graph.length(section):
+            graph.sections[name] = replace(section, road=_with_tram(section.road, number, forward=forward))
+
+
+def _street_parts(graph: RoadGraph, tracks: RoadGraph) -> list[tuple[str, Section, StreetPart]]:
+    streets = Streets(graph, graph.sections)
+    return [
+        (name, tracks.sections[name], part)
+        for name in sorted(tracks.sections)
+        for part in streets.parts(tracks.sections[name])
+    ]
+
+
+def _with_tram(road: RoadTags, number: int, *, forward: bool) -> RoadTags:
+    lanes = list(road.forward if forward else road.backward)
+    lanes[number] = replace(lanes[number], tram=True)
+    return replace(road, forward=tuple(lanes)) if forward else replace(road, backward=tuple(lanes))
+
+
+def _split_at(graph: RoadGraph, name: str, places: Iterable[float]) -> None:
+    """Split a road at places along it that are far from its ends and from each other."""
+    length = graph.length(graph.sections[name])
+    taken = [0.0, length]
+    rest, start = name, 0.0
+    for place in sorted(places):
+        if place - taken[-2] > _BORDER and length - place > _BORDER:
+            taken.insert(-1, place)
+            index = insert_node(graph, rest, place - start)
+            graph.split(rest, index)
+            rest, start = f"{rest}b", place
+
+
+def insert_node(graph: RoadGraph, name: str, place: float) -> int:
+    """Give a section a node some metres along it, and tell its index; one that is there is taken."""
+    section = graph.sections[name]
+    line = graph.line(section)
+    lengths = along(line)
+    nearest = int(np.argmin(np.abs(lengths - place)))
+    if abs(float(lengths[nearest]) - place) < 1.0:
+        return nearest
+    index = int(np.searchsorted(lengths, place))
+    x, y = (float(np.interp(place, lengths, values)) for values in line.T)
+    node = graph.add_node((round(x, 3), round(y, 3)))
+    nodes = (*section.nodes[:index], node, *section.nodes[index:])
+    ways = (*section.ways[:index], section.ways[index - 1], *section.ways[index:])
+    graph.sections[name] = replace(section, nodes=nodes, ways=ways)
+    return index
+
+
+def _split_roads(graph: RoadGraph, tracks: RoadGraph) -> None:
+    """Split roads where a track meets them, far from their ends."""
+    met: dict[str, list[float]] = defaultdict(list)
+    positions = graph.positions()
+    for name in sorted(tracks.sections):
+        track = tracks.sections[name]
+        for index, node in enumerate(track.nodes):
+            for street, place in positions.get(node, ()):
+                section = graph.sections[street]
+                if 0 < place < len(section.nodes) - 1 and leaves(tracks, track, index, section, place):
+                    met[street].append(float(along(graph.line(section))[place]))
+    for street, places in sorted(met.items()):
+        _split_at(graph, street, places)
+
+
+def leaves(graph: RoadGraph, track: Section, index: int, street: Section, place: int) -> bool:
+    """Tell whether a track leaves a road at a node of both to a side, and does not run along it."""
+    roads = _headings(graph, street, place)
+    return any(all(a @ b < _ALONG for b in roads) for a in _headings(graph, track, index))
+
+
+def _headings(graph: RoadGraph, section: Section, index: int) -> list[Floats]:
+    """Give the unit vectors from a node of a section to those beside it."""
+    line = graph.line(section)
+    ways = [line[other] - line[index] for other in (index - 1, index + 1) if 0 <= other < len(line)]
+    return [way / max(float(np.hypot(*way)), 1e-9) for way in ways]
