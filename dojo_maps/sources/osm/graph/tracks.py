@@ -23,7 +23,7 @@ from dojo_maps.sources.osm.read.data import OsmData
 from dojo_maps.sources.osm.read.track_tags import CYCLEWAY, RAIL, read_track
 from dojo_maps.sources.osm.read.way_tags import RoadTags
 
-_FAR = 300.0
+_FAR = 100.0
 """Metres beyond the roads' bounds up to which tracks are built."""
 _BORDER = 20.0
 """Metres from a road's end within which a track that meets it is part of the junction there."""

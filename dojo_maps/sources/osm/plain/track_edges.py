@@ -11,6 +11,7 @@ from dojo_maps.sources.osm.graph.heights import compute_heights
 from dojo_maps.sources.osm.graph.road_graph import Section
 from dojo_maps.sources.osm.layout.arms import Layout, trim
 from dojo_maps.sources.osm.layout.track_layout import Edge, TrackLayout
+from dojo_maps.sources.osm.plain.rail_crossings import crossing_line, rail_crossings
 from dojo_maps.sources.osm.read.lane_tags import LaneUse
 from dojo_maps.sources.osm.read.track_tags import CYCLEWAY, RAIL, TRAM
 
@@ -71,9 +72,8 @@ class TrackEdges:
             graph = self._tracks.graph
             heights = [[self._heights.get(node, 0.0)] for node in section.nodes]
             line = trim(np.hstack([graph.line(section), heights]), *self._tracks.built[name])
-            for forward, lanes in ((True, section.road.forward), (False, section.road.backward)):
-                if lanes:
-                    yield from self._edge(section, line if forward else line[::-1], forward=forward)
+            for forward in _directions(section):
+                yield from self._edge(section, line if forward else line[::-1], forward=forward)
 
     def _edge(self, section: Section, line: Floats, *, forward: bool) -> Iterator[str]:
         road = section.road
@@ -91,19 +91,27 @@ class TrackEdges:
         )
 
     def connections(self, walks: Mapping[str, tuple[float, float]]) -> Iterator[str]:
-        """Write the ways across junctions.
+        """Write the ways across junctions, and where people walk over rails.
 
         Args:
             walks: widths of the sidewalks on the left and the right of each road, metres.
         """
+        signals = self._layout.junctions.controllers
+        for junction, tracks in rail_crossings(self._layout, self._tracks, walks):
+            found = [
+                _name(name, forward=forward)
+                for name, _ in tracks
+                for forward in _directions(self.sections[name])
+            ]
+            yield crossing_line(junction, found, signalised=junction in signals)
         seen = set()
         for link in self._tracks.links:
             seen.add((link.source.section, link.source.forward))
             (source, lane), (target, onto) = (self._place(edge, walks) for edge in (link.source, link.target))
             yield f'<connection from="{source}" to="{target}" fromLane="{lane}" toLane="{onto}"/>'
         for name, section in self.sections.items():
-            for forward, lanes in ((True, section.road.forward), (False, section.road.backward)):
-                if lanes and (name, forward) not in seen:
+            for forward in _directions(section):
+                if (name, forward) not in seen:
                     yield f'<connection from="{_name(name, forward=forward)}"/>'
 
     def _place(self, edge: Edge, walks: Mapping[str, tuple[float, float]]) -> tuple[str, int]:
@@ -113,6 +121,13 @@ class TrackEdges:
             return name, 0
         left, right = walks[edge.section]
         return name, edge.lane + bool(right if edge.forward != self._layout.graph.left_hand else left)
+
+
+def _directions(section: Section) -> Iterator[bool]:
+    """List the directions that a track is driven in."""
+    for forward, lanes in ((True, section.road.forward), (False, section.road.backward)):
+        if lanes:
+            yield forward
 
 
 def _name(section: str, *, forward: bool) -> str:
