@@ -19,8 +19,8 @@ from dojo_maps.sources.osm.read.way_tags import RoadTags
 
 _STEP = 4.0
 """Metres from one place on a track that is looked at to the next."""
-_BORDER = 0.3
-"""Metres that a track may lie outside of the carriageway that it runs in."""
+_BORDER = 1.2
+"""Metres that a track's middle may lie outside of the carriageway that it runs in: half of a tram."""
 _PARALLEL = 0.92
 """Least cosine of the angle between them."""
 _GAP = 16.0

@@ -25,12 +25,18 @@ from dojo_maps.sources.osm.read.way_tags import RoadTags
 
 _FAR = 100.0
 """Metres beyond the roads' bounds up to which tracks are built."""
-_BORDER = 20.0
+_BORDER = 25.0
 """Metres from a road's end within which a track that meets it is part of the junction there."""
 _SHARE = 0.5
 """Of a road that a tram must run in so that it shares its lanes."""
 _TWIN = 6.5
 """Metres between the two tracks of a line, at most."""
+_CROSSING = 15.0
+"""Metres between a track and people who cross the same road, within which they cross at one junction."""
+_ON_ROAD = 0.6
+"""Metres between a node of a track and the line of the road that it lies on."""
+_AHEAD, _SAME = 5.0, 0.1
+"""Metres over which the heading of a track or road is taken, and below which there is none."""
 _ALONG = 0.93
 """Least cosine of the angle between a track and the road that it runs along."""
 
@@ -66,7 +72,7 @@ def add_tracks(data: OsmData, graph: RoadGraph, path: Path | str) -> None:
     graph.tracks = replace(graph, sections=sections, ways=frozenset(way for way, _ in runs))
     _orient_twins(graph, graph.tracks)
     _share_streets(graph, graph.tracks)
-    _split_roads(graph, graph.tracks)
+    _split_roads(data, graph, graph.tracks)
 
 
 def _project(data: OsmData, graph: RoadGraph, runs: Iterable[Run]) -> None:
@@ -111,7 +117,7 @@ def _near_roads(graph: RoadGraph, runs: Iterable[Run]) -> list[Run]:
 def _with_common_nodes(
     graph: RoadGraph, runs: list[Run], tags: Mapping[int, RoadTags], path: Path | str
 ) -> list[Run]:
-    """Give tracks a node in common with each other and with roads where they cross on the ground."""
+    """Give tracks a node where they cross each other or a road on the ground; roads keep their own."""
     names = sorted(graph.sections)
     both = [(number, graph.sections[name].nodes) for number, name in enumerate(names)]
     both += [(len(names) + number, nodes) for number, (_, nodes) in enumerate(runs)]
@@ -123,17 +129,6 @@ def _with_common_nodes(
         for number, (way, _) in enumerate(runs)
     }  # fmt: skip
     shared, _ = share_nodes(both, roads, graph.places, path)
-    for name, (_, nodes) in zip(names, shared, strict=False):
-        section = graph.sections[name]
-        if nodes != section.nodes:
-            old = iter(zip(section.nodes[1:], section.ways, strict=True))
-            ways = []
-            end, way = next(old)
-            for node in nodes[1:]:
-                ways.append(way)
-                if node == end:
-                    end, way = next(old, (end, way))
-            graph.sections[name] = replace(section, nodes=nodes, ways=tuple(ways))
     return [(way, nodes) for (way, _), (_, nodes) in zip(runs, shared[len(names) :], strict=True)]
 
 
@@ -239,29 +234,62 @@ def insert_node(graph: RoadGraph, name: str, place: float) -> int:
     return index
 
 
-def _split_roads(graph: RoadGraph, tracks: RoadGraph) -> None:
-    """Split roads where a track meets them, far from their ends."""
+def _split_roads(data: OsmData, graph: RoadGraph, tracks: RoadGraph) -> None:
+    """Split roads where a track meets them, far from their ends and from where people cross."""
     met: dict[str, list[float]] = defaultdict(list)
-    positions = graph.positions()
+    roads = Roads(graph)
     for name in sorted(tracks.sections):
         track = tracks.sections[name]
-        for index, node in enumerate(track.nodes):
-            for street, place in positions.get(node, ()):
-                section = graph.sections[street]
-                if 0 < place < len(section.nodes) - 1 and leaves(tracks, track, index, section, place):
-                    met[street].append(float(along(graph.line(section))[place]))
+        for index in range(len(track.nodes)):
+            for street, place in roads.met_by(track, index):
+                if not _is_near_crossing(data, graph, street, place):
+                    met[street].append(place)
     for street, places in sorted(met.items()):
         _split_at(graph, street, places)
 
 
-def leaves(graph: RoadGraph, track: Section, index: int, street: Section, place: int) -> bool:
-    """Tell whether a track leaves a road at a node of both to a side, and does not run along it."""
-    roads = _headings(graph, street, place)
-    return any(all(a @ b < _ALONG for b in roads) for a in _headings(graph, track, index))
+def _is_near_crossing(data: OsmData, graph: RoadGraph, name: str, place: float) -> bool:
+    """Tell whether people cross a road near a place: there is a junction there then, or one reaches there."""
+    section = graph.sections[name]
+    at = along(graph.line(section))
+    near = (n for n, metres in zip(section.nodes, at, strict=True) if abs(metres - place) < _CROSSING)
+    tags = [data.nodes[node].tags for node in near if node in data.nodes]
+    return any(found.get("highway") == "crossing" or "crossing" in found for found in tags)
 
 
-def _headings(graph: RoadGraph, section: Section, index: int) -> list[Floats]:
-    """Give the unit vectors from a node of a section to those beside it."""
-    line = graph.line(section)
-    ways = [line[other] - line[index] for other in (index - 1, index + 1) if 0 <= other < len(line)]
-    return [way / max(float(np.hypot(*way)), 1e-9) for way in ways]
+class Roads:
+    """Finds the roads that tracks meet."""
+
+    def __init__(self, graph: RoadGraph) -> None:
+        self._graph = graph
+        self._names = sorted(graph.sections)
+        self._lines = [shapely.LineString(graph.line(graph.sections[name])) for name in self._names]
+        self._tree = shapely.STRtree(self._lines)
+
+    def met_by(self, track: Section, index: int) -> list[tuple[str, float]]:
+        """List the roads that a track meets at a node and leaves to a side; and the metres along each."""
+        node = track.nodes[index]
+        point = shapely.Point(self._graph.places[node])
+        found = []
+        for number in sorted(self._tree.query(point, "dwithin", distance=_ON_ROAD)):
+            section = self._graph.sections[self._names[number]]
+            if node not in section.nodes and section.road.layer != track.road.layer:
+                continue
+            place = float(self._lines[number].project(point))
+            if self._leaves(track, index, number, place):
+                found.append((section.id, place))
+        return found
+
+    def _leaves(self, track: Section, index: int, number: int, place: float) -> bool:
+        path = shapely.LineString(self._graph.line(track))
+        at = float(along(self._graph.line(track))[index])
+        roads = _headings(self._lines[number], place)
+        return any(all(float(a @ b) < _ALONG for b in roads) for a in _headings(path, at))
+
+
+def _headings(line: shapely.LineString, place: float) -> list[Floats]:
+    """Give the unit vectors from a place on a line to where it comes from and goes."""
+    here = shapely.get_coordinates(line.interpolate(place))[0]
+    others = [max(place - _AHEAD, 0.0), min(place + _AHEAD, line.length)]
+    ways = [shapely.get_coordinates(line.interpolate(other))[0] - here for other in others]
+    return [way / float(np.hypot(*way)) for way in ways if float(np.hypot(*way)) > _SAME]

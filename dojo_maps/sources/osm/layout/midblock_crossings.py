@@ -57,6 +57,10 @@ def split_between(graph: RoadGraph, junctions: Junctions, crossings: list[Mapped
     for crossing in crossings:
         by_section[crossing.section].append(crossing)
     degree = {vertex: len(at) for vertex, at in graph.ends().items()}
+    if graph.tracks is not None:  # Where a track crosses, it is a junction as where a road does.
+        degree |= {
+            node: 3 for s in graph.tracks.sections.values() for node in s.nodes if degree.get(node) == 2
+        }
     changed = False
     for name, found in sorted(by_section.items()):
         section = graph.sections[name]

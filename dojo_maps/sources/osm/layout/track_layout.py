@@ -4,6 +4,7 @@ A track ends in the junction of a road that it meets, or at a node of its own. W
 vanishes, and is what its links follow. Where a tram runs in a street, the street's lane is taken instead.
 """
 
+import itertools
 import math
 from collections import Counter, defaultdict
 from collections.abc import Iterator
@@ -16,23 +17,25 @@ import shapely.ops
 from dojo_maps.geometry.polylines import Floats, along
 from dojo_maps.sources.osm.graph.road_graph import RoadGraph, Section
 from dojo_maps.sources.osm.graph.street_tracks import StreetPart, Streets, tram_lanes
-from dojo_maps.sources.osm.graph.tracks import insert_node, leaves
+from dojo_maps.sources.osm.graph.tracks import Roads, insert_node
 from dojo_maps.sources.osm.junctions.grouping import Groups
 from dojo_maps.sources.osm.layout.arms import Arm, Layout
 from dojo_maps.sources.osm.read.data import OsmData
 from dojo_maps.sources.osm.read.lane_tags import LaneUse
 from dojo_maps.sources.osm.read.track_tags import CYCLEWAY, is_crossing_track
 
-_SHORTEST = 6.0
-"""Metres up to which a track between two nodes of its own, or beside a junction, vanishes."""
+_SHORTEST, _SHORTEST_RAILS = 5.0, 20.0
+"""Metres up to which a track between two nodes of its own, or beside a junction, vanishes; rails have switches."""
+_PAVEMENT = 3.0
+"""Metres beside a carriageway that are a junction's, too."""
 _LONGEST = 60.0
 """Metres of a track that may vanish inside a junction."""
 _WIDEST = 40.0
 """Metres across the nodes of tracks that are one."""
 _BESIDE = 1.0
 """Metres kept between the end of a track and a carriageway."""
-_AROUND = 15.0
-"""Metres of the roads at a junction that tracks are kept off."""
+_CORNER = 6.0
+"""Metres of a road that are its junction's where nothing draws it back."""
 _ROOM = 6.0
 """Metres of a road that are left when it is drawn back for a track."""
 
@@ -94,10 +97,10 @@ def lay_out_tracks(data: OsmData, layout: Layout) -> TrackLayout | None:
     tracks = TrackLayout(graph=layout.graph.tracks)
     meetings: dict[int, _Meeting] = {}
     streets = _cut_at_roads(layout, tracks, meetings)
-    _group(tracks, meetings, streets)
+    grounds = _Grounds(layout)
+    _group(grounds, tracks, meetings, streets)
     _split_loops(tracks, streets)
     _add_signals(layout, meetings)
-    grounds = _Grounds(layout)
     for name, section in sorted(tracks.graph.sections.items()):
         if name not in streets and tracks.nodes[section.start] != tracks.nodes[section.end]:
             tracks.built[name] = _cuts(grounds, tracks, section)
@@ -135,7 +138,7 @@ def _cut_at_roads(
     graph = tracks.graph
     roads = {name: s for name, s in layout.graph.sections.items() if name not in layout.inner}
     finder = Streets(layout.graph, roads)
-    positions = layout.graph.positions()
+    meets = Roads(layout.graph)
     uses = Counter(node for section in graph.sections.values() for node in section.nodes)
     streets: dict[str, StreetPart] = {}
     for name in sorted(graph.sections):
@@ -152,7 +155,7 @@ def _cut_at_roads(
         ]
         for index in outside:
             node = section.nodes[index]
-            meeting = _meeting(layout, graph, section, index, positions.get(node, []))
+            meeting = _meeting(layout, meets, section, index)
             found |= {node: meeting} if meeting is not None else {}
         cuts = [*found, *(section.nodes[index] for index in outside if uses[section.nodes[index]] > 1)]
         meetings |= found
@@ -186,28 +189,27 @@ def _part_end(
     return node, _Meeting(junction=layout.junctions.of[street.start if before else street.end])
 
 
-def _meeting(
-    layout: Layout, graph: RoadGraph, track: Section, index: int, positions: list[tuple[str, int]]
-) -> _Meeting | None:
+def _meeting(layout: Layout, roads: Roads, track: Section, index: int) -> _Meeting | None:
     """Find the junction of a road that a track meets at a node; the road is drawn back to there."""
     node = track.nodes[index]
     if node in layout.junctions.of:
-        arms = [
-            (name, place > 0)
-            for name, place in positions
+        at_ends = [
+            [
+                (name, at_end)
+                for at_end, vertex in ((False, section.start), (True, section.end))
+                if vertex == node
+            ]
+            for name, section in sorted(layout.graph.sections.items())
             if name not in layout.inner
-            and node in (layout.graph.sections[name].nodes[0], layout.graph.sections[name].nodes[-1])
         ]
-        return _Meeting(junction=layout.junctions.of[node], arms=tuple(arms))
-    for name, place in positions:
+        return _Meeting(junction=layout.junctions.of[node], arms=tuple(itertools.chain(*at_ends)))
+    for name, place in roads.met_by(track, index):
         section = layout.graph.sections[name]
-        if not leaves(graph, track, index, section, place):
-            continue
         if name in layout.inner:
             return _Meeting(junction=layout.junctions.of[section.start])
-        at = along(layout.graph.line(section))
-        arm = (name, bool(at[place] * 2 > at[-1]))
-        metres = float(at[-1] - at[place] if arm[1] else at[place]) + track.road.drives / 2 + _BESIDE
+        rest = layout.graph.length(section) - place
+        arm = (name, rest < place)
+        metres = min(place, rest) + track.road.drives / 2 + _BESIDE
         layout.cuts[arm] = max(layout.cuts.get(arm, 0.0), min(metres, layout.room(arm, left=_ROOM)))
         return _Meeting(junction=layout.junction(arm), arms=(arm,))
     return None
@@ -251,18 +253,30 @@ def _split(graph: RoadGraph, name: str, cuts: list[int]) -> dict[str, float]:
     return {**pieces, rest: (low + float(at[-1])) / 2}
 
 
-def _group(tracks: TrackLayout, meetings: dict[int, _Meeting], streets: dict[str, StreetPart]) -> None:
-    """Name the junction or the own node of each vertex; near ones are one."""
+def _group(
+    grounds: "_Grounds", tracks: TrackLayout, meetings: dict[int, _Meeting], streets: dict[str, StreetPart]
+) -> None:
+    """Name the junction or the own node of each vertex; those with next to no track between them are one."""
     graph = tracks.graph
     ends = {node for section in graph.sections.values() for node in (section.start, section.end)}
     groups = Groups({node: graph.places[node] for node in sorted(ends)}, _WIDEST)
     of = {node: meetings[node].junction for node in sorted(ends) if node in meetings}
-    lengths = {name: graph.length(section) for name, section in graph.sections.items() if name not in streets}
-    for name in sorted(lengths, key=lambda name: (lengths[name], name)):
+    left = {}
+    for name, section in graph.sections.items():
+        if name not in streets:
+            near = [
+                grounds.of(of[v], section.road.layer, _PAVEMENT)
+                for v in (section.start, section.end)
+                if v in of
+            ]
+            line = shapely.LineString(graph.line(section))
+            left[name] = float(line.difference(shapely.union_all(near)).length) if near else line.length
+    for name in sorted(left, key=lambda name: (left[name], name)):
         section = graph.sections[name]
         pair = [groups.find(section.start), groups.find(section.end)]
         known = [of[node] for node in pair if node in of]
-        if lengths[name] > _SHORTEST or (len(known) == 2 and known[0] != known[1]):
+        shortest = _SHORTEST if section.road.kind == CYCLEWAY else _SHORTEST_RAILS
+        if left[name] > shortest or (len(known) == 2 and known[0] != known[1]):
             continue
         if groups.join(*pair) and known:
             of[groups.find(section.start)] = known[0]
@@ -290,7 +304,7 @@ def _cuts(grounds: "_Grounds", tracks: TrackLayout, section: Section) -> tuple[f
     found = []
     for ahead, vertex in ((line, section.start), (line[::-1], section.end)):
         path = shapely.LineString(ahead)
-        outside = path.difference(grounds.of(tracks.nodes[vertex], section.road.layer))
+        outside = path.difference(grounds.of(tracks.nodes[vertex], section.road.layer, _BESIDE))
         pieces = [piece for piece in shapely.get_parts(outside) if piece.length > _BESIDE]
         first = min((path.project(shapely.Point(piece.coords[0])) for piece in pieces), default=0.0)
         found.append(min(first, room))
@@ -302,35 +316,35 @@ class _Grounds:
 
     def __init__(self, layout: Layout) -> None:
         self._layout = layout
-        self._known: dict[tuple[int, int], shapely.Geometry] = {}
+        self._known: dict[tuple[int, int, float], shapely.Geometry] = {}
         self._at: dict[int, set[str]] = defaultdict(set)
         for name, section in layout.graph.sections.items():
             for vertex in (section.start, section.end):
                 self._at[layout.junctions.of[vertex]].add(name)
 
-    def of(self, junction: int, layer: int) -> shapely.Geometry:
-        """Outline the roads of a level at a junction."""
-        key = (junction, layer)
+    def of(self, junction: int, layer: int, beside: float) -> shapely.Geometry:
+        """Outline the ground between the roads of a level at a junction, and some metres beside it."""
+        key = (junction, layer, beside)
         if key not in self._known:
             names = sorted(self._at.get(junction, ()))
             near = [
-                self._near(name, junction)
+                self._near(name, junction, beside)
                 for name in names
                 if self._layout.graph.sections[name].road.layer == layer
             ]
-            self._known[key] = shapely.union_all(near)
+            self._known[key] = shapely.convex_hull(shapely.union_all(near))
         return self._known[key]
 
-    def _near(self, name: str, junction: int) -> shapely.Geometry:
-        """Outline a road as far as it is near its junction."""
+    def _near(self, name: str, junction: int, beside: float) -> shapely.Geometry:
+        """Outline a road as far as it is part of its junction."""
         layout = self._layout
         section = layout.graph.sections[name]
         line = shapely.LineString(layout.graph.line(section))
         ends = [layout.junctions.of[vertex] == junction for vertex in (section.start, section.end)]
-        if not all(ends):
+        if name not in layout.inner:
             ahead = line if ends[0] else line.reverse()
-            line = shapely.ops.substring(ahead, 0.0, layout.cuts.get((name, ends[1]), 0.0) + _AROUND)
-        return line.buffer(layout.half(name) + _BESIDE, cap_style="square")
+            line = shapely.ops.substring(ahead, 0.0, max(layout.cuts.get((name, not ends[0]), 0.0), _CORNER))
+        return line.buffer(layout.half(name) + beside, cap_style="flat")
 
 
 class _Links:
