@@ -8,8 +8,11 @@ import re
 from dataclasses import dataclass
 from pathlib import Path
 
+import shapely
+
 from dojo_maps.description import RoadMap
 from dojo_maps.errors import SourceError
+from dojo_maps.geometry.polylines import Floats
 from dojo_maps.index import MapIndex
 from dojo_maps.issue import Element, Issue, Severity
 from dojo_maps.sources.netconvert import NetconvertError, run_netconvert, warning_issue
@@ -18,9 +21,11 @@ from dojo_maps.sources.osm.graph.tracks import add_tracks
 from dojo_maps.sources.osm.junctions.overlap_merging import lying_on_neighbours
 from dojo_maps.sources.osm.layout.arms import Layout
 from dojo_maps.sources.osm.layout.stages import lay_out
+from dojo_maps.sources.osm.layout.track_layout import settle_tracks
 from dojo_maps.sources.osm.plain.junction_outlines import mend_outlines
 from dojo_maps.sources.osm.plain.movements import Restriction, read_restrictions
 from dojo_maps.sources.osm.plain.plain_xml import CONNECTIONS, EDGES, NODES, Plain, write_plain
+from dojo_maps.sources.osm.plain.track_edges import clear_rails
 from dojo_maps.sources.osm.read.data import OsmData
 from dojo_maps.sources.signal_programs import program_signals
 from dojo_maps.sources.sumo_net import read_network
@@ -98,6 +103,14 @@ def build_network(data: OsmData, *, path: Path, name: str, sha256: str) -> OsmNe
         joined += pairs
         moved = moves | moved
         paved |= unpaved
+    if layout.tracks is not None:
+        outlines = _outlines(road_map, plain)
+        settle_tracks(data, layout, layout.tracks, _grounds(outlines))
+        with scratch_folder() as folder:
+            plain = write_plain(data, layout, restrictions, folder, paved, outlines)
+            built, warnings, dropped = _convert(folder, path, left_hand=layout.graph.left_hand)
+        built = clear_rails(built)
+        road_map, _ = read_network(built, path=path, name=name, sha256=sha256)
     built = mend_outlines(program_signals(built, road_map))
     road_map, issues = read_network(built, path=path, name=name, sha256=sha256)
     issues += tuple(_dropped_issue(option, reason, road_map) for option, reason in dropped)
@@ -116,6 +129,20 @@ def build_network(data: OsmData, *, path: Path, name: str, sha256: str) -> OsmNe
         issues=issues,
         warnings=warnings,
     )
+
+
+def _outlines(road_map: RoadMap, plain: Plain) -> dict[int, Floats]:
+    """List the junctions' outlines, (n, 3), by their lowest vertex."""
+    nodes = {name: node for node, name in plain.nodes.items()}
+    return {
+        nodes[junction.id]: junction.polygon
+        for junction in road_map.junctions
+        if junction.id in nodes and len(junction.polygon) > 2
+    }
+
+
+def _grounds(outlines: dict[int, Floats]) -> dict[int, shapely.Geometry]:
+    return {node: shapely.make_valid(shapely.Polygon(outline[:, :2])) for node, outline in outlines.items()}
 
 
 def _convert(

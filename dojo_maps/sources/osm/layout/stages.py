@@ -20,7 +20,7 @@ from dojo_maps.sources.osm.layout.midblock_crossings import (
     signal_between,
     split_between,
 )
-from dojo_maps.sources.osm.layout.track_layout import lay_out_tracks
+from dojo_maps.sources.osm.layout.track_layout import meet_roads
 from dojo_maps.sources.osm.read.data import OsmData
 
 
@@ -60,7 +60,7 @@ def lay_out(
     host_crossings(layout)
     if reach_in(layout):
         host_crossings(layout)
-    layout.tracks = lay_out_tracks(data, layout)
+    layout.tracks = meet_roads(layout)
     align_carriageways(layout)
     part_roads(layout)
     space_carriageways(layout)

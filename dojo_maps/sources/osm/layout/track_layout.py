@@ -1,18 +1,18 @@
-"""Where tracks are built: cut at the junctions that they pass, drawn back to the border of the roads there.
+"""Where tracks are built: cut at the junctions that they pass, drawn back to the border of those.
 
 A track ends in the junction of a road that it meets, or at a node of its own. What lies inside a junction
 vanishes, and is what its links follow. Where a tram runs in a street, the street's lane is taken instead.
+Tracks are settled when the roads' junctions have their outlines, so that they do not change those.
 """
 
 import itertools
 import math
-from collections import Counter, defaultdict
-from collections.abc import Iterator
+from collections import Counter
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
 import shapely
-import shapely.ops
 
 from dojo_maps.geometry.polylines import Floats, along
 from dojo_maps.sources.osm.graph.road_graph import RoadGraph, Section
@@ -25,17 +25,15 @@ from dojo_maps.sources.osm.read.lane_tags import LaneUse
 from dojo_maps.sources.osm.read.track_tags import CYCLEWAY, is_crossing_track
 
 _SHORTEST, _SHORTEST_RAILS = 5.0, 20.0
-"""Metres up to which a track between two nodes of its own, or beside a junction, vanishes; rails have switches."""
-_PAVEMENT = 3.0
-"""Metres beside a carriageway that are a junction's, too."""
+"""Metres up to which a track between two nodes vanishes: of bicycles, and of rails, with their switches."""
+_PAVEMENT = 2.0
+"""Metres around a junction that leave no room for a track."""
 _LONGEST = 60.0
 """Metres of a track that may vanish inside a junction."""
 _WIDEST = 40.0
 """Metres across the nodes of tracks that are one."""
 _BESIDE = 1.0
 """Metres kept between the end of a track and a carriageway."""
-_CORNER = 6.0
-"""Metres of a road that are its junction's where nothing draws it back."""
 _ROOM = 6.0
 """Metres of a road that are left when it is drawn back for a track."""
 
@@ -45,6 +43,10 @@ _NO_BICYCLES = ("motorway", "motorway_link")
 
 _SHARP = 0.3
 """Cosine of the sharpest turn of rails at a node."""
+
+
+Outlines = Mapping[int, shapely.Geometry]
+"""The ground of the roads' junctions."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,12 +73,22 @@ class TrackLink:
     target: Edge
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Meeting:
+    """Where a track meets a road: the junction, and the arms that begin there."""
+
+    junction: int
+    arms: tuple[Arm, ...] = ()
+
+
 @dataclass(slots=True, kw_only=True)
 class TrackLayout:
     """What is to be built of tracks.
 
     Attributes:
         graph: the tracks, cut at their nodes.
+        meetings: where they meet roads, by node.
+        streets: the street that sections run in.
         nodes: the junction or the own node of each vertex.
         own: the nodes that are no road's junction, and their places.
         built: the sections that are edges of their own, and the metres they are drawn back at both ends.
@@ -84,63 +96,54 @@ class TrackLayout:
     """
 
     graph: RoadGraph
+    meetings: dict[int, Meeting] = field(default_factory=dict)
+    streets: dict[str, StreetPart] = field(default_factory=dict)
     nodes: dict[int, int] = field(default_factory=dict)
     own: dict[int, tuple[float, float]] = field(default_factory=dict)
     built: dict[str, tuple[float, float]] = field(default_factory=dict)
     links: list[TrackLink] = field(default_factory=list)
 
 
-def lay_out_tracks(data: OsmData, layout: Layout) -> TrackLayout | None:
-    """Lay out the tracks of a graph; the roads that they cross are drawn back for them."""
+def meet_roads(layout: Layout) -> TrackLayout | None:
+    """Find where the tracks of a graph meet its roads; the roads are drawn back for them."""
     if layout.graph.tracks is None or not layout.graph.tracks.sections:
         return None
     tracks = TrackLayout(graph=layout.graph.tracks)
-    meetings: dict[int, _Meeting] = {}
-    streets = _cut_at_roads(layout, tracks, meetings)
-    grounds = _Grounds(layout)
-    _group(grounds, tracks, meetings, streets)
-    _split_loops(tracks, streets)
-    _add_signals(layout, meetings)
+    _cut_at_roads(layout, tracks)
+    _add_signals(layout, tracks.meetings)
+    return tracks
+
+
+def settle_tracks(data: OsmData, layout: Layout, tracks: TrackLayout, outlines: Outlines) -> None:
+    """Decide what of the tracks is built, and how they lead across junctions.
+
+    Args:
+        data: the extract.
+        layout: of the roads.
+        tracks: as they meet the roads; completed here.
+        outlines: of the roads' junctions.
+    """
+    _group(tracks, outlines)
+    _split_loops(tracks)
     for name, section in sorted(tracks.graph.sections.items()):
-        if name not in streets and tracks.nodes[section.start] != tracks.nodes[section.end]:
-            tracks.built[name] = _cuts(grounds, tracks, section)
+        if name not in tracks.streets and tracks.nodes[section.start] != tracks.nodes[section.end]:
+            tracks.built[name] = _cuts(outlines, tracks, section)
     tracks.own = {
         node: tracks.graph.places[node]
         for section in (tracks.graph.sections[name] for name in sorted(tracks.built))
         for node in (tracks.nodes[section.start], tracks.nodes[section.end])
         if node not in layout.junctions.of
     }
-    tracks.links = _Links(layout, tracks, streets, _joined(data, tracks, meetings)).all()
-    return tracks
+    tracks.links = _Links(layout, tracks, _joined(data, tracks)).all()
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Meeting:
-    """Where a track meets a road: the junction, and the arms that begin there."""
-
-    junction: int
-    arms: tuple[Arm, ...] = ()
-
-
-def _cut_at_roads(
-    layout: Layout, tracks: TrackLayout, meetings: dict[int, _Meeting]
-) -> dict[str, StreetPart]:
-    """Cut tracks where they meet roads and each other, and where they begin to run in a street.
-
-    Args:
-        layout: of the roads.
-        tracks: to be cut.
-        meetings: where they meet roads, by node; filled here.
-
-    Returns:
-        The street that sections run in.
-    """
+def _cut_at_roads(layout: Layout, tracks: TrackLayout) -> None:
+    """Cut tracks where they meet roads and each other, and where they begin to run in a street."""
     graph = tracks.graph
     roads = {name: s for name, s in layout.graph.sections.items() if name not in layout.inner}
     finder = Streets(layout.graph, roads)
     meets = Roads(layout.graph)
     uses = Counter(node for section in graph.sections.values() for node in section.nodes)
-    streets: dict[str, StreetPart] = {}
     for name in sorted(graph.sections):
         parts = [p for p in finder.parts(graph.sections[name]) if _shares(layout, graph.sections[name], p)]
         found = dict(
@@ -158,12 +161,11 @@ def _cut_at_roads(
             meeting = _meeting(layout, meets, section, index)
             found |= {node: meeting} if meeting is not None else {}
         cuts = [*found, *(section.nodes[index] for index in outside if uses[section.nodes[index]] > 1)]
-        meetings |= found
+        tracks.meetings |= found
         for piece, middle in _split(graph, name, cuts).items():
             for part in parts:
                 if part.start < middle < part.end:
-                    streets[piece] = part
-    return streets
+                    tracks.streets[piece] = part
 
 
 def _shares(layout: Layout, track: Section, part: StreetPart) -> bool:
@@ -179,17 +181,17 @@ def _part_end(
     name: str,
     part: StreetPart,
     at_end: bool,
-) -> tuple[int, _Meeting]:
+) -> tuple[int, Meeting]:
     """Give a track a node where it leaves a street; and the junction there."""
     place = part.end if at_end else part.start
     node = graph.sections[name].nodes[insert_node(graph, name, place)]
     street = layout.graph.sections[part.street]
     line = shapely.LineString(layout.graph.line(street))
     before = line.project(shapely.Point(graph.places[node])) < line.length / 2
-    return node, _Meeting(junction=layout.junctions.of[street.start if before else street.end])
+    return node, Meeting(junction=layout.junctions.of[street.start if before else street.end])
 
 
-def _meeting(layout: Layout, roads: Roads, track: Section, index: int) -> _Meeting | None:
+def _meeting(layout: Layout, roads: Roads, track: Section, index: int) -> Meeting | None:
     """Find the junction of a road that a track meets at a node; the road is drawn back to there."""
     node = track.nodes[index]
     if node in layout.junctions.of:
@@ -202,20 +204,20 @@ def _meeting(layout: Layout, roads: Roads, track: Section, index: int) -> _Meeti
             for name, section in sorted(layout.graph.sections.items())
             if name not in layout.inner
         ]
-        return _Meeting(junction=layout.junctions.of[node], arms=tuple(itertools.chain(*at_ends)))
+        return Meeting(junction=layout.junctions.of[node], arms=tuple(itertools.chain(*at_ends)))
     for name, place in roads.met_by(track, index):
         section = layout.graph.sections[name]
         if name in layout.inner:
-            return _Meeting(junction=layout.junctions.of[section.start])
+            return Meeting(junction=layout.junctions.of[section.start])
         rest = layout.graph.length(section) - place
         arm = (name, rest < place)
         metres = min(place, rest) + track.road.drives / 2 + _BESIDE
         layout.cuts[arm] = max(layout.cuts.get(arm, 0.0), min(metres, layout.room(arm, left=_ROOM)))
-        return _Meeting(junction=layout.junction(arm), arms=(arm,))
+        return Meeting(junction=layout.junction(arm), arms=(arm,))
     return None
 
 
-def _add_signals(layout: Layout, meetings: dict[int, _Meeting]) -> None:
+def _add_signals(layout: Layout, meetings: dict[int, Meeting]) -> None:
     """Give the signals of no junction to the places near them where tracks cross roads."""
     junctions, places = layout.junctions, layout.graph.places
     for node, meeting in sorted(meetings.items()):
@@ -224,19 +226,19 @@ def _add_signals(layout: Layout, meetings: dict[int, _Meeting]) -> None:
             junctions.signals[meeting.junction] = near
 
 
-def _joined(data: OsmData, tracks: TrackLayout, meetings: dict[int, _Meeting]) -> dict[int, tuple[Arm, ...]]:
+def _joined(data: OsmData, tracks: TrackLayout) -> dict[int, tuple[Arm, ...]]:
     """Find the arms of roads at the nodes where cycle tracks lead onto them: at ends, and at no crossing."""
     ends = tracks.graph.ends()
     joined = {}
     for node, at in sorted(ends.items()):
-        if node not in meetings:
+        if node not in tracks.meetings:
             continue
         sections = [tracks.graph.sections[name] for name in at]
         tags = data.nodes[node].tags if node in data.nodes else {}
         crossing = "crossing" in tags or tags.get("highway") in ("crossing", "traffic_signals")
         crossing |= any(is_crossing_track(data.ways[way].tags) for s in sections for way in s.ways)
         if sections[0].road.kind == CYCLEWAY and (len(at) == 1 or not crossing):
-            joined[node] = meetings[node].arms
+            joined[node] = tracks.meetings[node].arms
     return joined
 
 
@@ -253,24 +255,19 @@ def _split(graph: RoadGraph, name: str, cuts: list[int]) -> dict[str, float]:
     return {**pieces, rest: (low + float(at[-1])) / 2}
 
 
-def _group(
-    grounds: "_Grounds", tracks: TrackLayout, meetings: dict[int, _Meeting], streets: dict[str, StreetPart]
-) -> None:
+def _group(tracks: TrackLayout, outlines: Outlines) -> None:
     """Name the junction or the own node of each vertex; those with next to no track between them are one."""
     graph = tracks.graph
     ends = {node for section in graph.sections.values() for node in (section.start, section.end)}
     groups = Groups({node: graph.places[node] for node in sorted(ends)}, _WIDEST)
-    of = {node: meetings[node].junction for node in sorted(ends) if node in meetings}
-    left = {}
-    for name, section in graph.sections.items():
-        if name not in streets:
-            near = [
-                grounds.of(of[v], section.road.layer, _PAVEMENT)
-                for v in (section.start, section.end)
-                if v in of
-            ]
-            line = shapely.LineString(graph.line(section))
-            left[name] = float(line.difference(shapely.union_all(near)).length) if near else line.length
+    of = {node: tracks.meetings[node].junction for node in sorted(ends) if node in tracks.meetings}
+    left = {
+        name: _outside(
+            graph, section, [outlines[of[v]] for v in (section.start, section.end) if of.get(v) in outlines]
+        )
+        for name, section in graph.sections.items()
+        if name not in tracks.streets
+    }
     for name in sorted(left, key=lambda name: (left[name], name)):
         section = graph.sections[name]
         pair = [groups.find(section.start), groups.find(section.end)]
@@ -283,12 +280,22 @@ def _group(
     tracks.nodes = {node: of.get(groups.find(node), groups.find(node)) for node in sorted(ends)}
 
 
-def _split_loops(tracks: TrackLayout, streets: dict[str, StreetPart]) -> None:
+def _outside(graph: RoadGraph, section: Section, grounds: list[shapely.Geometry]) -> float:
+    """Measure what of a track lies outside of junctions, metres."""
+    line = shapely.LineString(graph.line(section))
+    return float(line.difference(shapely.buffer(shapely.union_all(grounds), _PAVEMENT)).length)
+
+
+def _split_loops(tracks: TrackLayout) -> None:
     """Split long tracks that lead back to their junction, for SUMO has no loops."""
     graph = tracks.graph
     for name, section in sorted(graph.sections.items()):
         length = graph.length(section)
-        if name in streets or tracks.nodes[section.start] != tracks.nodes[section.end] or length <= _LONGEST:
+        if (
+            name in tracks.streets
+            or tracks.nodes[section.start] != tracks.nodes[section.end]
+            or length <= _LONGEST
+        ):
             continue
         index = insert_node(graph, name, length / 2)
         if 0 < index < len(graph.sections[name].nodes) - 1:
@@ -297,54 +304,18 @@ def _split_loops(tracks: TrackLayout, streets: dict[str, StreetPart]) -> None:
             tracks.nodes[node] = node
 
 
-def _cuts(grounds: "_Grounds", tracks: TrackLayout, section: Section) -> tuple[float, float]:
-    """Measure how far a track is drawn back at both ends, to leave the ground of the roads there."""
+def _cuts(outlines: Outlines, tracks: TrackLayout, section: Section) -> tuple[float, float]:
+    """Measure how far a track is drawn back at both ends, to the border of the junctions there."""
     line = tracks.graph.line(section)
     room = max(tracks.graph.length(section) / 2 - 1.0, 0.0)
     found = []
     for ahead, vertex in ((line, section.start), (line[::-1], section.end)):
         path = shapely.LineString(ahead)
-        outside = path.difference(grounds.of(tracks.nodes[vertex], section.road.layer, _BESIDE))
+        outside = path.difference(outlines.get(tracks.nodes[vertex], shapely.Polygon()))
         pieces = [piece for piece in shapely.get_parts(outside) if piece.length > _BESIDE]
         first = min((path.project(shapely.Point(piece.coords[0])) for piece in pieces), default=0.0)
         found.append(min(first, room))
     return found[0], found[1]
-
-
-class _Grounds:
-    """The ground of the roads at junctions that tracks are kept off."""
-
-    def __init__(self, layout: Layout) -> None:
-        self._layout = layout
-        self._known: dict[tuple[int, int, float], shapely.Geometry] = {}
-        self._at: dict[int, set[str]] = defaultdict(set)
-        for name, section in layout.graph.sections.items():
-            for vertex in (section.start, section.end):
-                self._at[layout.junctions.of[vertex]].add(name)
-
-    def of(self, junction: int, layer: int, beside: float) -> shapely.Geometry:
-        """Outline the ground between the roads of a level at a junction, and some metres beside it."""
-        key = (junction, layer, beside)
-        if key not in self._known:
-            names = sorted(self._at.get(junction, ()))
-            near = [
-                self._near(name, junction, beside)
-                for name in names
-                if self._layout.graph.sections[name].road.layer == layer
-            ]
-            self._known[key] = shapely.convex_hull(shapely.union_all(near))
-        return self._known[key]
-
-    def _near(self, name: str, junction: int, beside: float) -> shapely.Geometry:
-        """Outline a road as far as it is part of its junction."""
-        layout = self._layout
-        section = layout.graph.sections[name]
-        line = shapely.LineString(layout.graph.line(section))
-        ends = [layout.junctions.of[vertex] == junction for vertex in (section.start, section.end)]
-        if name not in layout.inner:
-            ahead = line if ends[0] else line.reverse()
-            line = shapely.ops.substring(ahead, 0.0, max(layout.cuts.get((name, not ends[0]), 0.0), _CORNER))
-        return line.buffer(layout.half(name) + beside, cap_style="flat")
 
 
 class _Links:
@@ -354,12 +325,11 @@ class _Links:
         self,
         layout: Layout,
         tracks: TrackLayout,
-        streets: dict[str, StreetPart],
         joined: dict[int, tuple[Arm, ...]],
     ) -> None:
         self._layout = layout
         self._tracks = tracks
-        self._streets = streets
+        self._streets = tracks.streets
         self._joined = joined
         self._ends = tracks.graph.ends()
 

@@ -5,6 +5,7 @@ from collections.abc import Mapping
 from collections.abc import Set as AbstractSet
 from dataclasses import dataclass, field
 from pathlib import Path
+from types import MappingProxyType
 from xml.sax.saxutils import quoteattr
 
 import numpy as np
@@ -72,6 +73,7 @@ def write_plain(
     restrictions: list[Restriction],
     folder: Path,
     paved: AbstractSet[str] = frozenset(),
+    outlines: Mapping[int, Floats] = MappingProxyType({}),
 ) -> Plain:
     """Write the three files that netconvert builds the network from.
 
@@ -81,6 +83,7 @@ def write_plain(
         restrictions: turns that are forbidden.
         folder: where the files go.
         paved: sections with pavement on both sides whatever is mapped, because crossings lead there.
+        outlines: junctions as built without tracks, (n, 3), metres; with them, the tracks are written.
     """
     plain = Plain(heights=compute_heights(layout.graph))
     walks = Sidewalks(data, layout.graph)
@@ -100,15 +103,18 @@ def write_plain(
     connections = _connections(layout, arms, restrictions, plain)
     nodes = [_location(layout)]
     kinds: dict[int, str] = {}
-    if layout.tracks is not None:
+    if layout.tracks is not None and outlines:
         tracks = TrackEdges(layout, layout.tracks, plain.heights)
         edges += tracks.edges()
         nodes += tracks.nodes()
         connections += tracks.connections(plain.sidewalks)
         kinds = dict.fromkeys(sorted(tracks.junctions), "priority")
         kinds |= dict.fromkeys(sorted(tracks.rail_crossings()), "rail_crossing")
+        outlines = {
+            junction: outlines[junction] for junction in sorted(tracks.junctions) if junction in outlines
+        }
     _write(folder / EDGES, "edges", edges)
-    _write(folder / NODES, "nodes", [*nodes, *_nodes(layout, arms, plain, rights, kinds)])
+    _write(folder / NODES, "nodes", [*nodes, *_nodes(layout, arms, plain, rights, kinds, outlines)])
     _write(folder / CONNECTIONS, "connections", connections)
     return plain
 
@@ -131,8 +137,9 @@ def _nodes(
     plain: Plain,
     rights: RightOfWay,
     kinds: Mapping[int, str],
+    outlines: Mapping[int, Floats],
 ) -> list[str]:
-    """Write the roads' junctions; `kinds` are the types of those that tracks lead into."""
+    """Write the roads' junctions; those that tracks lead into have types and outlines of their own."""
     members = layout.junctions.members()
     lines = []
     for junction in sorted(arms):
@@ -148,6 +155,8 @@ def _nodes(
             kind = 'type="dead_end"'
         if any(layout.graph.sections[name].road.roundabout for name, _ in arms[junction]):
             kind += f' radius="{_RING_RADIUS}"'
+        if junction in outlines:
+            kind += f' shape="{" ".join(f"{x:.2f},{y:.2f},{z:.2f}" for x, y, z in outlines[junction])}"'
         z = sum(plain.heights.get(vertex, 0.0) for vertex in members[junction]) / len(places)
         lines.append(f'<node id="{junction}" x="{x:.2f}" y="{y:.2f}" z="{z:.2f}" {kind}/>')
     return lines

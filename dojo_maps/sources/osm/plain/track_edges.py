@@ -1,5 +1,6 @@
 """Tracks as plain XML: their edges and nodes, and the ways of trams and bicycles across junctions."""
 
+import re
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from xml.sax.saxutils import quoteattr
@@ -11,18 +12,31 @@ from dojo_maps.sources.osm.graph.heights import compute_heights
 from dojo_maps.sources.osm.graph.road_graph import Section
 from dojo_maps.sources.osm.layout.arms import Layout, trim
 from dojo_maps.sources.osm.layout.track_layout import Edge, TrackLayout
-from dojo_maps.sources.osm.plain.rail_crossings import crossing_line, rail_crossings
 from dojo_maps.sources.osm.read.lane_tags import LaneUse
 from dojo_maps.sources.osm.read.track_tags import CYCLEWAY, RAIL, TRAM
 
 _WHO = {
-    LaneUse.CYCLEWAY: "bicycle pedestrian",
-    LaneUse.TRAM: "tram",
-    LaneUse.RAIL: "rail rail_electric rail_fast rail_urban",
+    LaneUse.CYCLEWAY: "pedestrian bicycle",
+    LaneUse.TRAM: "pedestrian tram",
+    LaneUse.RAIL: "pedestrian rail_urban rail rail_electric rail_fast",
 }
-"""Vehicle classes of SUMO's. People walk on cycle tracks: they could not pass one beside a pavement."""
+"""Vehicle classes of SUMO's. People are let onto all tracks, so that pavements go on beyond them."""
 _PRIORITIES = {CYCLEWAY: 1, TRAM: 20, RAIL: 21}
 """Bicycles on tracks give way to roads, roads to rails."""
+
+
+_ON_RAILS = re.compile(rb'allow="pedestrian (tram|rail[a-z_ ]*)"')
+_RAIL_EDGE = re.compile(rb'<edge id="([^"]*)"[^>]*type="railway\.')
+_FROM_PAVEMENT = re.compile(rb' *<connection from=":[^"]*_w\d+" to="([^"]*)"[^>]*/>\n')
+_TO_PAVEMENT = re.compile(rb' *<connection from="([^"]*)" to=":[^"]*_w\d+"[^>]*/>\n')
+
+
+def clear_rails(network: bytes) -> bytes:
+    """Take people off the rails of a network that netconvert built; they cross them at junctions."""
+    rails = set(_RAIL_EDGE.findall(network))
+    for pattern in (_FROM_PAVEMENT, _TO_PAVEMENT):
+        network = pattern.sub(lambda found: b"" if found[1] in rails else found[0], network)
+    return _ON_RAILS.sub(rb'allow="\1"', network)
 
 
 class TrackEdges:
@@ -91,19 +105,11 @@ class TrackEdges:
         )
 
     def connections(self, walks: Mapping[str, tuple[float, float]]) -> Iterator[str]:
-        """Write the ways across junctions, and where people walk over rails.
+        """Write the ways across junctions.
 
         Args:
             walks: widths of the sidewalks on the left and the right of each road, metres.
         """
-        signals = self._layout.junctions.controllers
-        for junction, tracks in rail_crossings(self._layout, self._tracks, walks):
-            found = [
-                _name(name, forward=forward)
-                for name, _ in tracks
-                for forward in _directions(self.sections[name])
-            ]
-            yield crossing_line(junction, found, signalised=junction in signals)
         seen = set()
         for link in self._tracks.links:
             seen.add((link.source.section, link.source.forward))
