@@ -12,31 +12,35 @@ from dojo_maps.sources.osm.graph.heights import compute_heights
 from dojo_maps.sources.osm.graph.road_graph import Section
 from dojo_maps.sources.osm.layout.arms import Layout, trim
 from dojo_maps.sources.osm.layout.track_layout import Edge, TrackLayout
+from dojo_maps.sources.osm.plain.rail_crossings import crossing_line, rail_crossings
 from dojo_maps.sources.osm.read.lane_tags import LaneUse
 from dojo_maps.sources.osm.read.track_tags import CYCLEWAY, RAIL, TRAM
 
 _WHO = {
     LaneUse.CYCLEWAY: "pedestrian bicycle",
     LaneUse.TRAM: "pedestrian tram",
-    LaneUse.RAIL: "pedestrian rail_urban rail rail_electric rail_fast",
+    LaneUse.RAIL: "rail_urban rail rail_electric rail_fast",
 }
-"""Vehicle classes of SUMO's. People are let onto all tracks, so that pavements go on beyond them."""
+"""Vehicle classes of SUMO's. People are let onto cycle tracks and trams', so that pavements lead over them;
+netconvert knows a railway by nobody but trains using it."""
 _PRIORITIES = {CYCLEWAY: 1, TRAM: 20, RAIL: 21}
 """Bicycles on tracks give way to roads, roads to rails."""
 
 
-_ON_RAILS = re.compile(rb'allow="pedestrian (tram|rail[a-z_ ]*)"')
+_ON_RAILS = re.compile(rb'allow="pedestrian tram"')
+_PAVEMENT = re.compile(rb' *<edge id="(:[^"]*_w\d+)" function="walkingarea">.*?</edge>\n', re.DOTALL)
 _RAIL_EDGE = re.compile(rb'<edge id="([^"]*)"[^>]*type="railway\.')
 _FROM_PAVEMENT = re.compile(rb' *<connection from=":[^"]*_w\d+" to="([^"]*)"[^>]*/>\n')
 _TO_PAVEMENT = re.compile(rb' *<connection from="([^"]*)" to=":[^"]*_w\d+"[^>]*/>\n')
 
 
 def clear_rails(network: bytes) -> bytes:
-    """Take people off the rails of a network that netconvert built; they cross them at junctions."""
+    """Take people off the tracks of trams in a network of netconvert's; they cross them at junctions."""
     rails = set(_RAIL_EDGE.findall(network))
     for pattern in (_FROM_PAVEMENT, _TO_PAVEMENT):
         network = pattern.sub(lambda found: b"" if found[1] in rails else found[0], network)
-    return _ON_RAILS.sub(rb'allow="\1"', network)
+    network = _PAVEMENT.sub(lambda found: found[0] if network.count(b'"%s"' % found[1]) > 1 else b"", network)
+    return _ON_RAILS.sub(b'allow="tram"', network)
 
 
 class TrackEdges:
@@ -105,11 +109,19 @@ class TrackEdges:
         )
 
     def connections(self, walks: Mapping[str, tuple[float, float]]) -> Iterator[str]:
-        """Write the ways across junctions.
+        """Write the ways across junctions, and where people walk over railways.
 
         Args:
             walks: widths of the sidewalks on the left and the right of each road, metres.
         """
+        signals = self._layout.junctions.controllers
+        for junction, tracks in rail_crossings(self._layout, self._tracks, walks):
+            found = [
+                _name(name, forward=forward)
+                for name, _ in tracks
+                for forward in _directions(self.sections[name])
+            ]
+            yield crossing_line(junction, found, signalised=junction in signals)
         seen = set()
         for link in self._tracks.links:
             seen.add((link.source.section, link.source.forward))
