@@ -39,6 +39,8 @@ _ALWAYS = (
 _DROPPED_IN_TURN = ("--walkingareas",)
 """Given first, and left out one more at each attempt after a failure."""
 _SHORTEST = 5.0
+_LEAST_GROUND = 5.0
+"""Square metres of a junction that has an outline."""
 _ROUNDS = 8
 _TIMEOUT = 240.0
 _NO_PAVEMENT = re.compile(
@@ -132,12 +134,14 @@ def build_network(data: OsmData, *, path: Path, name: str, sha256: str) -> OsmNe
 
 
 def _outlines(road_map: RoadMap, plain: Plain) -> dict[int, Floats]:
-    """List the junctions' outlines, (n, 3), by their lowest vertex."""
+    """List the outlines of junctions that have some ground, (n, 3), by their lowest vertex."""
     nodes = {name: node for node, name in plain.nodes.items()}
     return {
         nodes[junction.id]: junction.polygon
         for junction in road_map.junctions
-        if junction.id in nodes and len(junction.polygon) > 2
+        if junction.id in nodes
+        and len(junction.polygon) > 2
+        and shapely.Polygon(junction.polygon[:, :2]).area > _LEAST_GROUND
     }
 
 

@@ -12,9 +12,10 @@ MOST_FAR = 50.0
 
 
 def check_junction_ground(network: OsmNetwork) -> list[Issue]:
-    """Measure the ground of each junction that is more than 6 m from the mapped carriageways."""
+    """Measure the ground of each junction that is more than 6 m from the mapped carriageways and tracks."""
     graph = network.layout.graph
-    roads = [around_road(graph, section) for _, section in sorted(graph.sections.items())]
+    tracks = graph.tracks.sections if graph.tracks is not None else {}
+    roads = [around_road(graph, section) for _, section in sorted((graph.sections | tracks).items())]
     tree = shapely.STRtree(roads)
     node_of = {name: node for node, name in network.plain.nodes.items()}
     issues = []

@@ -60,7 +60,7 @@ def lay_out(
     host_crossings(layout)
     if reach_in(layout):
         host_crossings(layout)
-    layout.tracks = meet_roads(layout)
+    layout.tracks = meet_roads(data, layout)
     align_carriageways(layout)
     part_roads(layout)
     space_carriageways(layout)

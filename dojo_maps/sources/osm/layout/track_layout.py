@@ -104,13 +104,13 @@ class TrackLayout:
     links: list[TrackLink] = field(default_factory=list)
 
 
-def meet_roads(layout: Layout) -> TrackLayout | None:
+def meet_roads(data: OsmData, layout: Layout) -> TrackLayout | None:
     """Find where the tracks of a graph meet its roads; the roads are drawn back for them."""
     if layout.graph.tracks is None or not layout.graph.tracks.sections:
         return None
     tracks = TrackLayout(graph=layout.graph.tracks)
     _cut_at_roads(layout, tracks)
-    _add_signals(layout, tracks.meetings)
+    _add_signals(data, layout, tracks.meetings)
     return tracks
 
 
@@ -217,11 +217,13 @@ def _meeting(layout: Layout, roads: Roads, track: Section, index: int) -> Meetin
     return None
 
 
-def _add_signals(layout: Layout, meetings: dict[int, Meeting]) -> None:
-    """Give the signals of no junction to the places near them where tracks cross roads."""
+def _add_signals(data: OsmData, layout: Layout, meetings: dict[int, Meeting]) -> None:
+    """Give signals to where tracks cross roads: their own, and those near that are of no junction."""
     junctions, places = layout.junctions, layout.graph.places
     for node, meeting in sorted(meetings.items()):
         near = [s for s in junctions.stray if math.dist(places[s], places[node]) < _STRAY_SIGNAL]
+        if node in data.nodes and data.nodes[node].tags.get("highway") == "traffic_signals":
+            near.append(node)
         if near and meeting.junction not in junctions.signals:
             junctions.signals[meeting.junction] = near
 

@@ -1,0 +1,207 @@
+"""Trams, trains and cycle tracks of an import: where they are built, how they pass junctions, who waits."""
+
+import subprocess
+from pathlib import Path
+from typing import Any
+
+import pytest
+import sumolib
+from osm_drawings import SIGNAL, Drawing, cross
+
+from dojo_maps.bundle import Bundle
+from dojo_maps.conversion import ConvertOptions, convert
+
+STREET = {"highway": "secondary", "lanes": "2"}
+
+
+def built(drawing: Drawing, folder: Path) -> tuple[Bundle, dict[str, Any]]:
+    return convert(
+        str(drawing.write(folder / "a.osm")), folder / "a.dojo", ConvertOptions(surroundings=False)
+    )
+
+
+def network(bundle: Bundle) -> Any:
+    return sumolib.net.readNet(str(bundle.network))
+
+
+def edges_for(net: Any, vehicle: str, *, alone: bool = False) -> list[Any]:
+    return [e for e in net.getEdges() if e.allows(vehicle) and not (alone and e.allows("passenger"))]
+
+
+def drive(bundle: Bundle, folder: Path, trips: list[tuple[str, str, str]]) -> dict[str, str]:
+    """Drive from edge to edge by SUMO's own router; what the simulation counts."""
+    types = "".join(f'<vType id="{name}" vClass="{name}"/>' for name in {name for name, _, _ in trips})
+    rows = "".join(
+        f'<trip id="{k}" type="{name}" depart="{3 * k}" from="{start}" to="{end}"/>'
+        for k, (name, start, end) in enumerate(trips)
+    )
+    (folder / "a.rou.xml").write_text(f"<routes>{types}{rows}</routes>")
+    subprocess.run(
+        [
+            *("sumo", "-n", str(bundle.network), "-r", str(folder / "a.rou.xml"), "--end", "600"),
+            *("--collision.check-junctions", "--collision.action", "warn", "--no-step-log"),
+            *("--statistic-output", str(folder / "stat.xml"), "--time-to-teleport", "120"),
+        ],
+        check=True,
+        capture_output=True,
+    )
+    found: dict[str, str] = {}
+    for record in sumolib.xml.parse(str(folder / "stat.xml"), ["vehicles", "teleports", "safety"]):
+        found |= {f"{record.name}.{key}": value for key, value in record.getAttributes()}
+    return found
+
+
+def assert_flows(found: dict[str, str], count: int) -> None:
+    assert found["vehicles.inserted"] == str(count)
+    assert found["vehicles.running"] == "0"
+    assert found["teleports.total"] == "0"
+    assert found["safety.collisions"] == "0"
+
+
+def test_tram_in_the_street_shares_its_inner_lanes(tmp_path: Path) -> None:
+    drawing = cross()
+    drawing.way((-150, 0), (-12, 0), (0, 0), (12, 0), (150, 0), railway="tram")
+    bundle, report = built(drawing, tmp_path)
+    net = network(bundle)
+    assert {e.getType() for e in edges_for(net, "tram")} == {"highway.secondary"}
+    for edge in edges_for(net, "tram"):
+        assert [lane.allows("tram") for lane in edge.getLanes()] == [False, False, True]
+    assert report["osm"]["track_metres"]["tram"]["share"] == 1.0
+    signal = bundle.road_map.signals[0].id
+    onward = [
+        (c.getFromLane(), c.getToLane())
+        for e in edges_for(net, "tram")
+        for conns in e.getOutgoing().values()
+        for c in conns
+        if c.getTLSID() == signal and c.getFromLane().allows("tram") and c.getToLane().allows("tram")
+    ]
+    assert len(onward) == 2
+    trips = [
+        (kind, a.getEdge().getID(), b.getEdge().getID()) for kind in ("tram", "passenger") for a, b in onward
+    ] * 3
+    assert_flows(drive(bundle, tmp_path, trips), len(trips))
+
+
+def test_tram_beside_the_street_has_tracks_of_its_own_with_signals(tmp_path: Path) -> None:
+    drawing = cross()
+    drawing.ways[1][0][1:1] = [drawing.node(0, -34), drawing.node(0, -30)]
+    northern = drawing.way((150, -30), (0, -30), (-150, -30), railway="tram")
+    drawing.way((150, -34), (0, -34), (-150, -34), railway="tram")
+    for y in (-30, -34):
+        drawing.node(0, y, railway="tram_level_crossing", **SIGNAL)
+    bundle, report = built(drawing, tmp_path)
+    net = network(bundle)
+    own = edges_for(net, "tram", alone=True)
+    assert len(own) == 4
+    assert {e.getType() for e in own} == {"railway.tram"}
+    assert not any(e.allows("pedestrian") for e in own)
+    links = [c for e in own for conns in e.getOutgoing().values() for c in conns]
+    assert len(links) == 2
+    assert all(c.getTLSID() for c in links)
+    # Traffic keeps right: the northern track leads west.
+    for link in links:
+        leads_west = link.getFrom().getShape()[-1][0] < link.getFrom().getShape()[0][0]
+        assert leads_west == link.getFrom().getID().startswith(str(northern))
+    assert report["osm"]["track_metres"]["tram"]["share"] == 1.0
+    assert not [i for i in report["issues"] if i["check"] in ("osm.track_lost", "osm.not_imported")]
+    trips = [("tram", c.getFrom().getID(), c.getTo().getID()) for c in links] * 3
+    assert_flows(drive(bundle, tmp_path, trips), len(trips))
+
+
+def test_tram_leaves_the_street_at_a_junction(tmp_path: Path) -> None:
+    drawing = Drawing()
+    drawing.way((-150, 0), (0, 0), (150, 0), **STREET)
+    drawing.way((0, 0), (0, 150), **STREET)
+    drawing.way((-150, 0), (0, 0), (40, -15), (150, -60), railway="tram")
+    bundle, report = built(drawing, tmp_path)
+    net = network(bundle)
+    start, end = (
+        next(
+            e.getID() for e in edges_for(net, "tram") if e.getType() == kind and not e.getID().startswith("-")
+        )
+        for kind in ("highway.secondary", "railway.tram")
+    )
+    assert_flows(drive(bundle, tmp_path, [("tram", start, end), ("tram", f"-{end}", f"-{start}")]), 2)
+    assert report["osm"]["track_metres"]["tram"]["share"] > 0.95
+
+
+def test_train_closes_the_road_that_it_crosses(tmp_path: Path) -> None:
+    drawing = Drawing()
+    drawing.way((-150, 0), (0, 0), (150, 0), **STREET)
+    drawing.way((0, -200), (0, 0), (0, 200), railway="rail")
+    drawing.node(0, 0, railway="level_crossing")
+    bundle, report = built(drawing, tmp_path)
+    net = network(bundle)
+    (crossing,) = [n for n in net.getNodes() if n.getType() == "rail_crossing"]
+    rails = [e for e in crossing.getIncoming() if e.allows("rail")]
+    assert len(rails) == 2
+    assert all(e.getBidi() is not None for e in rails)
+    road = next(e for e in crossing.getIncoming() if e.allows("passenger"))
+    onto = next(e for e in road.getOutgoing() if e.getToNode() != road.getFromNode())
+    train = rails[0].getOutgoing()
+    onward = next(e for e in train if e.getToNode() != rails[0].getFromNode())
+    trips = [("rail", rails[0].getID(), onward.getID())]
+    trips += [("passenger", road.getID(), onto.getID())] * 5
+    assert_flows(drive(bundle, tmp_path, trips), 6)
+    walks = [i for i in report["issues"] if i["check"].startswith("pedestrians.")]
+    assert not walks
+
+
+def test_railway_that_meets_no_road_is_told_and_not_built(tmp_path: Path) -> None:
+    drawing = cross()
+    drawing.way((-150, 60), (150, 60), railway="rail", bridge="yes", layer="1")
+    bundle, report = built(drawing, tmp_path)
+    assert not edges_for(network(bundle), "rail", alone=True)
+    assert report["osm"]["metres_not_imported"] == {"railway=rail": 301}
+
+
+def test_cycle_track_crosses_at_the_signal(tmp_path: Path) -> None:
+    drawing = cross()
+    drawing.ways[0][0].insert(1, drawing.node(-18, 0))
+    drawing.way((-18, -60), (-18, 0), (-18, 60), highway="cycleway")
+    drawing.node(-18, 0, highway="crossing", crossing="traffic_signals", bicycle="yes")
+    bundle, report = built(drawing, tmp_path)
+    net = network(bundle)
+    tracks = edges_for(net, "bicycle", alone=True)
+    tracks = [e for e in tracks if e.getType() == "highway.cycleway"]
+    assert len(tracks) == 4
+    links = [c for e in tracks for conns in e.getOutgoing().values() for c in conns]
+    assert len(links) == 2
+    assert {c.getTLSID() for c in links} == {bundle.road_map.signals[0].id}
+    assert report["osm"]["track_metres"]["cycleway"]["share"] == 1.0
+    assert report["osm"]["crossings"]["share"] == 1.0
+    trips = [("bicycle", c.getFrom().getID(), c.getTo().getID()) for c in links] * 3
+    assert_flows(drive(bundle, tmp_path, trips), len(trips))
+
+
+@pytest.mark.parametrize("tags", [{"highway": "cycleway"}, {"highway": "path", "bicycle": "designated"}])
+def test_cycle_track_joins_the_road_where_it_ends(tmp_path: Path, tags: dict[str, str]) -> None:
+    drawing = Drawing()
+    drawing.way((-150, 0), (0, 0), (150, 0), **STREET)
+    drawing.way((0, 0), (0, 80), **tags)
+    bundle, _ = built(drawing, tmp_path)
+    net = network(bundle)
+    (away,) = [e for e in net.getEdges() if e.getType() == "highway.cycleway" and e.getOutgoing() == {}]
+    roads = [e for e in net.getEdges() if e.allows("passenger")]
+    start = next(e for e in roads if away in e.getOutgoing())
+    back = next(e for e in net.getEdges() if e.getType() == "highway.cycleway" and e is not away)
+    assert back.getOutgoing()
+    end = next(e for e in roads if e in back.getOutgoing())
+    trips = [("bicycle", start.getID(), away.getID()), ("bicycle", back.getID(), end.getID())]
+    assert_flows(drive(bundle, tmp_path, trips), 2)
+
+
+def test_one_way_cycle_track_is_one_edge(tmp_path: Path) -> None:
+    drawing = cross()
+    drawing.way((-100, 40), (-20, 40), highway="cycleway", oneway="yes", width="2.2")
+    bundle, _ = built(drawing, tmp_path)
+    (track,) = [e for e in network(bundle).getEdges() if e.getType() == "highway.cycleway"]
+    assert track.getLanes()[0].getWidth() == pytest.approx(2.2)
+
+
+def test_lanes_are_counted_by_kind(tmp_path: Path) -> None:
+    drawing = Drawing()
+    drawing.way((-150, 0), (150, 0), cycleway__right="lane", **STREET)
+    lanes = built(drawing, tmp_path)[1]["osm"]["lane_metres"]
+    assert lanes["bicycle"] == {"kept": 301, "of": 301, "share": 1.0}
+    assert lanes["driving"]["of"] == 602
