@@ -204,4 +204,4 @@ def test_lanes_are_counted_by_kind(tmp_path: Path) -> None:
     drawing.way((-150, 0), (150, 0), cycleway__right="lane", **STREET)
     lanes = built(drawing, tmp_path)[1]["osm"]["lane_metres"]
     assert lanes["bicycle"] == {"kept": 301, "of": 301, "share": 1.0}
-    assert lanes["driving"]["of"] == 602
+    assert lanes["driving"]["of"] == 601

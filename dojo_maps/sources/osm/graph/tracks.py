@@ -25,7 +25,7 @@ from dojo_maps.sources.osm.read.way_tags import RoadTags
 
 _FAR = 100.0
 """Metres beyond the roads' bounds up to which tracks are built."""
-_BORDER = 25.0
+_BORDER = 30.0
 """Metres from a road's end within which a track that meets it is part of the junction there."""
 _SHARE = 0.5
 """Of a road that a tram must run in so that it shares its lanes."""
