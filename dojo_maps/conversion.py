@@ -31,8 +31,10 @@ from dojo_maps.sources.enrich_net import enrich_network
 from dojo_maps.sources.files import find_network
 from dojo_maps.sources.opendrive import OpenDriveNetwork
 from dojo_maps.sources.osm import is_osm, read_osm
+from dojo_maps.sources.osm.completeness.losses import tell_unread_conditions
 from dojo_maps.sources.osm.completeness.score import score_network
 from dojo_maps.sources.osm.pipeline import build_network
+from dojo_maps.sources.osm.read.conditions import UnreadCondition, apply_conditions, read_moment
 from dojo_maps.sources.osm.read.country import has_far_side_signals
 from dojo_maps.sources.osm.read.data import OsmData
 from dojo_maps.sources.osm.surroundings.props import read_context
@@ -55,6 +57,8 @@ class ConvertOptions:
         far_side_signals: give traffic signal heads across the junction, too; None does so for OpenStreetMap
             data of countries that have them.
         demand: vehicles per hour to write beside the map, None for what its junctions can take, 0 for none.
+        at: a moment of the week, such as `Mo 08:00`, at which OpenStreetMap's conditional tags are taken;
+            None leaves them out and says so.
     """
 
     generated: bool = True
@@ -64,6 +68,7 @@ class ConvertOptions:
     jobs: int | None = None
     far_side_signals: bool | None = None
     demand: float | None = 0.0
+    at: str | None = None
 
 
 def convert(
@@ -99,6 +104,8 @@ def convert(
         raise UsageError(
             "--enrich-net is for SUMO networks; an import has sidewalks and crossings of its own"
         )
+    if options.at is not None and not is_osm(path):
+        raise UsageError("--at is for the conditional tags of OpenStreetMap data; a network has none")
     with without_cycle_search():
         return _convert(path, name, folder, options, on_stage)
 
@@ -111,7 +118,7 @@ def _convert(
     if is_osm(path):
         extract = read_osm(path)
         far_side = has_far_side_signals(extract)
-        base, described, issues, quality = _import_osm(extract, path, name, on_stage)
+        base, described, issues, quality = _import_osm(extract, path, name, options.at, on_stage)
         data, lost = reapply_edits(base, folder, (*described.origin, 0.0))
         if data is not base:
             edited, _ = read_network(data, path=path, name=name, sha256=described.source.sha256)
@@ -177,13 +184,18 @@ def _import_other(
 
 
 def _import_osm(
-    extract: OsmData, path: Path, name: str, on_stage: Callable[[str], None]
+    extract: OsmData, path: Path, name: str, at: str | None, on_stage: Callable[[str], None]
 ) -> tuple[bytes, RoadMap, tuple[Issue, ...], dict[str, Any]]:
     """Build the network of an OpenStreetMap extract and measure it against the extract."""
+    unread: list[UnreadCondition] = []
+    if at is not None:
+        extract, unread = apply_conditions(extract, read_moment(at))
     sha256 = sha256_of(path)
     on_stage("Building the network")
     network = build_network(extract, path=path, name=name, sha256=sha256)
     quality, losses = score_network(extract, network)
+    losses += tell_unread_conditions(extract, network, unread)
+    quality |= {"at": at} if at is not None else {}
     context, notes = read_context(extract, network.road_map)
     source = replace(network.road_map.source, kind="osm")
     described = replace(network.road_map, source=source, props=network.road_map.props + context)

@@ -1,7 +1,7 @@
 """What of an extract a built network lacks, each loss with the OSM element and a link to it."""
 
 from collections import defaultdict
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -14,7 +14,8 @@ from dojo_maps.sources.osm.layout.arms import incoming_name
 from dojo_maps.sources.osm.pipeline import OsmNetwork
 from dojo_maps.sources.osm.plain.lane_connections import arrow_targets
 from dojo_maps.sources.osm.plain.movements import Restriction
-from dojo_maps.sources.osm.read.data import link_to
+from dojo_maps.sources.osm.read.conditions import UnreadCondition
+from dojo_maps.sources.osm.read.data import OsmData, link_to
 
 CROSSING_WITHIN = 10.0
 _LETTERS = {
@@ -117,6 +118,33 @@ def tell_guesses(network: OsmNetwork) -> list[Issue]:
         )
         for junction, count in sorted(network.plain.guessed.items())
     ]  # fmt: skip
+
+
+def tell_unread_conditions(
+    data: OsmData, network: OsmNetwork, unread: Sequence[UnreadCondition]
+) -> tuple[Issue, ...]:
+    """Name the conditions of tags that are not understood, each with the first element that has it."""
+    places = network.layout.graph.places
+    issues = []
+    for condition in unread:
+        first = condition.elements[0]
+        if condition.kind == "way":
+            nodes = list(data.ways[first].nodes)
+        else:
+            nodes = [member.ref for member in data.relations[first].members if member.kind == "node"]
+        place = next((places[node] for node in nodes if node in places), None)
+        if place is not None:
+            issues.append(
+                loss(
+                    "osm.condition_unread",
+                    f"{len(condition.elements)} {condition.kind}s have {condition.key}={condition.value}, which "
+                    "is not understood and left out; the first is",
+                    (condition.kind, first), place,
+                    "set what holds at your hours in netedit, or without the condition in the data",
+                    severity=Severity.NOTE, measured=len(condition.elements),
+                )
+            )  # fmt: skip
+    return tuple(issues)
 
 
 def check_signals(network: OsmNetwork) -> tuple[Share, list[Issue]]:

@@ -34,7 +34,7 @@ _WIDEST = 40.0
 """Metres across the nodes of tracks that are one."""
 _BESIDE = 1.0
 """Metres kept between the end of a track and a carriageway."""
-_ROOM = 15.0
+_ROOM = 30.0
 """Metres of a road that are left when it is drawn back for a track."""
 
 _STRAY_SIGNAL = 20.0

@@ -153,7 +153,9 @@ def _painted_lanes(tags: Tags, side: str) -> int | None:
 
 def _contraflow_buses(tags: Tags, side: str) -> int:
     """Count the lanes on which buses may drive against a one-way."""
-    open_to_buses = any(tags.get(key) == "no" for key in ("oneway:psv", "oneway:bus"))
+    open_to_buses = any(
+        tags.get(f"oneway:{key}") == "no" or tags.get(f"{key}:{side}") in _YES for key in ("psv", "bus")
+    )
     busways = (tags.get(key, "") for key in ("busway", "busway:left", "busway:right", "busway:both"))
     if not open_to_buses and not any(value.startswith("opposite") for value in busways):
         return 0

@@ -151,7 +151,12 @@ def _direction(tags: Tags) -> int:
     implied = tags.get("junction") in ("roundabout", "circular") or tags.get("highway", "").startswith(
         "motorway"
     )
-    return 1 if value in ("yes", "true", "1") or (implied and value != "no") else 0
+    if value in ("yes", "true", "1") or (implied and value != "no"):
+        return 1
+    shut = [
+        side for side in ("forward", "backward") if any(tags.get(f"{key}:{side}") in _NO for key in _ACCESS)
+    ]
+    return {"forward": -1, "backward": 1}[shut[0]] if len(shut) == 1 else 0
 
 
 def _lane_width(tags: Tags, lanes: tuple[LaneTags, ...]) -> float:
