@@ -109,7 +109,7 @@ def _add_bundle_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--at",
         metavar="DAY_TIME",
-        help="take OpenStreetMap's conditional tags as at this moment, such as 'Mo 08:00' (default: left out)",
+        help="take OpenStreetMap's conditional tags as they are at, say, 'Mo 08:00' (default: left out)",
     )
     parser.add_argument(
         "--export", nargs="+", action="extend", default=[], choices=EXPORT_NAMES, help="also write"

@@ -7,6 +7,7 @@ from dojo_maps.sources.osm.layout.arms import trim
 from dojo_maps.sources.osm.plain.lane_connections import connect_lanes
 from dojo_maps.sources.osm.read.country import read_speed
 from dojo_maps.sources.osm.read.lane_tags import LaneTags, LaneUse
+from dojo_maps.sources.osm.read.parking_tags import parking_width
 from dojo_maps.sources.osm.read.way_tags import RoadTags, read_road
 
 
@@ -105,6 +106,27 @@ def test_read_road_says_what_it_does_not_keep(tags: dict[str, str], word: str) -
     named = {"highway": "secondary"} | {key.replace("__", ":"): value for key, value in tags.items()}
     (told,) = read_road(named, lon=24.9, lat=60.2, left_hand=False)[1]
     assert word in told
+
+
+@pytest.mark.parametrize(
+    ("tags", "left", "right"),
+    [
+        ({"parking:both": "street_side"}, 2.0, 2.0),
+        ({"parking:left": "on_kerb", "parking:right": "separate"}, 0.0, 0.0),
+        ({"parking:lane:right": "parallel", "parking:lane:right:parallel": "on_kerb"}, 0.0, 0.0),
+        ({"parking:lane:both": "no_parking"}, 0.0, 0.0),
+        ({"parking:lane:left": "diagonal", "parking:lane:right": "parallel"}, 4.3, 2.0),
+        ({}, 0.0, 0.0),
+    ],
+)
+def test_parking_width_reads_both_ages_of_tags(tags: dict[str, str], left: float, right: float) -> None:
+    assert (parking_width(tags, "left"), parking_width(tags, "right")) == (left, right)
+
+
+def test_read_road_takes_parked_cars_off_its_width() -> None:
+    found = road(lanes="2", width="10", parking__both="lane")
+    assert found.width == pytest.approx(3.0)
+    assert found.drives == pytest.approx(10.0)
 
 
 @pytest.mark.parametrize("text", ["7.5", "7.5 m", "24.6 ft", "24'7\""])

@@ -205,3 +205,29 @@ def test_lanes_are_counted_by_kind(tmp_path: Path) -> None:
     lanes = built(drawing, tmp_path)[1]["osm"]["lane_metres"]
     assert lanes["bicycle"] == {"kept": 301, "of": 301, "share": 1.0}
     assert lanes["driving"]["of"] == 601
+
+
+@pytest.mark.parametrize(
+    ("tags", "widths"),
+    [
+        ({"parking__right": "lane", "parking__right__orientation": "diagonal"}, (4.3, 0)),
+        ({"parking__both": "lane", "parking__left__width": "7 ft"}, (2.0, 2.13)),
+        ({"parking__left": "half_on_kerb", "parking__right": "no"}, (0, 1.0)),
+        ({"parking__lane__both": "perpendicular"}, (5.0, 5.0)),
+    ],
+)
+def test_parked_cars_have_their_width(
+    tmp_path: Path, tags: dict[str, str], widths: tuple[float, float]
+) -> None:
+    drawing = Drawing()
+    drawing.way((-150, 0), (0, 0), **STREET, **tags)
+    drawing.way((0, 0), (150, 0), highway="secondary", lanes="2")
+    bundle, report = built(drawing, tmp_path)
+    net = network(bundle)
+    for name, width in zip(("1001#0", "-1001#0"), widths, strict=True):
+        parking = [lane for lane in net.getEdge(name).getLanes() if not lane.getPermissions()]
+        assert [lane.getWidth() for lane in parking] == ([pytest.approx(width, abs=0.01)] if width else [])
+    assert report["counts"]["error"] == 0
+    assert_flows(
+        drive(bundle, tmp_path, [("passenger", "1001#0", "1002#0"), ("bicycle", "-1002#0", "-1001#0")]), 2
+    )

@@ -151,7 +151,7 @@ def _offsets(road: RoadTags, *, forward: bool, left_hand: bool) -> Iterator[tupl
     outer = road.drives / 2
     for number, lane in enumerate(lanes):
         width = lane.width or road.width
-        if not lane.bicycle:
+        if lane.motor:
             yield number, sign * (outer - width / 2)
         outer -= width
 

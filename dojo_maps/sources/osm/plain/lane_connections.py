@@ -58,8 +58,8 @@ def connect_lanes(
 
 
 def _motor(lanes: Sequence[LaneTags]) -> list[int]:
-    """Number the lanes that are not for bicycles only; all where there are no others."""
-    return [k for k, lane in enumerate(lanes) if not lane.bicycle] or list(range(len(lanes)))
+    """Number the lanes that motor vehicles drive on; all where there are no others."""
+    return [k for k, lane in enumerate(lanes) if lane.motor] or list(range(len(lanes)))
 
 
 def _connect_cycle_lanes(
@@ -72,7 +72,7 @@ def _connect_cycle_lanes(
             for movement in outward or range(len(targets)):
                 target = targets[movement]
                 fitting = [k for k, onto in enumerate(target) if onto.bicycle]
-                fitting += [k for k, onto in enumerate(target) if not onto.bus]
+                fitting += [k for k, onto in enumerate(target) if onto.motor and not onto.bus]
                 if fitting:
                     yield number, movement, fitting[0]
 

@@ -33,6 +33,7 @@ _WHO = {
     'subway aircraft"',
     LaneUse.BUS: 'allow="bus coach taxi emergency"',
     LaneUse.BICYCLE: 'allow="bicycle"',
+    LaneUse.PARKING: 'disallow="all"',
 }
 """Vehicle classes of SUMO's by the use of a lane."""
 _WITH_TRAM = {
@@ -272,7 +273,7 @@ def _with_entries(
         entered = {link[3] for link in found}
         for number, lane in enumerate(lanes):
             able = [link for link in found if not (lane.bicycle and _source_lane(layout, link).bus)]
-            if number not in entered and able:
+            if number not in entered and able and lane.use is not LaneUse.PARKING:
                 best = min(able, key=lambda e: (abs(e[3] - number), abs(e[2].angle), e[0], e[1]))
                 added.append((best[0], best[1], best[2], number))
     return [*links, *added]

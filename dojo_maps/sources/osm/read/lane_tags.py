@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 from enum import StrEnum
 
 from dojo_maps.sources.osm.read.data import Tags
+from dojo_maps.sources.osm.read.parking_tags import parking_width
 
 MOST_LANES = 8
 """Of one direction."""
@@ -30,6 +31,7 @@ class LaneUse(StrEnum):
     BICYCLE = "bicycle"
     CYCLEWAY = "cycleway"
     """A cycle track of its own, where people walk besides."""
+    PARKING = "parking"
     TRAM = "tram"
     RAIL = "rail"
 
@@ -59,6 +61,11 @@ class LaneTags:
     def bicycle(self) -> bool:
         """Whether it is for bicycles only."""
         return self.use is LaneUse.BICYCLE
+
+    @property
+    def motor(self) -> bool:
+        """Whether motor vehicles drive on it."""
+        return self.use in (LaneUse.DRIVING, LaneUse.BUS)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -94,7 +101,9 @@ def read_lanes(tags: Tags, direction: int, *, bus_only: bool, left_hand: bool) -
             found = [replace(lane, use=LaneUse.BUS) for lane in found]
         if not agree:
             unkept.append("turn:lanes of another number than its lanes: its arrows")
-        lanes.append((*_cycle_lanes(tags, side, direction, left_hand=left_hand), *found))
+        cycles = _cycle_lanes(tags, side, direction, left_hand=left_hand)
+        outer, inner = _parking_lanes(tags, side, direction, left_hand=left_hand) if found else ([], [])
+        lanes.append((*outer, *cycles, *found, *inner))
     return LanesRead(forward=lanes[0], backward=lanes[1], unkept=tuple(unkept))
 
 
@@ -232,3 +241,15 @@ def _cycle_lanes(tags: Tags, side: str, direction: int, *, left_hand: bool) -> l
         return []
     width = _CYCLE_WIDTHS.get(said)
     return [LaneTags(use=LaneUse.BICYCLE, width=width)] if width else []
+
+
+def _parking_lanes(
+    tags: Tags, side: str, direction: int, *, left_hand: bool
+) -> tuple[list[LaneTags], list[LaneTags]]:
+    """List where cars park at the outer side of a direction; and at the inner one, if the road is one-way."""
+    near, far = ("left", "right") if (side == "forward") == left_hand else ("right", "left")
+    outer, inner = (
+        [LaneTags(use=LaneUse.PARKING, width=width)] if (width := parking_width(tags, where)) else []
+        for where in (near, far)
+    )
+    return outer, inner if direction else []

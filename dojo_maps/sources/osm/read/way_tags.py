@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 from dojo_maps.sources.osm.read.country import default_speed, read_speed
 from dojo_maps.sources.osm.read.data import Tags
-from dojo_maps.sources.osm.read.lane_tags import LaneTags, read_lanes
+from dojo_maps.sources.osm.read.lane_tags import LaneTags, LaneUse, read_lanes
 from dojo_maps.sources.osm.read.lengths import read_length
 
 KINDS = {
@@ -24,6 +24,9 @@ _TIMED = ("access", "vehicle", "motor_vehicle", "motorcar", "oneway", "lanes", "
 """Tags of a road that may hold at some times only."""
 _LANE_WIDTH, _NARROWEST, _WIDEST = 3.25, 2.5, 4.5
 """Metres across a lane: usual, and least and most as a carriageway's width may have it."""
+_BESIDE_PARKED = 2.75
+"""Metres across a lane of a small street, with cars parked along it."""
+_SMALL = ("residential", "living_street", "unclassified", "service")
 _SIDEWALK_KINDS = {kind for kind, rank in KINDS.items() if 1 < rank <= 9} - {"busway", "bus_guideway"}
 _SIDEWALK_SPEED = 60 / 3.6 + 0.1
 
@@ -167,7 +170,8 @@ def _lane_width(tags: Tags, lanes: tuple[LaneTags, ...]) -> float:
         whole = read_length(tags.get(key, ""))
         if whole is not None and _NARROWEST <= (whole - narrow) / wide <= _WIDEST:
             return round((whole - narrow) / wide, 2)
-    return _LANE_WIDTH
+    parked = any(lane.use is LaneUse.PARKING for lane in lanes)
+    return _BESIDE_PARKED if parked and tags.get("highway") in _SMALL else _LANE_WIDTH
 
 
 def read_layer(tags: Tags) -> int:
