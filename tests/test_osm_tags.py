@@ -129,6 +129,37 @@ def test_read_road_takes_parked_cars_off_its_width() -> None:
     assert found.drives == pytest.approx(10.0)
 
 
+@pytest.mark.parametrize(
+    ("tags", "offset"),
+    [
+        ({"oneway": "yes", "lanes": "3", "placement": "right_of:1"}, -1.625),
+        ({"oneway": "yes", "lanes": "3", "placement": "middle_of:2"}, 0.0),
+        ({"oneway": "-1", "lanes": "3", "placement": "right_of:1"}, 1.625),
+        ({"oneway": "yes", "lanes": "2", "placement": "left_of:1"}, -3.25),
+        ({"lanes": "4", "placement__forward": "left_of:1"}, 0.0),
+        ({"lanes": "4", "placement__forward": "right_of:1"}, 3.25),
+        ({"lanes": "4", "placement__backward": "middle_of:2"}, -4.875),
+        ({"oneway": "yes", "lanes": "2", "placement": "transition"}, 0.0),
+        ({"oneway": "yes", "lanes": "2", "placement": "right_of:5"}, 0.0),
+    ],
+)
+def test_read_road_places_the_carriageway_beside_its_way(tags: dict[str, str], offset: float) -> None:
+    assert road(**tags).offset == pytest.approx(offset, abs=0.01)
+    # The same street seen in a mirror.
+    lanes = {key: value for key, value in tags.items() if "placement" not in key}
+    mirrored = {"left_of": "right_of", "right_of": "left_of"}
+    for key in tags.keys() - lanes.keys():
+        kind, _, number = tags[key].partition(":")
+        count = len(
+            road(**lanes).backward
+            if "backward" in key or tags.get("oneway") == "-1"
+            else road(**lanes).forward
+        )
+        number = str(count + 1 - int(number)) if number and int(number) <= count else number
+        lanes[key] = f"{mirrored.get(kind, kind)}:{number}".rstrip(":")
+    assert road(left_hand=True, **lanes).offset == pytest.approx(-offset, abs=0.01)
+
+
 @pytest.mark.parametrize("text", ["7.5", "7.5 m", "24.6 ft", "24'7\""])
 def test_read_road_reads_widths_in_any_unit(text: str) -> None:
     assert road(lanes="2", width=text).width == pytest.approx(3.75, abs=0.01)

@@ -60,7 +60,11 @@ class Section:
         """Give the same piece of road in the other direction."""
         left, right = self.road.sidewalks
         road = replace(
-            self.road, forward=self.road.backward, backward=self.road.forward, sidewalks=(right, left)
+            self.road,
+            forward=self.road.backward,
+            backward=self.road.forward,
+            sidewalks=(right, left),
+            offset=-self.road.offset,
         )
         return replace(self, nodes=self.nodes[::-1], ways=self.ways[::-1], road=road)
 

@@ -30,7 +30,7 @@ class Layout:
         cuts: metres by which a section's end is drawn back from its vertex.
         hosted: the crossing at each arm.
         lost: crossings with no place, and why.
-        asides: metres by which a section is moved to its left, because another lies too near.
+        asides: metres by which a section is moved to its left: by its placement, or for another that is near.
         tracks: of trams, trains and bicycles, as they are built.
     """
 
@@ -113,7 +113,7 @@ def trim(line: Floats, start: float, end: float) -> Floats:
 def divider(layout: Layout, section: Section, heights: dict[int, float]) -> Floats:
     """Find the line between the two directions, drawn back where a crossing lies at an end.
 
-    The way is taken for the middle of the carriageway.
+    The way is taken for the middle of the carriageway, unless its placement says otherwise.
     """
     line = np.column_stack([layout.graph.line(section), [heights.get(node, 0.0) for node in section.nodes]])
     cuts = [layout.cuts.get((section.id, at_end), 0.0) for at_end in (False, True)]

@@ -55,6 +55,8 @@ def lay_out(
     for name, section in graph.sections.items():
         if junctions.of[section.start] == junctions.of[section.end] and is_inner(graph, section):
             layout.inner.add(name)
+        elif section.road.offset:
+            layout.asides[name] = section.road.offset
     for node, (towards, metres) in moved.items():
         _move(graph, node, towards, metres)
     host_crossings(layout)

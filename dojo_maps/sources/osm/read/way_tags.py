@@ -6,6 +6,7 @@ from dojo_maps.sources.osm.read.country import default_speed, read_speed
 from dojo_maps.sources.osm.read.data import Tags
 from dojo_maps.sources.osm.read.lane_tags import LaneTags, LaneUse, read_lanes
 from dojo_maps.sources.osm.read.lengths import read_length
+from dojo_maps.sources.osm.read.placement_tags import read_placement
 
 KINDS = {
     "motorway": 13, "motorway_link": 12, "trunk": 11, "trunk_link": 10, "primary": 9, "primary_link": 8,
@@ -41,6 +42,7 @@ class RoadTags:
         sidewalks: for the left and the right side: yes, no, separate, or "" where nothing is said.
         layer: level above ground, from bridges and tunnels.
         width: of a lane, metres.
+        offset: metres by which the carriageway's middle lies to the left of the way.
     """
 
     kind: str
@@ -52,6 +54,7 @@ class RoadTags:
     sidewalks: tuple[str, str]
     layer: int
     roundabout: bool
+    offset: float = 0.0
 
     @property
     def oneway(self) -> bool:
@@ -90,16 +93,18 @@ def read_road(
     lanes = read_lanes(tags, _direction(tags), bus_only=not _cars(tags), left_hand=left_hand)
     timed = [key for key in tags if key.endswith(":conditional") and key.partition(":")[0] in _TIMED]
     speed = read_speed(tags.get("maxspeed", "")) or default_speed(kind, lon, lat)
+    width = _lane_width(tags, lanes.forward + lanes.backward)
     road = RoadTags(
         kind=kind,
         name=tags.get("name", ""),
         speed=round(speed, 2),
-        width=_lane_width(tags, lanes.forward + lanes.backward),
+        width=width,
         forward=lanes.forward,
         backward=lanes.backward,
         sidewalks=("yes", "yes") if tags["highway"] == "pedestrian" else _sidewalks(tags),
         layer=read_layer(tags),
         roundabout=tags.get("junction") in ("roundabout", "circular"),
+        offset=read_placement(tags, lanes.forward, lanes.backward, width, left_hand=left_hand),
     )
     return road, [*lanes.unkept, *(f"{key}: what holds at some times only" for key in timed)]
 
