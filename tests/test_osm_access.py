@@ -3,10 +3,12 @@
 from pathlib import Path
 from typing import Any
 
-from osm_drawings import SIGNAL, Drawing
+import pytest
+from osm_drawings import HELSINKI, LONDON, SIGNAL, Drawing
 
 from dojo_maps.bundle import Bundle
 from dojo_maps.conversion import convert
+from dojo_maps.description import LaneKind
 
 MAIN = {"highway": "secondary", "lanes": "2"}
 
@@ -113,3 +115,22 @@ def test_tag_that_no_lane_can_show_is_told_once_for_all_ways(tmp_path: Path) -> 
     (told,) = [issue for issue in report["issues"] if issue["check"] == "osm.tag_not_kept"]
     assert told["measured"] == 2
     assert "the lane in the middle" in told["message"]
+
+
+@pytest.mark.parametrize(("centre", "turn"), [(HELSINKI, "l"), (LONDON, "r")])
+def test_centre_lane_is_a_turn_lane_before_the_junction(
+    tmp_path: Path, centre: tuple[float, float], turn: str
+) -> None:
+    drawing = Drawing(centre=centre)
+    tags = {"highway": "secondary", "lanes": "3", "lanes__both_ways": "1"}
+    drawing.way((-150, 0), (0, 0), (150, 0), **tags)
+    drawing.way((0, -100), (0, 0), (0, 100), **MAIN)
+    bundle, report = built(drawing, tmp_path)
+    lanes = {lane.id: lane for lane in bundle.road_map.lanes}
+    wide = [r for r in bundle.road_map.roads if sum(lanes[k].kind is LaneKind.DRIVING for k in r.lanes) == 2]
+    assert len(wide) == 2
+    for road in wide:
+        inner = road.lanes[-1]
+        assert {c.direction for c in bundle.road_map.connections if c.from_lane == inner} == {turn}
+        assert lanes[inner].length > 20
+    assert report["counts"]["error"] == 0

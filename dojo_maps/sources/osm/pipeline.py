@@ -16,6 +16,7 @@ from dojo_maps.geometry.polylines import Floats
 from dojo_maps.index import MapIndex
 from dojo_maps.issue import Element, Issue, Severity
 from dojo_maps.sources.netconvert import NetconvertError, run_netconvert, warning_issue
+from dojo_maps.sources.osm.graph.centre_turn_lanes import add_centre_turn_lanes
 from dojo_maps.sources.osm.graph.road_graph import build_graph
 from dojo_maps.sources.osm.graph.tracks import add_tracks
 from dojo_maps.sources.osm.junctions.overlap_merging import lying_on_neighbours
@@ -89,6 +90,7 @@ def build_network(data: OsmData, *, path: Path, name: str, sha256: str) -> OsmNe
     paved: set[str] = set()
     for _ in range(_ROUNDS):
         graph = build_graph(data, path)
+        add_centre_turn_lanes(graph)
         add_tracks(data, graph, path)
         layout = lay_out(data, graph, joined, moved)
         with scratch_folder() as folder:

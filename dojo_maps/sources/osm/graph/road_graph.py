@@ -28,6 +28,8 @@ from dojo_maps.sources.osm.read.way_tags import KINDS, RoadTags, read_road, why_
 
 _LEAST_SECTION = 12.0
 """Metres: a shorter section between two changes of lanes takes its neighbour's."""
+_SAME = 1.0
+"""Metres between a place on a section and a node within which the node is taken."""
 _WIDEST = 100_000.0
 
 
@@ -129,6 +131,22 @@ class RoadGraph:
             ways = section.ways[:index] if suffix == "a" else section.ways[index:]
             name = section.id + suffix
             self.sections[name] = replace(section, id=name, nodes=nodes, ways=ways)
+
+    def insert_node(self, section_id: str, place: float) -> int:
+        """Give a section a node some metres along it, and tell its index; one that is there is taken."""
+        section = self.sections[section_id]
+        line = self.line(section)
+        lengths = along(line)
+        nearest = int(np.argmin(np.abs(lengths - place)))
+        if abs(float(lengths[nearest]) - place) < _SAME:
+            return nearest
+        index = int(np.searchsorted(lengths, place))
+        x, y = (float(np.interp(place, lengths, values)) for values in line.T)
+        node = self.add_node((round(x, 3), round(y, 3)))
+        nodes = (*section.nodes[:index], node, *section.nodes[index:])
+        ways = (*section.ways[:index], section.ways[index - 1], *section.ways[index:])
+        self.sections[section_id] = replace(section, nodes=nodes, ways=ways)
+        return index
 
     def way_line(self, data: OsmData, way: OsmWay) -> shapely.LineString | None:
         """Lay any way of the extract into the plane, None where fewer than two nodes are there."""

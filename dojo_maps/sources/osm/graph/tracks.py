@@ -212,26 +212,9 @@ def _split_at(graph: RoadGraph, name: str, places: Iterable[float]) -> None:
     for place in sorted(places):
         if place - taken[-2] > _BORDER and length - place > _BORDER:
             taken.insert(-1, place)
-            index = insert_node(graph, rest, place - start)
+            index = graph.insert_node(rest, place - start)
             graph.split(rest, index)
             rest, start = f"{rest}b", place
-
-
-def insert_node(graph: RoadGraph, name: str, place: float) -> int:
-    """Give a section a node some metres along it, and tell its index; one that is there is taken."""
-    section = graph.sections[name]
-    line = graph.line(section)
-    lengths = along(line)
-    nearest = int(np.argmin(np.abs(lengths - place)))
-    if abs(float(lengths[nearest]) - place) < 1.0:
-        return nearest
-    index = int(np.searchsorted(lengths, place))
-    x, y = (float(np.interp(place, lengths, values)) for values in line.T)
-    node = graph.add_node((round(x, 3), round(y, 3)))
-    nodes = (*section.nodes[:index], node, *section.nodes[index:])
-    ways = (*section.ways[:index], section.ways[index - 1], *section.ways[index:])
-    graph.sections[name] = replace(section, nodes=nodes, ways=ways)
-    return index
 
 
 def _split_roads(data: OsmData, graph: RoadGraph, tracks: RoadGraph) -> None:

@@ -17,7 +17,7 @@ import shapely
 from dojo_maps.geometry.polylines import Floats, along
 from dojo_maps.sources.osm.graph.road_graph import RoadGraph, Section
 from dojo_maps.sources.osm.graph.street_tracks import StreetPart, Streets, tram_lanes
-from dojo_maps.sources.osm.graph.tracks import Roads, insert_node
+from dojo_maps.sources.osm.graph.tracks import Roads
 from dojo_maps.sources.osm.junctions.grouping import Groups
 from dojo_maps.sources.osm.layout.arms import Arm, Layout
 from dojo_maps.sources.osm.read.data import OsmData
@@ -184,7 +184,7 @@ def _part_end(
 ) -> tuple[int, Meeting]:
     """Give a track a node where it leaves a street; and the junction there."""
     place = part.end if at_end else part.start
-    node = graph.sections[name].nodes[insert_node(graph, name, place)]
+    node = graph.sections[name].nodes[graph.insert_node(name, place)]
     street = layout.graph.sections[part.street]
     line = shapely.LineString(layout.graph.line(street))
     before = line.project(shapely.Point(graph.places[node])) < line.length / 2
@@ -299,7 +299,7 @@ def _split_loops(tracks: TrackLayout) -> None:
             or length <= _LONGEST
         ):
             continue
-        index = insert_node(graph, name, length / 2)
+        index = graph.insert_node(name, length / 2)
         if 0 < index < len(graph.sections[name].nodes) - 1:
             node = graph.sections[name].nodes[index]
             graph.split(name, index)

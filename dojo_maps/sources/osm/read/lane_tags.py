@@ -76,11 +76,13 @@ class LanesRead:
         forward: in the way's direction, outermost first.
         backward: against it, outermost first.
         unkept: what the tags say and no lane shows, in words.
+        centre: a lane in the middle that both directions turn from.
     """
 
     forward: tuple[LaneTags, ...]
     backward: tuple[LaneTags, ...]
     unkept: tuple[str, ...]
+    centre: LaneTags | None = None
 
 
 def read_lanes(tags: Tags, direction: int, *, bus_only: bool, left_hand: bool) -> LanesRead:
@@ -104,14 +106,15 @@ def read_lanes(tags: Tags, direction: int, *, bus_only: bool, left_hand: bool) -
         cycles = _cycle_lanes(tags, side, direction, left_hand=left_hand)
         outer, inner = _parking_lanes(tags, side, direction, left_hand=left_hand) if found else ([], [])
         lanes.append((*outer, *cycles, *found, *inner))
-    return LanesRead(forward=lanes[0], backward=lanes[1], unkept=tuple(unkept))
+    centre = LaneTags() if not direction and _count(tags, "lanes:both_ways") else None
+    return LanesRead(forward=lanes[0], backward=lanes[1], unkept=tuple(unkept), centre=centre)
 
 
 def _unkept(tags: Tags, direction: int) -> list[str]:
     """Name what lanes are told to be that none of SUMO's can be."""
     found = []
     if _count(tags, "lanes:both_ways"):
-        found.append("lanes:both_ways: the lane in the middle")
+        found.append("lanes:both_ways: the lane in the middle, but for a turn lane at junctions")
     if tags.get("oneway") in ("reversible", "alternating"):
         found.append(f"oneway={tags['oneway']}: its changes of direction; it is two-way")
     if not direction and tags.get("lanes") == "1":

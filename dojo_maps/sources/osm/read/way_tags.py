@@ -43,6 +43,7 @@ class RoadTags:
         layer: level above ground, from bridges and tunnels.
         width: of a lane, metres.
         offset: metres by which the carriageway's middle lies to the left of the way.
+        centre: a lane in the middle that both directions turn from.
     """
 
     kind: str
@@ -55,6 +56,7 @@ class RoadTags:
     layer: int
     roundabout: bool
     offset: float = 0.0
+    centre: LaneTags | None = None
 
     @property
     def oneway(self) -> bool:
@@ -105,6 +107,7 @@ def read_road(
         layer=read_layer(tags),
         roundabout=tags.get("junction") in ("roundabout", "circular"),
         offset=read_placement(tags, lanes.forward, lanes.backward, width, left_hand=left_hand),
+        centre=lanes.centre,
     )
     return road, [*lanes.unkept, *(f"{key}: what holds at some times only" for key in timed)]
 
