@@ -40,6 +40,8 @@ CODES = {
     *(f"SUM{k:03}" for k in range(1, 3)),
     *(f"OSM{k:03}" for k in range(1, 14)),
     *(f"IMP{k:03}" for k in range(1, 22)),
+    "IMP024",
+    "IMP025",
 }
 
 

@@ -42,7 +42,7 @@ _DROPPED_IN_TURN = ("--walkingareas",)
 _SHORTEST = 5.0
 _LEAST_GROUND = 5.0
 """Square metres of a junction that has an outline."""
-_ROUNDS = 8
+_ROUNDS, _TRACK_ROUNDS = 8, 3
 _TIMEOUT = 240.0
 _NO_PAVEMENT = re.compile(
     r"(?:invalid crossing .* with edges|crossing .* across) \[([^]]*)\] (?:\(no walkingarea|has no target)"
@@ -109,12 +109,20 @@ def build_network(data: OsmData, *, path: Path, name: str, sha256: str) -> OsmNe
         paved |= unpaved
     if layout.tracks is not None:
         outlines = _outlines(road_map, plain)
-        settle_tracks(data, layout, layout.tracks, _grounds(outlines))
-        with scratch_folder() as folder:
-            plain = write_plain(data, layout, restrictions, folder, paved, outlines)
-            built, warnings, dropped = _convert(folder, path, left_hand=layout.graph.left_hand)
-        built = clear_rails(built)
-        road_map, _ = read_network(built, path=path, name=name, sha256=sha256)
+        known = _too_short(road_map, plain).keys()
+        for _ in range(_TRACK_ROUNDS):
+            settle_tracks(data, layout, layout.tracks, _grounds(outlines))
+            with scratch_folder() as folder:
+                plain = write_plain(data, layout, restrictions, folder, paved, outlines)
+                built, warnings, dropped = _convert(folder, path, left_hand=layout.graph.left_hand)
+            built = clear_rails(built)
+            road_map, _ = read_network(built, path=path, name=name, sha256=sha256)
+            pressed = {
+                layout.junctions.of[v] for pair in _too_short(road_map, plain).keys() - known for v in pair
+            }
+            if not pressed & set(layout.tracks.nodes.values()):
+                break
+            layout.tracks.closed |= pressed
     built = mend_outlines(program_signals(built, road_map))
     road_map, issues = read_network(built, path=path, name=name, sha256=sha256)
     issues += tuple(_dropped_issue(option, reason, road_map) for option, reason in dropped)

@@ -71,6 +71,13 @@ def measure_tracks(data: OsmData, network: OsmNetwork) -> tuple[dict[str, Any], 
         )
         for kind, left in sorted(far.items())
     ]  # fmt: skip
+    issues += [
+        loss(
+            "osm.track_lost", "tracks lead over a junction without a link to it: its roads are too short",
+            ("node", junction), graph.places[junction], "join them in netedit", severity=Severity.NOTE,
+        )
+        for junction in sorted(network.layout.tracks.closed if network.layout.tracks is not None else ())
+    ]  # fmt: skip
     tracks = {_NAMES[kind]: share_of((round(kept[kind]), round(total[kind]))) for kind in sorted(total)}
     return {"track_metres": tracks, "lane_metres": _measure_lanes(data, network)}, issues
 

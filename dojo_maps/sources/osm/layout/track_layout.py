@@ -93,6 +93,7 @@ class TrackLayout:
         own: the nodes that are no road's junction, and their places.
         built: the sections that are edges of their own, and the metres they are drawn back at both ends.
         links: ways across junctions.
+        closed: junctions that tracks lead over without a link, for their roads would have no room left.
     """
 
     graph: RoadGraph
@@ -102,6 +103,7 @@ class TrackLayout:
     own: dict[int, tuple[float, float]] = field(default_factory=dict)
     built: dict[str, tuple[float, float]] = field(default_factory=dict)
     links: list[TrackLink] = field(default_factory=list)
+    closed: set[int] = field(default_factory=set)
 
 
 def meet_roads(data: OsmData, layout: Layout) -> TrackLayout | None:
@@ -123,7 +125,9 @@ def settle_tracks(data: OsmData, layout: Layout, tracks: TrackLayout, outlines: 
         tracks: as they meet the roads; completed here.
         outlines: of the roads' junctions.
     """
+    tracks.built.clear()
     _group(tracks, outlines)
+    _part_from_closed(layout, tracks)
     _split_loops(tracks)
     for name, section in sorted(tracks.graph.sections.items()):
         if name not in tracks.streets and tracks.nodes[section.start] != tracks.nodes[section.end]:
@@ -233,7 +237,7 @@ def _joined(data: OsmData, tracks: TrackLayout) -> dict[int, tuple[Arm, ...]]:
     ends = tracks.graph.ends()
     joined = {}
     for node, at in sorted(ends.items()):
-        if node not in tracks.meetings:
+        if node not in tracks.meetings or tracks.meetings[node].junction in tracks.closed:
             continue
         sections = [tracks.graph.sections[name] for name in at]
         tags = data.nodes[node].tags if node in data.nodes else {}
@@ -262,7 +266,8 @@ def _group(tracks: TrackLayout, outlines: Outlines) -> None:
     graph = tracks.graph
     ends = {node for section in graph.sections.values() for node in (section.start, section.end)}
     groups = Groups({node: graph.places[node] for node in sorted(ends)}, _WIDEST)
-    of = {node: tracks.meetings[node].junction for node in sorted(ends) if node in tracks.meetings}
+    met = {node: tracks.meetings[node].junction for node in sorted(ends) if node in tracks.meetings}
+    of = {node: junction for node, junction in met.items() if junction not in tracks.closed}
     left = {
         name: _outside(
             graph, section, [outlines[of[v]] for v in (section.start, section.end) if of.get(v) in outlines]
@@ -280,6 +285,14 @@ def _group(tracks: TrackLayout, outlines: Outlines) -> None:
         if groups.join(*pair) and known:
             of[groups.find(section.start)] = known[0]
     tracks.nodes = {node: of.get(groups.find(node), groups.find(node)) for node in sorted(ends)}
+
+
+def _part_from_closed(layout: Layout, tracks: TrackLayout) -> None:
+    """Give tracks over closed junctions nodes of their own, with other names than the roads' vertices have."""
+    open_to = {meeting.junction for meeting in tracks.meetings.values()} - tracks.closed
+    names = {home for home in tracks.nodes.values() if home in layout.junctions.of} - open_to
+    own = {home: tracks.graph.add_node(tracks.graph.places[home]) for home in sorted(names)}
+    tracks.nodes = {node: own.get(home, home) for node, home in tracks.nodes.items()}
 
 
 def _outside(graph: RoadGraph, section: Section, grounds: list[shapely.Geometry]) -> float:

@@ -84,7 +84,7 @@ def write_plain(
         restrictions: turns that are forbidden.
         folder: where the files go.
         paved: sections with pavement on both sides whatever is mapped, because crossings lead there.
-        outlines: junctions as built without tracks, (n, 3), metres; with them, the tracks are written.
+        outlines: of junctions as built without tracks, (n, 3), metres: those that tracks meet keep them.
     """
     plain = Plain(heights=compute_heights(layout.graph))
     walks = Sidewalks(data, layout.graph)
@@ -104,7 +104,7 @@ def write_plain(
     connections = _connections(layout, arms, restrictions, plain)
     nodes = [_location(layout)]
     kinds: dict[int, str] = {}
-    if layout.tracks is not None and outlines:
+    if layout.tracks is not None and layout.tracks.nodes:
         tracks = TrackEdges(layout, layout.tracks, plain.heights)
         edges += tracks.edges()
         nodes += tracks.nodes()
