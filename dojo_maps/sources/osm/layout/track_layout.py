@@ -288,7 +288,7 @@ def _group(tracks: TrackLayout, outlines: Outlines) -> None:
 
 
 def _part_from_closed(layout: Layout, tracks: TrackLayout) -> None:
-    """Give tracks over closed junctions nodes of their own, with other names than the roads' vertices have."""
+    """Give tracks over closed junctions nodes of their own, named as no vertex of a road is."""
     open_to = {meeting.junction for meeting in tracks.meetings.values()} - tracks.closed
     names = {home for home in tracks.nodes.values() if home in layout.junctions.of} - open_to
     own = {home: tracks.graph.add_node(tracks.graph.places[home]) for home in sorted(names)}
