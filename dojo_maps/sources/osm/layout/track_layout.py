@@ -5,7 +5,6 @@ vanishes, and is what its links follow. Where a tram runs in a street, the stree
 Tracks are settled when the roads' junctions have their outlines, so that they do not change those.
 """
 
-import itertools
 import math
 from collections import Counter
 from collections.abc import Iterator, Mapping
@@ -146,7 +145,7 @@ def _cut_at_roads(layout: Layout, tracks: TrackLayout) -> None:
     graph = tracks.graph
     roads = {name: s for name, s in layout.graph.sections.items() if name not in layout.inner}
     finder = Streets(layout.graph, roads)
-    meets = Roads(layout.graph)
+    meets, ends = Roads(layout.graph), layout.graph.ends()
     uses = Counter(node for section in graph.sections.values() for node in section.nodes)
     for name in sorted(graph.sections):
         parts = [p for p in finder.parts(graph.sections[name]) if _shares(layout, graph.sections[name], p)]
@@ -162,7 +161,7 @@ def _cut_at_roads(layout: Layout, tracks: TrackLayout) -> None:
         ]
         for index in outside:
             node = section.nodes[index]
-            meeting = _meeting(layout, meets, section, index)
+            meeting = _meeting(layout, ends, meets, section, index)
             found |= {node: meeting} if meeting is not None else {}
         cuts = [*found, *(section.nodes[index] for index in outside if uses[section.nodes[index]] > 1)]
         tracks.meetings |= found
@@ -195,20 +194,18 @@ def _part_end(
     return node, Meeting(junction=layout.junctions.of[street.start if before else street.end])
 
 
-def _meeting(layout: Layout, roads: Roads, track: Section, index: int) -> Meeting | None:
+def _meeting(
+    layout: Layout, ends: dict[int, list[str]], roads: Roads, track: Section, index: int
+) -> Meeting | None:
     """Find the junction of a road that a track meets at a node; the road is drawn back to there."""
     node = track.nodes[index]
     if node in layout.junctions.of:
-        at_ends = [
-            [
-                (name, at_end)
-                for at_end, vertex in ((False, section.start), (True, section.end))
-                if vertex == node
-            ]
-            for name, section in sorted(layout.graph.sections.items())
+        arms = [
+            (name, layout.graph.sections[name].end == node)
+            for name in sorted(ends[node])
             if name not in layout.inner
         ]
-        return Meeting(junction=layout.junctions.of[node], arms=tuple(itertools.chain(*at_ends)))
+        return Meeting(junction=layout.junctions.of[node], arms=tuple(arms))
     for name, place in roads.met_by(track, index):
         section = layout.graph.sections[name]
         if name in layout.inner:
