@@ -120,9 +120,11 @@ def build_network(data: OsmData, *, path: Path, name: str, sha256: str) -> OsmNe
             pressed = {
                 layout.junctions.of[v] for pair in _too_short(road_map, plain).keys() - known for v in pair
             }
-            if not pressed & set(layout.tracks.nodes.values()):
+            unpaved = _unpaved(warnings) & plain.sidewalks.keys()
+            if unpaved <= paved and not pressed & set(layout.tracks.nodes.values()):
                 break
             layout.tracks.closed |= pressed
+            paved |= unpaved
     built = mend_outlines(program_signals(built, road_map))
     road_map, issues = read_network(built, path=path, name=name, sha256=sha256)
     issues += tuple(_dropped_issue(option, reason, road_map) for option, reason in dropped)
