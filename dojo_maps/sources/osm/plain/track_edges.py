@@ -1,6 +1,7 @@
 """Tracks as plain XML: their edges and nodes, and the ways of trams and bicycles across junctions."""
 
 import re
+from collections import Counter
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from xml.sax.saxutils import quoteattr
@@ -32,6 +33,7 @@ _PAVEMENT = re.compile(rb' *<edge id="(:[^"]*_w\d+)" function="walkingarea">.*?<
 _RAIL_EDGE = re.compile(rb'<edge id="([^"]*)"[^>]*type="railway\.')
 _FROM_PAVEMENT = re.compile(rb' *<connection from=":[^"]*_w\d+" to="([^"]*)"[^>]*/>\n')
 _TO_PAVEMENT = re.compile(rb' *<connection from="([^"]*)" to=":[^"]*_w\d+"[^>]*/>\n')
+_NAME = re.compile(rb'"(:[^"]*_w\d+)"')
 
 
 def clear_rails(network: bytes) -> bytes:
@@ -39,7 +41,8 @@ def clear_rails(network: bytes) -> bytes:
     rails = set(_RAIL_EDGE.findall(network))
     for pattern in (_FROM_PAVEMENT, _TO_PAVEMENT):
         network = pattern.sub(lambda found: b"" if found[1] in rails else found[0], network)
-    network = _PAVEMENT.sub(lambda found: found[0] if network.count(b'"%s"' % found[1]) > 1 else b"", network)
+    used = Counter(_NAME.findall(network))
+    network = _PAVEMENT.sub(lambda found: found[0] if used[found[1]] > 1 else b"", network)
     return _ON_RAILS.sub(b'allow="tram"', network)
 
 
