@@ -137,8 +137,8 @@ def tell_unread_conditions(
             issues.append(
                 loss(
                     "osm.condition_unread",
-                    f"{len(condition.elements)} {condition.kind}s have {condition.key}={condition.value[:100]}, "
-                    "which is not understood and left out; the first is",
+                    f"{len(condition.elements)} {condition.kind}s have {condition.key}={condition.value[:100]}"
+                    ", which is not understood and left out; the first is",
                     (condition.kind, first), place,
                     "set what holds at your hours in netedit, or without the condition in the data",
                     severity=Severity.NOTE, measured=len(condition.elements),
