@@ -133,12 +133,13 @@ def tell_unread_conditions(
         else:
             nodes = [member.ref for member in data.relations[first].members if member.kind == "node"]
         place = next((places[node] for node in nodes if node in places), None)
+        tag = f"{condition.key}={condition.value[:100]}"
         if place is not None:
             issues.append(
                 loss(
                     "osm.condition_unread",
-                    f"{len(condition.elements)} {condition.kind}s have {condition.key}={condition.value[:100]}"
-                    ", which is not understood and left out; the first is",
+                    f"{len(condition.elements)} {condition.kind}s have {tag}, "
+                    "which is not understood and left out; the first is",
                     (condition.kind, first), place,
                     "set what holds at your hours in netedit, or without the condition in the data",
                     severity=Severity.NOTE, measured=len(condition.elements),
