@@ -41,7 +41,7 @@ CODES = {
     *(f"OSM{k:03}" for k in range(1, 14)),
     *(f"IMP{k:03}" for k in range(1, 22)),
     "IMP024",
-    "IMP025",
+    "IMP027",
 }
 
 

@@ -36,7 +36,7 @@ _LOSSES = (
     ("IMP012", "osm.edit_lost", "Kept edits fit the new network", WARNING, "all"),
     ("IMP013", "osm.restriction_conditional", "Turn restrictions hold at all times", NOTE, "no conditions"),
     ("IMP018", "osm.road_lost", "Mapped roads are built whole", WARNING, "10 m of each class"),
-    ("IMP025", "osm.condition_unread", "Conditions of tags are understood", NOTE, "all"),
+    ("IMP027", "osm.condition_unread", "Conditions of tags are understood", NOTE, "all"),
     ("IMP024", "osm.track_lost", "Mapped tracks are built whole", WARNING, "10 m of each kind"),
     ("IMP021", "osm.junction_too_large", "Junctions pave no ground beside their roads", WARNING, "50 m²"),
     ("IMP020", "osm.road_closed", "No barrier stands on a road", NOTE, "none"),
