@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from dojo_maps.cli_area import add_area_options, find_source, join_signed
+from dojo_maps.cli_demand import add_demand, read_volume
 from dojo_maps.command import Parser, add_command, run_command
 from dojo_maps.progress import Progress
 
@@ -47,10 +48,12 @@ def _parser() -> argparse.ArgumentParser:
     import_osm.add_argument(
         "--demand",
         metavar="VEH_PER_HOUR",
-        type=_volume,
+        type=read_volume,
         help="vehicles in all (default: what the junctions can take; 0 for none)",
     )
     _add_bundle_options(import_osm)
+
+    add_demand(commands)
 
     keep = add_command(commands, "keep", _keep, "keep what was changed in netedit for the next import")
     keep.add_argument("bundle", metavar="BUNDLE", type=Path)
@@ -120,13 +123,6 @@ def _positive(text: str) -> int:
     return value
 
 
-def _volume(text: str) -> float:
-    value = float(text)
-    if not 0 <= value <= 1e6:
-        raise argparse.ArgumentTypeError("expected a number of vehicles per hour, 0 or more")
-    return value
-
-
 def _convert(options: argparse.Namespace) -> int:
     from dojo_maps.bundle import REPORT_PAGE
     from dojo_maps.conversion import ConvertOptions, convert
@@ -150,7 +146,11 @@ def _convert(options: argparse.Namespace) -> int:
         f"{len(road_map.signals)} signals, {len(road_map.crossings)} crossings"
     )
     if "demand" in report:
-        print("demand: {vehicles} vehicles and {walkers} walkers in an hour".format(**report["demand"]))
+        print(
+            "demand: {vehicles} vehicles, {bicycles} bicycles and {walkers} walkers in an hour".format(
+                **report["demand"]
+            )
+        )
     failed = {name: state for name, state in report.get("exports", {}).items() if state != "written"}
     for name, state in failed.items():
         print(f"dojo-maps: export {name} {state}; the rest is written", file=sys.stderr)

@@ -5,12 +5,12 @@ import os
 import shutil
 from collections.abc import Callable
 from contextlib import ExitStack
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from dojo_maps import bundle
-from dojo_maps.demand import write_demand
+from dojo_maps.demand import DemandOptions, as_json, write_demand
 from dojo_maps.description import RoadMap
 from dojo_maps.drawing import draw
 from dojo_maps.edits import reapply_edits
@@ -192,8 +192,9 @@ def _import_osm(
 
 def _add_demand(folder: Path, road_map: RoadMap, volume: float | None) -> dict[str, Any]:
     """Write traffic beside the network, where there is a junction that it can cross."""
-    demand = write_demand(road_map, folder / bundle.NETWORK, folder / bundle.DEMAND, volume=volume)
-    return {} if demand is None else {"demand": asdict(demand)}
+    options = DemandOptions(volume=volume)
+    demand = write_demand(road_map, folder / bundle.NETWORK, folder / bundle.DEMAND, options)
+    return {} if demand is None else {"demand": as_json(demand)}
 
 
 def _export(

@@ -6,6 +6,13 @@ from typing import Any
 from dojo_env.camera_presets import CAMERA_PRESETS, PAPER
 
 
+def add_routes_option(parser: argparse.ArgumentParser) -> None:
+    """Add what other traffic drives on a scenario's network."""
+    parser.add_argument(
+        "--routes", metavar="FILE[,FILE]", help="route files to drive in place of the scenario's own"
+    )
+
+
 def add_sensing_options(parser: argparse.ArgumentParser) -> None:
     """Add what decides how cameras see."""
     parser.add_argument(

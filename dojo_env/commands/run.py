@@ -6,7 +6,7 @@ from collections import Counter
 from pathlib import Path
 from typing import Any
 
-from dojo_env.commands.options import add_sensing_options, read_sensing, read_yellow
+from dojo_env.commands.options import add_routes_option, add_sensing_options, read_sensing, read_yellow
 from dojo_env.errors import ConfigError
 from dojo_maps.command import Commands, add_command
 from dojo_maps.progress import Progress
@@ -20,6 +20,7 @@ def add_run(commands: Commands) -> None:
     """Add the command to the parser."""
     run = add_command(commands, "run", _run, "run a controller and print its figures")
     run.add_argument("--scenario", required=True, help="a packaged scenario such as cologne1, or a .sumocfg")
+    add_routes_option(run)
     run.add_argument("--controller", required=True, metavar="NAME", help="such as max-pressure or fixed-time")
     run.add_argument(
         "--seeds", type=int, default=1, metavar="N", help="how many episodes, each with the next seed"
@@ -75,6 +76,7 @@ def _run(options: argparse.Namespace) -> int:
         on_episode=tell,
         on_stage=Progress(quiet=options.quiet),
         scenario=options.scenario,
+        routes=options.routes,
         num_seconds=options.seconds,
         min_green=options.min_green,
         yellow_time=options.yellow,

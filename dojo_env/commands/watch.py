@@ -2,7 +2,7 @@
 
 import argparse
 
-from dojo_env.commands.options import add_view_options, read_sensing
+from dojo_env.commands.options import add_routes_option, add_view_options, read_sensing
 from dojo_env.errors import ConfigError
 from dojo_maps.command import Commands, add_command
 
@@ -13,6 +13,7 @@ def add_watch(commands: Commands) -> None:
     watch.add_argument(
         "--scenario", default="cologne1", metavar="NAME", help="a packaged scenario, or a .sumocfg"
     )
+    add_routes_option(watch)
     watch.add_argument(
         "--controller", default="max-pressure", metavar="NAME", help="who controls the signals"
     )
@@ -35,6 +36,7 @@ def _watch(options: argparse.Namespace) -> int:
         port=options.port,
         browser=not options.no_browser,
         scenario=options.scenario,
+        routes=options.routes,
         num_seconds=options.seconds,
         ts_ids=options.signals,
         **read_sensing(options),

@@ -59,7 +59,12 @@ def fill_routes(
     rates = _fill(usage, weights, rates, ~fixed)
     if total is not None:
         rates *= total / rates.sum()
-    return rates, float(usage.of(rates).max(initial=0.0))
+    return rates, usage.fullest(rates)
+
+
+def compute_saturation(road_map: RoadMap, routes: Sequence[Route], rates: Floats) -> float:
+    """Tell the degree of saturation of the fullest lane: (n,) vehicles per hour of each route."""
+    return _Usage(road_map, routes).fullest(rates)
 
 
 def _fill(usage: "_Usage", weights: Floats, rates: Floats, growing: Flags) -> Floats:
@@ -105,6 +110,10 @@ class _Usage:
         self.routes = np.array([column for _, column, _ in entries], dtype=np.intp)
         self.shares = np.array([share for _, _, share in entries])
         self._count = len(rows)
+
+    def fullest(self, rates: Floats) -> float:
+        """Tell how far the fullest resource is used."""
+        return float(self.of(rates).max(initial=0.0))
 
     def of(self, rates: Floats) -> Floats:
         """Add up how far each resource is used by routes of some vehicles per hour: (resources,)."""

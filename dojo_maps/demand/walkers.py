@@ -22,8 +22,13 @@ _Door = tuple[Lane, bool]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Walk:
-    """Two roads with sidewalks and the places on them, metres along each; `rate` in people per hour."""
+    """Two roads with sidewalks and the places on them, metres along each; `rate` in people per hour.
 
+    Attributes:
+        crossing: what it leads over.
+    """
+
+    crossing: str
     start: str
     end: str
     start_place: float
@@ -51,7 +56,7 @@ def find_walks(road_map: RoadMap, network: Path) -> tuple[Walk, ...]:
     for crossing in crossings:
         sides = [doors[area] for area in sorted(joined.get(crossing.id, ())) if area in doors]
         if len(sides) == 2 and sides[0][0].road != sides[1][0].road:
-            walks += [_walk(*pair, rate=_rate(crossing) / 2) for pair in (sides, sides[::-1])]
+            walks += [_walk(crossing, *pair) for pair in (sides, sides[::-1])]
     share = min(1.0, _MOST / max(sum(walk.rate for walk in walks), 1.0))
     return tuple(replace(walk, rate=walk.rate * share) for walk in walks)
 
@@ -84,17 +89,14 @@ def _doors(joined: _Joints, sidewalks: dict[str, Lane]) -> dict[str, _Door]:
     return doors
 
 
-def _rate(crossing: Crossing) -> float:
-    return _OTHER if crossing.signal is None else _SIGNALLED
-
-
-def _walk(start: _Door, end: _Door, *, rate: float) -> Walk:
+def _walk(crossing: Crossing, start: _Door, end: _Door) -> Walk:
     return Walk(
+        crossing=crossing.id,
         start=start[0].road,
         end=end[0].road,
         start_place=_place(*start),
         end_place=_place(*end),
-        rate=rate,
+        rate=(_OTHER if crossing.signal is None else _SIGNALLED) / 2,
     )
 
 
