@@ -1,0 +1,174 @@
+"""How many vehicles per hour each way across a junction can take, given what goes on the others.
+
+Under a signal that is the saturation flow times the share of the cycle that is green, as in the Highway
+Capacity Manual (7th edition, chapter 19: c = s g / C). Who yields, with a signal or without, goes in the gaps
+of those that it must let go (chapters 19 and 20): with none left it does not go at all. A green that yields
+has no gaps until the queue that it waits for has gone.
+"""
+
+import math
+from collections import defaultdict
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from dojo_maps.description import Connection, Program, RoadMap
+from dojo_maps.signals.conflicts import list_foes
+
+SATURATION_FLOW = 1_800.0
+"""Vehicles per hour of green and lane; the manual's base is 1,900 passenger cars."""
+_LOST = 2.0
+"""Seconds of each green that starting and clearing take."""
+_PERMITTED = (4.5, 2.5)
+"""Seconds that a gap must have for one vehicle to go in a green that yields, and for each that follows it."""
+_UNSIGNALLED = {
+    "M": (1_500.0, 0.0, 0.0), "o": (1_500.0, 0.0, 0.0), "m": (900.0, 4.5, 2.5), "=": (800.0, 5.5, 3.0),
+    "s": (600.0, 6.5, 3.5), "w": (600.0, 6.5, 3.5), "a": (600.0, 6.5, 3.5),
+}  # fmt: skip
+"""By the state of a link without a signal: vehicles per hour at most, and seconds of gaps as above."""
+_WAITING_INSIDE = 1.0
+"""Vehicles that wait on the junction and go when the green ends, of a link that lets them."""
+_ON_FOOT, _WALK = 30.0, 6.0
+"""People per hour each way over a crossing, and seconds for which they keep who turns from going."""
+_LEAST = 20.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Green:
+    """A phase in which a link is green: seconds, and whom it lets go first then; None where nobody."""
+
+    duration: float
+    rivals: tuple[str, ...] | None
+    crossings: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Signalled:
+    """The greens of a link, its cycle and its red, seconds, and how often a cycle it turns green."""
+
+    greens: tuple[_Green, ...]
+    cycle: float
+    starts: int
+    waits_inside: bool
+
+    @property
+    def green(self) -> float:
+        """Seconds of green in a cycle."""
+        return sum(green.duration for green in self.greens)
+
+
+class Capacities:
+    """The ways across all junctions of a map, and who waits for whom."""
+
+    def __init__(self, road_map: RoadMap) -> None:
+        """Read rights of way and each signal's first program."""
+        self._links = {link.id: link for link in road_map.connections}
+        self._rivals: dict[str, list[str]] = defaultdict(list)
+        self._inside: set[str] = set()
+        for junction in road_map.junctions:
+            self._inside.update(way.link for way in junction.right_of_way if way.cont)
+            for pair in list_foes(junction):
+                if pair.one_waits:
+                    self._rivals[pair.one].append(pair.other)
+                if pair.other_waits:
+                    self._rivals[pair.other].append(pair.one)
+        walks = {
+            crossing.id: (crossing.signal, crossing.link_index)
+            for crossing in road_map.crossings
+            if crossing.signal is not None
+        }
+        self._places = walks | {link.id: (link.signal, link.link_index) for link in self._links.values()}
+        programs = {signal.id: signal.programs[0] for signal in road_map.signals if signal.programs}
+        self._signalled = {
+            link.id: self._read(link, programs[link.signal], link.link_index)
+            for link in self._links.values()
+            if link.signal in programs and link.link_index is not None
+        }
+
+    def of(self, flows: Mapping[str, float]) -> dict[str, float]:
+        """Give each connection's capacity, vehicles per hour.
+
+        Args:
+            flows: vehicles per hour on connections, by their ids.
+        """
+        return {
+            id_: max(
+                self._with_signal(self._signalled[id_], flows)
+                if id_ in self._signalled
+                else self._without(link, flows),
+                _LEAST,
+            )
+            for id_, link in self._links.items()
+        }
+
+    def _read(self, link: Connection, program: Program, index: int) -> _Signalled:
+        letters = [phase.state[index : index + 1] for phase in program.phases]
+        greens = [
+            self._green(link, phase.duration, phase.state, letter)
+            for phase, letter in zip(program.phases, letters, strict=True)
+            if letter in ("G", "g", "O", "o")
+        ]
+        before = [letters[-1], *letters]
+        return _Signalled(
+            greens=tuple(greens),
+            cycle=sum(phase.duration for phase in program.phases),
+            starts=sum(
+                now in ("G", "g") and then not in ("G", "g")
+                for then, now in zip(before, letters, strict=False)
+            ),
+            waits_inside=link.id in self._inside,
+        )
+
+    def _green(self, link: Connection, duration: float, state: str, letter: str) -> _Green:
+        if letter not in ("g", "o"):
+            return _Green(duration=duration, rivals=None, crossings=0)
+        going = [rival for rival in self._rivals[link.id] if self._is_green(rival, link.signal, state)]
+        rivals = tuple(rival for rival in going if rival in self._links)
+        return _Green(duration=duration, rivals=rivals, crossings=len(going) - len(rivals))
+
+    def _is_green(self, way: str, signal: str | None, state: str) -> bool:
+        of, index = self._places.get(way, (None, None))
+        return of != signal or index is None or state[index : index + 1] in ("G", "g")
+
+    def _with_signal(self, link: _Signalled, flows: Mapping[str, float]) -> float:
+        if link.cycle <= 0:
+            return 0.0
+        going = sum(self._in_green(green, flows) for green in link.greens)
+        if link.waits_inside and any(green.rivals for green in link.greens):
+            going += _WAITING_INSIDE
+        lost = _LOST * link.starts * SATURATION_FLOW / 3600
+        most = max(link.green * SATURATION_FLOW / 3600 - lost, 0.0)
+        return min(going, most) * 3600 / link.cycle
+
+    def _in_green(self, green: _Green, flows: Mapping[str, float]) -> float:
+        """Tell how many vehicles go in a phase."""
+        if green.rivals is None:
+            return green.duration * SATURATION_FLOW / 3600
+        queue = max((self._queue(rival, flows) for rival in green.rivals), default=0.0)
+        left = max(green.duration - queue - _WALK * green.crossings * _ON_FOOT / 60, 0.0)
+        against = sum(flows.get(rival, 0.0) for rival in green.rivals)
+        return left / 3600 * min(_flow_in_gaps(against, *_PERMITTED), SATURATION_FLOW)
+
+    def _queue(self, rival: str, flows: Mapping[str, float]) -> float:
+        """Tell how many seconds of its green a link needs for those who came while it was red."""
+        link, flow = self._signalled.get(rival), flows.get(rival, 0.0)
+        if link is None or flow >= SATURATION_FLOW:
+            return 0.0
+        return (link.cycle - link.green) * flow / (SATURATION_FLOW - flow)
+
+    def _without(self, link: Connection, flows: Mapping[str, float]) -> float:
+        most, gap, following = _UNSIGNALLED.get(link.state, _UNSIGNALLED["s"])
+        against = sum(flows.get(rival, 0.0) for rival in self._rivals[link.id])
+        return min(most, _flow_in_gaps(against, gap, following)) if gap else most
+
+
+def _flow_in_gaps(against: float, gap: float, following: float) -> float:
+    """Tell how many vehicles per hour go in the gaps of others. Source: Harders, 1968.
+
+    Args:
+        against: vehicles per hour that are let go.
+        gap: seconds that one needs.
+        following: seconds that each further one needs.
+    """
+    if against < 1.0:
+        return 3600 / following
+    return against * math.exp(-against * gap / 3600) / -math.expm1(-against * following / 3600)
