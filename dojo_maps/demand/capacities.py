@@ -8,17 +8,21 @@ has no gaps until the queue that it waits for has gone.
 
 import math
 from collections import defaultdict
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
+import numpy as np
+
 from dojo_maps.description import Connection, Program, RoadMap
+from dojo_maps.geometry.polylines import Flags
+from dojo_maps.index import MapIndex
 from dojo_maps.signals.conflicts import list_foes
 
 SATURATION_FLOW = 1_800.0
 """Vehicles per hour of green and lane; the manual's base is 1,900 passenger cars."""
 _LOST = 2.0
 """Seconds of each green that starting and clearing take."""
-_PERMITTED = (4.5, 2.5)
+_PERMITTED = (5.5, 3.5)
 """Seconds that a gap must have for one vehicle to go in a green that yields, and for each that follows it."""
 _UNSIGNALLED = {
     "M": (1_500.0, 0.0, 0.0), "o": (1_500.0, 0.0, 0.0), "m": (900.0, 4.5, 2.5), "=": (800.0, 5.5, 3.0),
@@ -30,6 +34,8 @@ _WAITING_INSIDE = 1.0
 _ON_FOOT, _WALK = 30.0, 6.0
 """People per hour each way over a crossing, and seconds for which they keep who turns from going."""
 _LEAST = 20.0
+_VEHICLE, _CRAMPED = 7.5, 0.25
+"""Metres that one takes as it stands, and how many stand on average where there is less."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -61,6 +67,7 @@ class Capacities:
 
     def __init__(self, road_map: RoadMap) -> None:
         """Read rights of way and each signal's first program."""
+        self._lanes = MapIndex(road_map).lanes
         self._links = {link.id: link for link in road_map.connections}
         self._rivals: dict[str, list[str]] = defaultdict(list)
         self._inside: set[str] = set()
@@ -77,7 +84,9 @@ class Capacities:
             if crossing.signal is not None
         }
         self._places = walks | {link.id: (link.signal, link.link_index) for link in self._links.values()}
-        programs = {signal.id: signal.programs[0] for signal in road_map.signals if signal.programs}
+        programs = self._programs = {
+            signal.id: signal.programs[0] for signal in road_map.signals if signal.programs
+        }
         self._signalled = {
             link.id: self._read(link, programs[link.signal], link.link_index)
             for link in self._links.values()
@@ -99,6 +108,31 @@ class Capacities:
             )
             for id_, link in self._links.items()
         }
+
+    def between(self, entering: Sequence[Connection], leaving: Sequence[Connection]) -> float:
+        """Give the vehicles per hour that get over a road between the stop lines of signals.
+
+        Who does not find the second green must find room before it, or blocks the junction behind.
+
+        Args:
+            entering: the connections that lead to the road, one a lane.
+            leaving: the connections that lead away from it, one a lane.
+        """
+        one, other = (self._programs.get(links[0].signal or "") for links in (entering, leaving))
+        first, second = entering[0].link_index, leaving[0].link_index
+        if one is None or other is None or first is None or second is None:
+            return math.inf
+        lane = self._lanes[leaving[0].from_lane]
+        before, after = _timeline(one, first), _timeline(other, second)
+        if one is other:
+            later = np.roll(after, -round(lane.length / max(lane.speed, 1.0)))
+            share = float((before & later).mean())
+        else:
+            share = float(before.mean() * after.mean())
+        going = share * SATURATION_FLOW
+        standing = max(lane.length // _VEHICLE, _CRAMPED)
+        lanes = min(len(entering), len(leaving))
+        return lanes * going + len(leaving) * standing * 3600 / len(after)
 
     def _read(self, link: Connection, program: Program, index: int) -> _Signalled:
         letters = [phase.state[index : index + 1] for phase in program.phases]
@@ -159,6 +193,16 @@ class Capacities:
         most, gap, following = _UNSIGNALLED.get(link.state, _UNSIGNALLED["s"])
         against = sum(flows.get(rival, 0.0) for rival in self._rivals[link.id])
         return min(most, _flow_in_gaps(against, gap, following)) if gap else most
+
+
+def _timeline(program: Program, index: int) -> Flags:
+    """Tell for each second of a cycle whether a link is green: (seconds,)."""
+    parts = [
+        np.full(round(phase.duration), phase.state[index : index + 1] in ("G", "g"))
+        for phase in program.phases
+    ]
+    whole: Flags = np.concatenate(parts)
+    return whole if len(whole) else np.ones(1, dtype=bool)
 
 
 def _flow_in_gaps(against: float, gap: float, following: float) -> float:

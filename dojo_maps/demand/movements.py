@@ -11,7 +11,8 @@ from dojo_maps.index import MapIndex
 CLASSES = ("passenger", "bus")
 """Who drives a movement: cars, or buses where cars may not."""
 CYCLISTS = "bicycle"
-TURNAROUND = "t"
+TURNAROUNDS = ("t", "T")
+"""SUMO's letters for them, where traffic keeps right and left."""
 _LONGEST = 2_000.0
 """Metres from a junction to where a route may begin or end."""
 _FARTHEST = 2 * _LONGEST
@@ -71,7 +72,9 @@ def _find_routes(road_map: RoadMap, classes: tuple[str, ...]) -> tuple[Route, ..
     wanted: dict[Arc, Connection] = {}
     lane_road = {lane.id: lane.road for lane in road_map.lanes}
     for connection in road_map.connections:
-        if connection.direction != TURNAROUND and (connection.signal is not None or not road_map.signals):
+        if connection.direction not in TURNAROUNDS and (
+            connection.signal is not None or not road_map.signals
+        ):
             arc = (lane_road[connection.from_lane], lane_road[connection.to_lane])
             wanted.setdefault(arc, connection)
     routes = []
@@ -98,7 +101,7 @@ class RoadNet:
         self.arcs = {
             (open_lanes[c.from_lane], open_lanes[c.to_lane])
             for c in road_map.connections
-            if c.from_lane in open_lanes and c.to_lane in open_lanes and c.direction != TURNAROUND
+            if c.from_lane in open_lanes and c.to_lane in open_lanes and c.direction not in TURNAROUNDS
         }
         self._before: dict[str, list[str]] = defaultdict(list)
         self._after: dict[str, list[str]] = defaultdict(list)

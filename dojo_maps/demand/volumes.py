@@ -8,6 +8,7 @@ take depends on the others' volumes, so this is done again with the volumes foun
 
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
+from itertools import pairwise
 
 import numpy as np
 
@@ -17,7 +18,7 @@ from dojo_maps.description import Connection, RoadMap
 from dojo_maps.geometry.polylines import Flags, Floats
 from dojo_maps.index import MapIndex
 
-SATURATION = 0.6
+SATURATION = 0.5
 """Share of its capacity that the scarcest lane of a route is used to. Above 0.85 to 0.9 queues grow without
 end in some cycles (same manual, section on sustained spillback); well below, junctions are empty."""
 _ROAD_FLOW = 1_500.0
@@ -46,17 +47,17 @@ def fill_routes(
     Returns:
         (n,) vehicles per hour, and the degree of saturation of the fullest lane.
     """
-    capacities, links = Capacities(road_map), _links_by_arc(road_map, routes)
+    model, links = Capacities(road_map), _links_by_arc(road_map, routes)
     weights = np.array([_WEIGHTS.get(route.direction, 0.4) for route in routes])
     fixed = np.array([route.vehicle_class == "bus" for route in routes])
     rates = np.where(fixed, _BUSES, 0.0)
     flows: dict[str, float] = {}
     for _ in range(_ROUNDS):
-        usage = _Usage(road_map, routes, links, capacities.of(flows))
-        rates = _fill(usage, weights, np.where(fixed, _BUSES, 0.0), ~fixed)
+        usage = _Usage(road_map, routes, links, model, flows)
+        rates = _fill(usage, weights * usage.capacities(len(routes)), np.where(fixed, _BUSES, 0.0), ~fixed)
         found = _flows(routes, rates, links)
         flows = {link: (flow + flows.get(link, flow)) / 2 for link, flow in found.items()}
-    usage = _Usage(road_map, routes, links, capacities.of(found))
+    usage = _Usage(road_map, routes, links, model, found)
     if total is not None:
         rates *= total / rates.sum()
     return rates, usage.fullest(rates)
@@ -65,8 +66,8 @@ def fill_routes(
 def compute_saturation(road_map: RoadMap, routes: Sequence[Route], rates: Floats) -> float:
     """Tell the degree of saturation of the fullest lane: (n,) vehicles per hour of each route."""
     links = _links_by_arc(road_map, routes)
-    capacities = Capacities(road_map).of(_flows(routes, rates, links))
-    return _Usage(road_map, routes, links, capacities).fullest(rates)
+    flows = _flows(routes, rates, links)
+    return _Usage(road_map, routes, links, Capacities(road_map), flows).fullest(rates)
 
 
 def _fill(usage: "_Usage", weights: Floats, rates: Floats, growing: Flags) -> Floats:
@@ -95,19 +96,30 @@ class _Usage:
     """
 
     def __init__(
-        self, road_map: RoadMap, routes: Sequence[Route], links: _Links, capacities: Mapping[str, float]
+        self,
+        road_map: RoadMap,
+        routes: Sequence[Route],
+        links: _Links,
+        model: Capacities,
+        flows: Mapping[str, float],
     ) -> None:
+        capacities = model.of(flows)
         rows: dict[str, int] = {}
         entries: list[tuple[int, int, float]] = []
-        flows, kept = _road_flows(road_map, {route.roads[0] for route in routes})
+        carried, kept = _road_flows(road_map, {route.roads[0] for route in routes})
         for column, route in enumerate(routes):
             for road in route.roads:
                 row = rows.setdefault(f"road {road}", len(rows))
-                entries.append((row, column, 1.0 / flows[road]))
+                entries.append((row, column, 1.0 / carried[road]))
             for arc in route.arcs:
                 for link in links[arc]:
                     row = rows.setdefault(f"lane {link.from_lane}", len(rows))
-                    entries.append((row, column, 1.0 / (len(links[arc]) * capacities[link.id] * kept[arc[0]])))
+                    entries.append(
+                        (row, column, 1.0 / (len(links[arc]) * capacities[link.id] * kept[arc[0]]))
+                    )
+            for first, second in pairwise(route.arcs):
+                row = rows.setdefault(f"room {first[1]}", len(rows))
+                entries.append((row, column, 1.0 / model.between(links[first], links[second])))
         self.resources = np.array([row for row, _, _ in entries], dtype=np.intp)
         self.routes = np.array([column for _, column, _ in entries], dtype=np.intp)
         self.shares = np.array([share for _, _, share in entries])
@@ -116,6 +128,12 @@ class _Usage:
     def fullest(self, rates: Floats) -> float:
         """Tell how far the fullest resource is used."""
         return float(self.of(rates).max(initial=0.0))
+
+    def capacities(self, count: int) -> Floats:
+        """Tell how many vehicles per hour each route could have alone: (count,)."""
+        scarcest: Floats = np.zeros(count)
+        np.maximum.at(scarcest, self.routes, self.shares)
+        return 1.0 / scarcest
 
     def of(self, rates: Floats) -> Floats:
         """Add up how far each resource is used by routes of some vehicles per hour: (resources,)."""
