@@ -69,6 +69,9 @@ class Capacities:
         """Read rights of way and each signal's first program."""
         self._lanes = MapIndex(road_map).lanes
         self._links = {link.id: link for link in road_map.connections}
+        self._ways_on: dict[str, set[str]] = defaultdict(set)
+        for link in self._links.values():
+            self._ways_on[self._lanes[link.from_lane].road].add(self._lanes[link.to_lane].road)
         self._rivals: dict[str, list[str]] = defaultdict(list)
         self._inside: set[str] = set()
         for junction in road_map.junctions:
@@ -110,29 +113,34 @@ class Capacities:
         }
 
     def between(self, entering: Sequence[Connection], leaving: Sequence[Connection]) -> float:
-        """Give the vehicles per hour that get over a road between the stop lines of signals.
+        """Give the vehicles per hour that get over a road with a signal at its end and block nobody.
 
-        Who does not find the second green must find room before it, or blocks the junction behind.
+        Who does not find the second green must find room before it, or blocks the junction behind. So does
+        who comes from a road without a signal, if others go elsewhere from there.
 
         Args:
             entering: the connections that lead to the road, one a lane.
             leaving: the connections that lead away from it, one a lane.
         """
         one, other = (self._programs.get(links[0].signal or "") for links in (entering, leaving))
-        first, second = entering[0].link_index, leaving[0].link_index
-        if one is None or other is None or first is None or second is None:
-            return math.inf
+        first, second = entering[0].link_index or 0, leaving[0].link_index or 0
         lane = self._lanes[leaving[0].from_lane]
-        before, after = _timeline(one, first), _timeline(other, second)
+        standing = len(leaving) * max(lane.length // _VEHICLE, _CRAMPED)
+        if other is None:
+            return math.inf
+        after = _timeline(other, second)
+        if one is None:
+            parts = len(self._ways_on[self._lanes[entering[0].from_lane].road]) > 1
+            return standing * 3600 / max(int((~after).sum()), 1) if parts else math.inf
+        before = _timeline(one, first)
         if one is other:
             later = np.roll(after, -round(lane.length / max(lane.speed, 1.0)))
             share = float((before & later).mean())
         else:
             share = float(before.mean() * after.mean())
         going = share * SATURATION_FLOW
-        standing = max(lane.length // _VEHICLE, _CRAMPED)
         lanes = min(len(entering), len(leaving))
-        return lanes * going + len(leaving) * standing * 3600 / len(after)
+        return lanes * going + standing * 3600 / len(after)
 
     def _read(self, link: Connection, program: Program, index: int) -> _Signalled:
         letters = [phase.state[index : index + 1] for phase in program.phases]
