@@ -8,7 +8,7 @@ has no gaps until the queue that it waits for has gone.
 
 import math
 from collections import defaultdict
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -112,35 +112,41 @@ class Capacities:
             for id_, link in self._links.items()
         }
 
-    def between(self, entering: Sequence[Connection], leaving: Sequence[Connection]) -> float:
-        """Give the vehicles per hour that get over a road with a signal at its end and block nobody.
+    def rooms(self, ways: Sequence[Sequence[Connection]]) -> Iterator[tuple[str, float]]:
+        """Give each last road before a signal with the vehicles per hour that get there and block nobody.
 
-        Who does not find the second green must find room before it, or blocks the junction behind. So does
-        who comes from a road without a signal, if others go elsewhere from there.
+        Who does not find the signal green must find room between it and the one before, or blocks the
+        junction there; or between it and the last road from which others go elsewhere.
 
         Args:
-            entering: the connections that lead to the road, one a lane.
-            leaving: the connections that lead away from it, one a lane.
+            ways: a route: the connections from each road to the next, one a lane.
         """
+        before: Sequence[Connection] | None = None
+        length = 0.0
+        for links in ways:
+            lane = self._lanes[links[0].from_lane]
+            program = self._programs.get(links[0].signal or "")
+            length += lane.length
+            if program is not None and before is not None:
+                yield lane.road, self._room(before, links, length)
+            if program is not None or len(self._ways_on[lane.road]) > 1:
+                before, length = links, 0.0
+
+    def _room(self, entering: Sequence[Connection], leaving: Sequence[Connection], length: float) -> float:
         one, other = (self._programs.get(links[0].signal or "") for links in (entering, leaving))
         first, second = entering[0].link_index or 0, leaving[0].link_index or 0
-        lane = self._lanes[leaving[0].from_lane]
-        standing = len(leaving) * max(lane.length // _VEHICLE, _CRAMPED)
-        if other is None:
-            return math.inf
-        after = _timeline(other, second)
+        standing = len(leaving) * max(length // _VEHICLE, _CRAMPED)
+        after = _timeline(other, second) if other is not None else np.ones(1, dtype=bool)
         if one is None:
-            parts = len(self._ways_on[self._lanes[entering[0].from_lane].road]) > 1
-            return standing * 3600 / max(int((~after).sum()), 1) if parts else math.inf
+            return standing * 3600 / max(int((~after).sum()), 1)
         before = _timeline(one, first)
         if one is other:
-            later = np.roll(after, -round(lane.length / max(lane.speed, 1.0)))
-            share = float((before & later).mean())
+            speed = self._lanes[leaving[0].from_lane].speed
+            share = float((before & np.roll(after, -round(length / max(speed, 1.0)))).mean())
         else:
             share = float(before.mean() * after.mean())
-        going = share * SATURATION_FLOW
         lanes = min(len(entering), len(leaving))
-        return lanes * going + standing * 3600 / len(after)
+        return lanes * share * SATURATION_FLOW + standing * 3600 / len(after)
 
     def _read(self, link: Connection, program: Program, index: int) -> _Signalled:
         letters = [phase.state[index : index + 1] for phase in program.phases]

@@ -8,7 +8,6 @@ take depends on the others' volumes, so this is done again with the volumes foun
 
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
-from itertools import pairwise
 
 import numpy as np
 
@@ -117,9 +116,8 @@ class _Usage:
                     entries.append(
                         (row, column, 1.0 / (len(links[arc]) * capacities[link.id] * kept[arc[0]]))
                     )
-            for first, second in pairwise(route.arcs):
-                row = rows.setdefault(f"room {first[1]}", len(rows))
-                entries.append((row, column, 1.0 / model.between(links[first], links[second])))
+            for road, room in model.rooms([links[arc] for arc in route.arcs]):
+                entries.append((rows.setdefault(f"room {road}", len(rows)), column, 1.0 / room))
         self.resources = np.array([row for row, _, _ in entries], dtype=np.intp)
         self.routes = np.array([column for _, column, _ in entries], dtype=np.intp)
         self.shares = np.array([share for _, _, share in entries])
