@@ -13,7 +13,7 @@ from dojo_maps.demand.walkers import Walk
 from dojo_maps.geometry.polylines import Floats
 from dojo_maps.whole_file import replaced
 
-_FEWEST = 3
+_FEWEST = 1
 """Vehicles on a route in an hour, so that every movement is used."""
 _TYPES = {"passenger": "car"}
 """What types are called, where not after the class of their vehicles."""

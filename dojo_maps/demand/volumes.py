@@ -28,6 +28,8 @@ _WEIGHTS = {"s": 1.0, "r": 0.4, "l": 0.4, "R": 0.4, "L": 0.4}
 """Turning traffic is about 15 to 30 % of an approach."""
 _BUSES = 6.0
 """Buses per hour on a movement that only they may make."""
+_FEWEST = 1.0
+"""Vehicles per hour of every route, even if others leave it none."""
 _ROUNDS = 6
 _Links = dict[Arc, list[Connection]]
 """The connections that vehicles take from each road to the next, one per lane."""
@@ -56,6 +58,7 @@ def fill_routes(
         rates = _fill(usage, weights * usage.capacities(len(routes)), np.where(fixed, _BUSES, 0.0), ~fixed)
         found = _flows(routes, rates, links)
         flows = {link: (flow + flows.get(link, flow)) / 2 for link, flow in found.items()}
+    rates = np.maximum(rates, _FEWEST)
     usage = _Usage(road_map, routes, links, model, found)
     if total is not None:
         rates *= total / rates.sum()
