@@ -4,6 +4,7 @@ A network that is not yet a bundle is converted on first use, into a cache of th
 """
 
 import importlib.util
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -264,10 +265,16 @@ def _check_roads(scenario: Scenario) -> None:
 
 
 def _read_times(report: Path) -> tuple[float, float]:
-    """Read when the demand of a bundle begins and ends, seconds."""
-    value = read_json(report, error=ScenarioError).get("demand", {}) if is_there(report) else {}
-    begin, end = value.get("begin", 0.0), value.get("end", float(_DURATION))
-    return float(begin), float(end)
+    """Read when the demand of a bundle begins and ends, seconds; an hour from 0 on where it is not told."""
+    value = read_json(report, error=ScenarioError) if is_there(report) else {}
+    demand = value.get("demand") if isinstance(value, dict) else None
+    times = [demand.get(name) for name in ("begin", "end")] if isinstance(demand, dict) else [None, None]
+    if times == [None, None]:
+        return 0.0, float(_DURATION)
+    begin, end = (float(time) if isinstance(time, int | float) else math.nan for time in times)
+    if not 0 <= begin < end < math.inf:
+        raise ScenarioError(report, f"its demand begins at {times[0]!r} and ends at {times[1]!r}, no seconds")
+    return begin, end
 
 
 def _paths(files: Files) -> tuple[Path, ...]:
