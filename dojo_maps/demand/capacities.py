@@ -24,11 +24,10 @@ _LOST = 2.0
 """Seconds of each green that starting and clearing take."""
 _PERMITTED = (5.5, 3.5)
 """Seconds that a gap must have for one vehicle to go in a green that yields, and for each that follows it."""
-_UNSIGNALLED = {
-    "M": (1_500.0, 0.0, 0.0), "o": (1_500.0, 0.0, 0.0), "m": (900.0, 4.5, 2.5), "=": (800.0, 5.5, 3.0),
-    "s": (600.0, 6.5, 3.5), "w": (600.0, 6.5, 3.5), "a": (600.0, 6.5, 3.5),
-}  # fmt: skip
-"""By the state of a link without a signal: vehicles per hour at most, and seconds of gaps as above."""
+_MAJOR, _MINOR = (600.0, 6.0, 3.5), (400.0, 10.0, 5.0)
+_UNSIGNALLED = {"M": (1_200.0, 0.0, 0.0), "o": (1_200.0, 0.0, 0.0), "m": _MAJOR, "=": (500.0, 8.0, 4.5)}
+"""By the state of a link without a signal: vehicles per hour at most, and seconds of gaps as above; of `m`,
+those who turn off the main road. Gaps are longer than the manual's: measured in SUMO."""
 _WAITING_INSIDE = 1.0
 """Vehicles that wait on the junction and go when the green ends, of a link that lets them."""
 _ON_FOOT, _WALK = 30.0, 6.0
@@ -72,6 +71,9 @@ class Capacities:
         self._ways_on: dict[str, set[str]] = defaultdict(set)
         for link in self._links.values():
             self._ways_on[self._lanes[link.from_lane].road].add(self._lanes[link.to_lane].road)
+        self._main_roads = {
+            self._lanes[link.from_lane].road for link in self._links.values() if link.state == "M"
+        }
         self._rivals: dict[str, list[str]] = defaultdict(list)
         self._inside: set[str] = set()
         for junction in road_map.junctions:
@@ -204,7 +206,8 @@ class Capacities:
         return (link.cycle - link.green) * flow / (SATURATION_FLOW - flow)
 
     def _without(self, link: Connection, flows: Mapping[str, float]) -> float:
-        most, gap, following = _UNSIGNALLED.get(link.state, _UNSIGNALLED["s"])
+        minor = link.state == "m" and self._lanes[link.from_lane].road not in self._main_roads
+        most, gap, following = _MINOR if minor else _UNSIGNALLED.get(link.state, _MINOR)
         against = sum(flows.get(rival, 0.0) for rival in self._rivals[link.id])
         return min(most, _flow_in_gaps(against, gap, following)) if gap else most
 
