@@ -146,11 +146,9 @@ def _convert(options: argparse.Namespace) -> int:
         f"{len(road_map.signals)} signals, {len(road_map.crossings)} crossings"
     )
     if "demand" in report:
-        print(
-            "demand: {vehicles} vehicles, {bicycles} bicycles and {walkers} walkers in an hour".format(
-                **report["demand"]
-            )
-        )
+        cycling = ", {bicycles} bicycles" if report["demand"]["bicycles"] else ""
+        words = "demand: {vehicles} vehicles and {walkers} walkers" + cycling + " in an hour"
+        print(words.format(**report["demand"]))
     failed = {name: state for name, state in report.get("exports", {}).items() if state != "written"}
     for name, state in failed.items():
         print(f"dojo-maps: export {name} {state}; the rest is written", file=sys.stderr)

@@ -13,8 +13,6 @@ from dojo_maps.demand.walkers import Walk
 from dojo_maps.geometry.polylines import Floats
 from dojo_maps.whole_file import replaced
 
-_FEWEST = 1
-"""Vehicles on a route in an hour, so that every movement is used."""
 _TYPES = {"passenger": "car"}
 """What types are called, where not after the class of their vehicles."""
 
@@ -51,7 +49,8 @@ def draw_trips(
     """
     hours = (end - begin) / 3600
     for route, rate in zip(routes, rates, strict=True):
-        count = max(_FEWEST, round(float(rate) * hours)) if rate > 0 else 0
+        wanted = float(rate) * hours
+        count = round(wanted) if wanted >= 1 else int(rate >= 1 or chance.random() < wanted)
         for depart in _draw(count, chance, begin, end):
             yield Trip(depart=depart, roads=route.roads, vehicle_class=route.vehicle_class)
 

@@ -29,7 +29,7 @@ _WEIGHTS = {"s": 1.0, "r": 0.4, "l": 0.4, "R": 0.4, "L": 0.4}
 _BUSES = 6.0
 """Buses per hour on a movement that only they may make."""
 _FEWEST = 1.0
-"""Vehicles per hour of every route, even if others leave it none."""
+"""Vehicles per hour of a movement that no other route passes, even if there is no room for them."""
 _ROUNDS = 6
 _Links = dict[Arc, list[Connection]]
 """The connections that vehicles take from each road to the next, one per lane."""
@@ -58,11 +58,18 @@ def fill_routes(
         rates = _fill(usage, weights * usage.capacities(len(routes)), np.where(fixed, _BUSES, 0.0), ~fixed)
         found = _flows(routes, rates, links)
         flows = {link: (flow + flows.get(link, flow)) / 2 for link, flow in found.items()}
-    rates = np.maximum(rates, _FEWEST)
+    rates = _with_every_movement(routes, rates)
     usage = _Usage(road_map, routes, links, model, found)
     if total is not None:
         rates *= total / rates.sum()
     return rates, usage.fullest(rates)
+
+
+def _with_every_movement(routes: Sequence[Route], rates: Floats) -> Floats:
+    """See that each movement is used, by its own route where none of the others passes it."""
+    used = {arc for route, rate in zip(routes, rates, strict=True) if rate >= _FEWEST for arc in route.arcs}
+    alone = np.array([route.movement not in used for route in routes])
+    return np.where(alone, np.maximum(rates, _FEWEST), rates)
 
 
 def compute_saturation(road_map: RoadMap, routes: Sequence[Route], rates: Floats) -> float:
