@@ -2,6 +2,7 @@
 
 import argparse
 import math
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -96,6 +97,12 @@ def _demand(options: argparse.Namespace) -> int:
     )
     for line in _table(demand):
         print(line)
+    if demand.saturation > 1 and (options.counts or options.volume is not None):
+        print(
+            f"dojo-maps: warning: {options.source}: a lane is to take {demand.saturation:.1f} times what it "
+            "can; traffic will jam there",
+            file=sys.stderr,
+        )
     return 0
 
 
