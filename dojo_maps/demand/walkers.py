@@ -64,8 +64,7 @@ def find_walks(road_map: RoadMap, network: Path) -> tuple[Walk, ...]:
         sides = [doors[area] for area in sorted(joined.get(crossing.id, ())) if area in doors]
         if len(sides) == 2 and sides[0][0].road != sides[1][0].road:
             ways = [pair for pair in (sides, sides[::-1]) if _has_room(pair, starts)]
-            rate = (_OTHER if crossing.signal is None else _SIGNALLED) / max(len(ways), 1)
-            walks += [_walk(crossing, *pair, rate=rate) for pair in ways]
+            walks += [_walk(crossing, *pair) for pair in ways]
     share = min(1.0, _MOST / max(sum(walk.rate for walk in walks), 1.0))
     return tuple(replace(walk, rate=walk.rate * share) for walk in walks)
 
@@ -101,29 +100,30 @@ def _doors(joined: _Joints, sidewalks: dict[str, Lane]) -> dict[str, _Door]:
 def _has_room(pair: Sequence[_Door], starts: dict[str, bool]) -> bool:
     """Tell whether walks of a direction meet nobody on a narrow sidewalk; then they decide its direction.
 
+    Walks of one crossing only end there: where more people come together at its mouth they block each other.
+
     Args:
         pair: where they start and where they end.
         starts: by narrow sidewalk, whether walks start there.
     """
-    wanted = {
-        lane.road: starting
-        for (lane, _), starting in zip(pair, (True, False), strict=True)
-        if lane.width < _PASSING
+    (start, _), (end, _) = pair
+    is_narrow = [lane.width < _PASSING for lane in (start, end)]
+    if (is_narrow[0] and not starts.get(start.road, True)) or (is_narrow[1] and end.road in starts):
+        return False
+    starts |= {
+        lane.road: lane is start for lane, narrow in zip((start, end), is_narrow, strict=True) if narrow
     }
-    free = all(starts.get(road, starting) == starting for road, starting in wanted.items())
-    if free:
-        starts |= wanted
-    return free
+    return True
 
 
-def _walk(crossing: Crossing, start: _Door, end: _Door, *, rate: float) -> Walk:
+def _walk(crossing: Crossing, start: _Door, end: _Door) -> Walk:
     return Walk(
         crossing=crossing.id,
         start=start[0].road,
         end=end[0].road,
         start_place=_place(*start),
         end_place=_place(*end),
-        rate=rate,
+        rate=(_OTHER if crossing.signal is None else _SIGNALLED) / 2,
     )
 
 
