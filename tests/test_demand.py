@@ -47,6 +47,7 @@ def simulate(bundle: Bundle, folder: Path, seed: int = 3) -> Hour:
         *(sumo, "-n", bundle.network, "-r", bundle.folder / "demand.rou.xml", "--end", "3600"),
         *("--seed", seed, "--statistic-output", statistics, "--summary", summary, "--no-step-log"),
         *("--xml-validation", "never", "--max-depart-delay", "-1", "--duration-log.statistics"),
+        *("--time-to-teleport", "120"),
     ]
     done = subprocess.run([str(part) for part in command], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr

@@ -33,6 +33,7 @@ _WAITING_INSIDE = 1.0
 _ON_FOOT, _WALK = 30.0, 6.0
 """People per hour each way over a crossing, and seconds for which they keep who turns from going."""
 _LEAST = 20.0
+_LONGEST_CYCLE = 3_600.0
 _VEHICLE, _CRAMPED = 7.5, 0.25
 """Metres that one takes as it stands, and how many stand on average where there is less."""
 
@@ -90,7 +91,9 @@ class Capacities:
         }
         self._places = walks | {link.id: (link.signal, link.link_index) for link in self._links.values()}
         programs = self._programs = {
-            signal.id: signal.programs[0] for signal in road_map.signals if signal.programs
+            signal.id: signal.programs[0]
+            for signal in road_map.signals
+            if signal.programs and signal.programs[0].phases
         }
         self._signalled = {
             link.id: self._read(link, programs[link.signal], link.link_index)
@@ -213,9 +216,11 @@ class Capacities:
 
 
 def _timeline(program: Program, index: int) -> Flags:
-    """Tell for each second of a cycle whether a link is green: (seconds,)."""
+    """Tell for each second of a cycle whether a link is green: (seconds,); of very long cycles, a sample."""
+    cycle = sum(phase.duration for phase in program.phases)
+    step = max(1.0, cycle / _LONGEST_CYCLE)
     parts = [
-        np.full(round(phase.duration), phase.state[index : index + 1] in ("G", "g"))
+        np.full(round(phase.duration / step), phase.state[index : index + 1] in ("G", "g"))
         for phase in program.phases
     ]
     whole: Flags = np.concatenate(parts)
