@@ -33,7 +33,7 @@ from dojo_maps.sources.opendrive import OpenDriveNetwork
 from dojo_maps.sources.osm import is_osm, read_osm
 from dojo_maps.sources.osm.completeness.score import score_network
 from dojo_maps.sources.osm.pipeline import build_network
-from dojo_maps.sources.osm.read.country import has_far_side_signals
+from dojo_maps.sources.osm.read.country import Country, read_country
 from dojo_maps.sources.osm.read.data import OsmData
 from dojo_maps.sources.osm.surroundings.props import read_context
 from dojo_maps.sources.sumo_net import read_network
@@ -55,6 +55,7 @@ class ConvertOptions:
         far_side_signals: give traffic signal heads across the junction, too; None does so for OpenStreetMap
             data of countries that have them.
         demand: vehicles per hour to write beside the map, None for what its junctions can take, 0 for none.
+        drive: left or right, the side that traffic keeps to on OpenStreetMap data; None for its country's.
     """
 
     generated: bool = True
@@ -64,6 +65,7 @@ class ConvertOptions:
     jobs: int | None = None
     far_side_signals: bool | None = None
     demand: float | None = 0.0
+    drive: str | None = None
 
 
 def convert(
@@ -95,6 +97,8 @@ def convert(
     path, name = find_network(source)
     folder = Path(folder) if folder is not None else Path(f"{name}.dojo")
     bundle.check_replaceable(folder)
+    if options.drive is not None and not is_osm(path):
+        raise UsageError("--drive is for OpenStreetMap data; other networks say it themselves")
     if options.enrich_net and is_osm(path):
         raise UsageError(
             "--enrich-net is for SUMO networks; an import has sidewalks and crossings of its own"
@@ -110,8 +114,9 @@ def _convert(
     changes, quality, base, routes, far_side = None, None, None, "", False
     if is_osm(path):
         extract = read_osm(path)
-        far_side = has_far_side_signals(extract)
-        base, described, issues, quality = _import_osm(extract, path, name, on_stage)
+        country = read_country(extract, options.drive)
+        far_side = country.far_side_signals
+        base, described, issues, quality = _import_osm(extract, country, path, name, on_stage)
         data, lost = reapply_edits(base, folder, (*described.origin, 0.0))
         if data is not base:
             edited, _ = read_network(data, path=path, name=name, sha256=described.source.sha256)
@@ -177,12 +182,12 @@ def _import_other(
 
 
 def _import_osm(
-    extract: OsmData, path: Path, name: str, on_stage: Callable[[str], None]
+    extract: OsmData, country: Country, path: Path, name: str, on_stage: Callable[[str], None]
 ) -> tuple[bytes, RoadMap, tuple[Issue, ...], dict[str, Any]]:
     """Build the network of an OpenStreetMap extract and measure it against the extract."""
     sha256 = sha256_of(path)
     on_stage("Building the network")
-    network = build_network(extract, path=path, name=name, sha256=sha256)
+    network = build_network(extract, country, path=path, name=name, sha256=sha256)
     quality, losses = score_network(extract, network)
     context, notes = read_context(extract, network.road_map)
     source = replace(network.road_map.source, kind="osm")

@@ -22,7 +22,6 @@ from dojo_maps.description import Phase
 from dojo_maps.sources.netconvert import NetconvertError, NetconvertResult, run_netconvert
 from dojo_maps.sources.osm import pipeline as osm_network
 from dojo_maps.sources.osm import read_osm
-from dojo_maps.sources.osm.read.country import drives_left, has_far_side_signals
 
 CONTROLLERS = {
     "cross": 1, "dual_carriageways": 1, "dog_leg": 1, "slip_lane": 1, "triangle": 0, "roundabout": 0,
@@ -287,19 +286,7 @@ def test_import_tells_of_turns_that_are_forbidden_at_times(tmp_path: Path) -> No
     assert "https://www.openstreetmap.org/relation/1" in issue["message"]
 
 
-def test_import_drives_on_the_side_of_the_country(tmp_path: Path) -> None:
-    assert drives_left(read_osm(cross(SYDNEY).write(tmp_path / "a.osm")))
-    assert not drives_left(read_osm(cross().write(tmp_path / "b.osm")))
-    tagged = cross()
-    tagged.ways[0][1]["driving_side"] = "left"
-    assert drives_left(read_osm(tagged.write(tmp_path / "c.osm")))
-    turning = DRAWINGS["roundabout"]()
-    turning.ways[0][0].reverse()
-    assert drives_left(read_osm(turning.write(tmp_path / "d.osm")))
-
-
 def test_import_hangs_signals_on_the_far_side_where_the_country_does(tmp_path: Path) -> None:
-    assert not has_far_side_signals(read_osm(cross().write(tmp_path / "a.osm")))
     bundle, _ = convert(str(cross(SYDNEY).write(tmp_path / "b.osm")), tmp_path / "b.dojo")
     assert any(head.far_side for head in bundle.road_map.signals[0].heads)
 

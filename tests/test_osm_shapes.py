@@ -18,6 +18,7 @@ from dojo_maps.sources.osm import read_osm
 from dojo_maps.sources.osm.graph.heights import compute_heights
 from dojo_maps.sources.osm.graph.road_graph import RoadGraph, build_graph
 from dojo_maps.sources.osm.plain.junction_outlines import mend_outlines
+from dojo_maps.sources.osm.read.country import read_country
 
 STREET = {"highway": "tertiary", "lanes": "2"}
 ONE_WAY = {"highway": "tertiary", "oneway": "yes"}
@@ -34,7 +35,8 @@ def built(drawing: Drawing, folder: Path) -> tuple[Bundle, dict[str, Any]]:
 
 def graph_of(drawing: Drawing, folder: Path) -> RoadGraph:
     path = drawing.write(folder / "a.osm")
-    return build_graph(read_osm(path), path)
+    data = read_osm(path)
+    return build_graph(data, path, read_country(data))
 
 
 def small_roundabout(*, left_hand: bool, radius: float = 10.0) -> Drawing:

@@ -20,6 +20,7 @@ from dojo_maps.sources.osm.layout.stages import lay_out
 from dojo_maps.sources.osm.plain.junction_outlines import mend_outlines
 from dojo_maps.sources.osm.plain.movements import Restriction, read_restrictions
 from dojo_maps.sources.osm.plain.plain_xml import CONNECTIONS, EDGES, NODES, Plain, write_plain
+from dojo_maps.sources.osm.read.country import Country
 from dojo_maps.sources.osm.read.data import OsmData
 from dojo_maps.sources.signal_programs import program_signals
 from dojo_maps.sources.sumo_net import read_network
@@ -61,11 +62,12 @@ class OsmNetwork:
     warnings: tuple[str, ...]
 
 
-def build_network(data: OsmData, *, path: Path, name: str, sha256: str) -> OsmNetwork:
+def build_network(data: OsmData, country: Country, *, path: Path, name: str, sha256: str) -> OsmNetwork:
     """Build the network of an extract.
 
     Args:
         data: the extract.
+        country: whose rules hold.
         path: where it came from, for errors.
         name: the map's name.
         sha256: of the file as it lies on disk.
@@ -80,7 +82,7 @@ def build_network(data: OsmData, *, path: Path, name: str, sha256: str) -> OsmNe
     moved: dict[int, tuple[int, float]] = {}
     paved: set[str] = set()
     for _ in range(_ROUNDS):
-        layout = lay_out(data, build_graph(data, path), joined, moved)
+        layout = lay_out(data, build_graph(data, path, country), joined, moved)
         with scratch_folder() as folder:
             plain = write_plain(data, layout, restrictions, folder, paved)
             built, warnings, dropped = _convert(folder, path, left_hand=layout.graph.left_hand)

@@ -15,6 +15,7 @@ from dojo_maps.sources.osm.completeness.losses import (
     check_turn_lanes,
     loss,
     share_of,
+    tell_driving_side,
     tell_guesses,
 )
 from dojo_maps.sources.osm.completeness.road_length import measure_road_length
@@ -56,7 +57,10 @@ def score_network(data: OsmData, network: OsmNetwork) -> tuple[dict[str, Any], t
     short = _check_short(network)
     figures["edges"] = len(network.road_map.roads)
     figures["edges_under_5_m"] = len(short)
+    country = network.layout.graph.country
+    figures["country"], figures["driving_side"] = country.code, "left" if country.left_hand else "right"
     return figures, (
+        tell_driving_side(network),
         *issues,
         *found,
         *missing,

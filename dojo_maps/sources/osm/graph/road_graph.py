@@ -22,7 +22,7 @@ from dojo_maps.sources.osm.graph.crowding import check_crowding
 from dojo_maps.sources.osm.graph.node_runs import known_runs
 from dojo_maps.sources.osm.graph.service_roads import find_signalised_service_roads
 from dojo_maps.sources.osm.graph.shared_nodes import free_number, share_nodes
-from dojo_maps.sources.osm.read.country import centre_of, drives_left
+from dojo_maps.sources.osm.read.country import Country
 from dojo_maps.sources.osm.read.data import OsmData, OsmWay
 from dojo_maps.sources.osm.read.way_tags import KINDS, RoadTags, read_road, why_not_a_road
 
@@ -71,7 +71,7 @@ class RoadGraph:
 
     places: dict[int, tuple[float, float]]
     sections: dict[str, Section]
-    left_hand: bool
+    country: Country
     proj: str
     offset: tuple[float, float]
     not_kept: dict[str, list[int]] = field(default_factory=dict)
@@ -83,6 +83,11 @@ class RoadGraph:
     missing: list[int] = field(default_factory=list)
     barriers: list[int] = field(default_factory=list)
     """Nodes at which roads are closed."""
+
+    @property
+    def left_hand(self) -> bool:
+        """Whether traffic keeps left."""
+        return self.country.left_hand
 
     def ends(self) -> dict[int, list[str]]:
         """List the sections at each vertex, a loop twice."""
@@ -138,14 +143,18 @@ def _projection(proj: str) -> pyproj.Proj:
     return pyproj.Proj(proj)
 
 
-def build_graph(data: OsmData, path: Path | str) -> RoadGraph:
+def build_graph(data: OsmData, path: Path | str, country: Country) -> RoadGraph:
     """Find an extract's roads.
+
+    Args:
+        data: the extract.
+        path: where it came from, for errors.
+        country: whose rules hold.
 
     Raises:
         SourceError: it has no roads, they spread too far to be one map, or lie on each other.
     """
-    left_hand = drives_left(data)
-    roads, not_kept = _read_roads(data, left_hand=left_hand)
+    roads, not_kept = _read_roads(data, country)
     pieces, missing = known_runs(data, roads)
     used = sorted({node for _, run in pieces for node in run})
     if not used:
@@ -155,7 +164,7 @@ def build_graph(data: OsmData, path: Path | str) -> RoadGraph:
     pieces, barriers = cut_at_barriers(data, pieces, places)
     pieces, unshared = share_nodes(pieces, roads, places, path)
     graph = RoadGraph(
-        places=places, sections={}, left_hand=left_hand, proj=proj, offset=offset,
+        places=places, sections={}, country=country, proj=proj, offset=offset,
         not_kept=not_kept, ways=frozenset(roads), unshared=unshared, missing=missing, barriers=barriers,
     )  # fmt: skip
     _cut_sections(graph, pieces, roads)
@@ -165,15 +174,14 @@ def build_graph(data: OsmData, path: Path | str) -> RoadGraph:
     return graph
 
 
-def _read_roads(data: OsmData, *, left_hand: bool) -> tuple[dict[int, RoadTags], dict[str, list[int]]]:
+def _read_roads(data: OsmData, country: Country) -> tuple[dict[int, RoadTags], dict[str, list[int]]]:
     """Read the ways that are built, and what of their tags is not kept."""
-    lon, lat = centre_of(data)
     ways = [way for way, found in data.ways.items() if why_not_a_road(found.tags) is None]
     ways = sorted({*ways, *find_signalised_service_roads(data, ways)})
     roads: dict[int, RoadTags] = {}
     not_kept: dict[str, list[int]] = defaultdict(list)
     for way in ways:
-        road, unkept = read_road(data.ways[way].tags, lon=lon, lat=lat, left_hand=left_hand, service=True)
+        road, unkept = read_road(data.ways[way].tags, country, service=True)
         if road is not None:
             roads[way] = road
         for words in unkept:

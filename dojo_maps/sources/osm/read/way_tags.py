@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from dojo_maps.sources.osm.read.country import default_speed, read_speed
+from dojo_maps.sources.osm.read.country import Country, read_speed
 from dojo_maps.sources.osm.read.data import Tags
 from dojo_maps.sources.osm.read.lane_tags import LaneTags, read_lanes
 from dojo_maps.sources.osm.read.lengths import read_length
@@ -65,16 +65,12 @@ class RoadTags:
         return sum(lane.width or self.width for lane in lanes)
 
 
-def read_road(
-    tags: Tags, *, lon: float, lat: float, left_hand: bool, service: bool = False
-) -> tuple[RoadTags | None, list[str]]:
+def read_road(tags: Tags, country: Country, *, service: bool = False) -> tuple[RoadTags | None, list[str]]:
     """Read a way's tags.
 
     Args:
         tags: of the way.
-        lon: degrees; countries have their own rules.
-        lat: degrees.
-        left_hand: traffic keeps left.
+        country: its rules.
         service: service roads are roads, too.
 
     Returns:
@@ -84,9 +80,9 @@ def read_road(
     if why_not_a_road(tags, service=service) is not None:
         return None, []
     kind = tags["highway"] if _cars(tags) else "busway"
-    lanes = read_lanes(tags, _direction(tags), bus_only=not _cars(tags), left_hand=left_hand)
+    lanes = read_lanes(tags, _direction(tags), bus_only=not _cars(tags), left_hand=country.left_hand)
     timed = [key for key in tags if key.endswith(":conditional") and key.partition(":")[0] in _TIMED]
-    speed = read_speed(tags.get("maxspeed", "")) or default_speed(kind, lon, lat)
+    speed = read_speed(tags.get("maxspeed", "")) or country.default_speed(kind)
     road = RoadTags(
         kind=kind,
         name=tags.get("name", ""),
