@@ -19,10 +19,9 @@ from dojo_maps.sources.osm.layout.mapped_crossings import MappedCrossing
 from dojo_maps.sources.osm.layout.sidewalks import ISLAND_WIDTH, SIDEWALK_WIDTH, Sidewalks
 from dojo_maps.sources.osm.plain.lane_connections import connect_lanes
 from dojo_maps.sources.osm.plain.movements import Movement, Movements, Restriction, directed, leads_through
-from dojo_maps.sources.osm.plain.right_of_way import SIGNED_PRIORITY, RightOfWay
+from dojo_maps.sources.osm.plain.right_of_way import RightOfWay
 from dojo_maps.sources.osm.read.data import OsmData
 from dojo_maps.sources.osm.read.lane_tags import LaneTags, LaneUse
-from dojo_maps.sources.osm.read.way_tags import KINDS
 
 NODES, EDGES, CONNECTIONS = "input.nod.xml", "input.edg.xml", "input.con.xml"
 _WHO = {
@@ -142,8 +141,7 @@ def _edges(layout: Layout, arms: dict[int, list[Arm]], plain: Plain, rights: Rig
             ends = (layout.junctions.of[driven.start], layout.junctions.of[driven.end])
             shape = middle if forward else middle[::-1]
             arm = (name, forward)
-            signed = rights.sign(arm, arms[layout.junction(arm)])
-            priority = SIGNED_PRIORITY if signed else KINDS[road.kind]
+            priority = rights.priority(arm, arms[layout.junction(arm)])
             lines += _edge(edge, ends, driven, lanes, walk=walk, shape=shape, priority=priority)
     return lines
 

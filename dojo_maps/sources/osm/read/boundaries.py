@@ -1,7 +1,7 @@
 """Which country a place lies in, by the boundaries of time zones, which follow those of countries.
 
-The package tzfpy carries the boundaries that OpenStreetMap has, to 111 m and out to sea; IANA's `zone.tab`, in
-the package tzdata, names the country of each zone. Nothing is downloaded.
+The package tzfpy carries the boundaries that OpenStreetMap has, to 111 m and out to sea; IANA's `zone.tab`,
+in the package tzdata, names the country of each zone. Nothing is downloaded.
 """
 
 import functools

@@ -1,7 +1,7 @@
 """What a country decides for its roads: the side to drive on, who goes first, where signals hang, speeds.
 
-The side that a user names comes first, then what the data itself shows: a tag, the way that all its roundabouts
-turn; then the country in whose boundaries it lies.
+The side that a user names comes first, then what the data itself shows: a tag, the way that all its
+roundabouts turn; then the country in whose boundaries it lies.
 """
 
 import itertools
@@ -12,19 +12,21 @@ from statistics import median
 from dojo_maps.sources.osm.read.boundaries import country_at
 from dojo_maps.sources.osm.read.data import OsmData
 
-_LEFT_HAND = frozenset(
-    "AG AI AU BB BD BM BN BS BT BW CC CK CX CY DM FJ FK GB GD GG GS GY HK ID IE IM IN JE JM JP KE KI KN KY LC LK "
-    "LS MO MS MT MU MV MW MY MZ NA NF NP NR NU NZ PG PK PN SB SC SG SH SR SZ TC TH TK TL TO TT TV TZ UG VC VG VI "
-    "WS ZA ZM ZW".split()
-)
+
+def _codes(text: str) -> frozenset[str]:
+    return frozenset(text.split())
+
+
+_LEFT_HAND = _codes("""
+    AG AI AU BB BD BM BN BS BT BW CC CK CX CY DM FJ FK GB GD GG GS GY HK ID IE IM IN JE JM JP KE KI KN KY LC
+    LK LS MO MS MT MU MV MW MY MZ NA NF NP NR NU NZ PG PK PN SB SC SG SH SR SZ TC TH TK TL TO TT TV TZ UG VC
+    VG VI WS ZA ZM ZW
+""")
 """Countries and territories that drive on the left."""
-_FAR_SIDE = frozenset("US CA PR GB IE IM JE GG AU NZ ZA JP KR TW CN HK MO MY SG".split())
+_FAR_SIDE = _codes("US CA PR GB IE IM JE GG AU NZ ZA JP KR TW CN HK MO MY SG")
 """Where signals hang across the junction, too."""
-_MILES = {
-    **dict.fromkeys("US PR VI GU AS MP".split(), {"residential": 25, "": 35}),
-    **dict.fromkeys("GB IM JE GG".split(), {"": 30}),
-}
-"""Where limits are in miles per hour: urban defaults by kind of road."""
+_AMERICAN, _BRITISH = _codes("US PR VI GU AS MP"), _codes("GB IM JE GG")
+"""Where limits are in miles per hour, with urban defaults of 35 (25 in residential streets) and of 30."""
 _MPH = 0.44704
 _KMH = 1 / 3.6
 _URBAN = {
@@ -37,11 +39,11 @@ _URBAN_OTHER = 50
 class EqualRoads(Enum):
     """Who goes first where roads of the same kind meet without signs.
 
-    The Convention on Road Traffic (Vienna 1968), article 18: who keeps right gives way to the right; where
-    traffic keeps left, countries decide. In North America (Uniform Vehicle Code 11-401; many states let the road
-    that ends yield), Australia (Road Rules 72, 73), New Zealand (Road User Rule 4.2) the road that ends gives
-    way, and at crossroads whoever has another to the right. Japan gives way to the left (Road Traffic Act,
-    article 36). Britain, Ireland and most that follow them paint lines on the road that ends.
+    The Convention on Road Traffic (Vienna 1968), article 18: where traffic keeps right, the right goes first;
+    where it keeps left, countries decide. In North America (Uniform Vehicle Code 11-401), Australia (Road
+    Rules 72 and 73) and New Zealand (Road User Rule 4.2) the right goes first at crossroads, and a road that
+    ends gives way. In Japan the left goes first (Road Traffic Act, article 36). Britain, Ireland and others
+    like them paint lines on the road that ends.
     """
 
     ROAD_THAT_ENDS = "the road that ends gives way"
@@ -52,11 +54,13 @@ class EqualRoads(Enum):
 
 _EQUAL_ROADS = {
     **dict.fromkeys(
-        "AD AL AT BA BE BG BY CH CZ DE DK EE ES FI FR GR HR HU IS IT LI LT LU LV MC MD ME MK NL NO PL PT RO RS RU "
-        "SE SI SK SM TR UA VA".split(),
+        _codes("""
+            AD AL AT BA BE BG BY CH CZ DE DK EE ES FI FR GR HR HU IS IT LI LT LU LV MC MD ME MK NL NO PL PT RO
+            RS RU SE SI SK SM TR UA VA
+        """),
         EqualRoads.RIGHT_FIRST,
     ),
-    **dict.fromkeys("US CA PR AU NZ".split(), EqualRoads.RIGHT_AT_CROSSROADS),
+    **dict.fromkeys(_codes("US CA PR AU NZ"), EqualRoads.RIGHT_AT_CROSSROADS),
     "JP": EqualRoads.LEFT_FIRST,
 }
 
@@ -89,9 +93,11 @@ class Country:
 
     def default_speed(self, kind: str) -> float:
         """Give the limit, m/s, of an urban road without a sign."""
-        miles = _MILES.get(self.code, {})
-        if miles and kind in ("primary", "secondary", "tertiary", "unclassified", "residential"):
-            return miles.get(kind, miles[""]) * _MPH
+        if kind in ("primary", "secondary", "tertiary", "unclassified", "residential"):
+            if self.code in _AMERICAN:
+                return (25 if kind == "residential" else 35) * _MPH
+            if self.code in _BRITISH:
+                return 30 * _MPH
         return _URBAN.get(kind, _URBAN_OTHER) * _KMH
 
 
