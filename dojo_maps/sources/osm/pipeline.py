@@ -19,6 +19,7 @@ from dojo_maps.sources.osm.layout.arms import Layout
 from dojo_maps.sources.osm.layout.stages import lay_out
 from dojo_maps.sources.osm.plain.junction_outlines import mend_outlines
 from dojo_maps.sources.osm.plain.movements import Restriction, read_restrictions
+from dojo_maps.sources.osm.plain.outline_trimming import trim_outlines
 from dojo_maps.sources.osm.plain.plain_xml import CONNECTIONS, EDGES, NODES, Plain, write_plain
 from dojo_maps.sources.osm.read.country import Country
 from dojo_maps.sources.osm.read.data import OsmData
@@ -98,6 +99,7 @@ def build_network(data: OsmData, country: Country, *, path: Path, name: str, sha
         moved = moves | moved
         paved |= unpaved
     built = mend_outlines(program_signals(built, road_map))
+    built = trim_outlines(built, road_map, layout.graph)
     road_map, issues = read_network(built, path=path, name=name, sha256=sha256)
     issues += tuple(_dropped_issue(option, reason, road_map) for option, reason in dropped)
     hint = "look at the place in netedit; correct the map data where it is wrong"

@@ -1,6 +1,7 @@
 """Untwist the junction outlines that netconvert draws across themselves where roads meet at sharp angles."""
 
 import re
+from collections.abc import Callable
 
 import numpy as np
 import shapely
@@ -19,15 +20,25 @@ def mend_outlines(data: bytes) -> bytes:
 
     An outline keeps the ground on both sides of where it crossed; nothing but the ground is changed.
     """
-    return _JUNCTION.sub(_mended, data.decode("utf-8")).encode("utf-8")
+    return replace_outlines(data, untwist)
 
 
-def _mended(found: re.Match[str]) -> str:
-    corners = np.array([[float(value) for value in corner.split(",")] for corner in found[2].split()])
-    outline = untwist(corners)
-    if outline is None:
-        return found[0]
-    return found[1] + " ".join(",".join(f"{value:.2f}" for value in row) for row in outline) + found[3]
+def replace_outlines(data: bytes, outline: Callable[[Floats], Floats | None]) -> bytes:
+    """Give junctions of a network another outline.
+
+    Args:
+        data: the network.
+        outline: gives the new corners for the old ones, (n, 2) or (n, 3) metres; None to keep them.
+    """
+
+    def replaced(found: re.Match[str]) -> str:
+        corners = np.array([[float(value) for value in corner.split(",")] for corner in found[2].split()])
+        new = outline(corners)
+        if new is None:
+            return found[0]
+        return found[1] + " ".join(",".join(f"{value:.2f}" for value in row) for row in new) + found[3]
+
+    return _JUNCTION.sub(replaced, data.decode("utf-8")).encode("utf-8")
 
 
 def untwist(corners: Floats) -> Floats | None:
