@@ -19,10 +19,13 @@ _BOTH_CARRIAGEWAYS = 28.0
 _BEYOND = 14.0
 
 
-def extend_ends(graph: RoadGraph, crossed: set[int]) -> bool:
-    """Lead roads that end at a crossing a little farther, as they do beyond the extract's border."""
+def extend_ends(graph: RoadGraph, crossings: list[MappedCrossing]) -> bool:
+    """Lead roads that end at a crossing a little farther, as they do beyond the extract's border.
+
+    So do one-way roads that end near one: nobody could walk on from there.
+    """
     ends = [(vertex, at[0]) for vertex, at in sorted(graph.ends().items()) if len(at) == 1]
-    found = [(vertex, name) for vertex, name in ends if vertex in crossed]
+    found = [(vertex, name) for vertex, name in ends if _ends_at_crossing(graph, vertex, name, crossings)]
     for vertex, name in found:
         section = graph.sections[name]
         at_end = section.end == vertex
@@ -33,6 +36,16 @@ def extend_ends(graph: RoadGraph, crossed: set[int]) -> bool:
         ways = (*section.ways, section.ways[-1]) if at_end else (section.ways[0], *section.ways)
         graph.sections[name] = replace(section, nodes=nodes, ways=ways)
     return bool(found)
+
+
+def _ends_at_crossing(graph: RoadGraph, vertex: int, name: str, crossings: list[MappedCrossing]) -> bool:
+    section = graph.sections[name]
+    reach = _BEYOND if section.road.oneway else 0.0
+    return any(
+        crossing.node == vertex
+        or (crossing.section == name and math.dist(crossing.place, graph.places[vertex]) < reach)
+        for crossing in crossings
+    )
 
 
 def over_both_carriageways(graph: RoadGraph, crossings: list[MappedCrossing]) -> list[tuple[int, int]]:

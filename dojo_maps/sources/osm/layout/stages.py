@@ -40,7 +40,7 @@ def lay_out(
     recognise_rings(graph)
     widen_rings(graph)
     crossings = find_crossings(data, graph)
-    if extend_ends(graph, {crossing.node for crossing in crossings}):
+    if extend_ends(graph, crossings):
         crossings = find_crossings(data, graph)
     junctions = group_junctions(data, graph, crossings)
     if split_between(graph, junctions, crossings):
