@@ -10,6 +10,8 @@ from dojo_maps.sources.osm.layout.mapped_crossings import MappedCrossing
 CROSSING_WIDTH = 4.0
 _FARTHEST = 30.0
 """Metres from a vertex up to which a crossing may lie at its arm."""
+_STRAIGHT_ON = 4.0
+"""Metres that an arm may be farther away from which a road leads to a crossing inside a junction."""
 _LEFT_OVER = 6.0
 _BOTH_CARRIAGEWAYS = 28.0
 
@@ -22,8 +24,10 @@ def host_crossings(layout: Layout) -> None:
     arms = layout.arms()
     wishes = []
     for number, crossing in enumerate(layout.crossings):
-        for arm in _candidates(layout, arms, crossing):
+        candidates = _candidates(layout, arms, crossing)
+        for arm in candidates:
             distance, cut = _reach_of(graph, arm, crossing)
+            distance -= _STRAIGHT_ON * _leads_to(graph, candidates, arm, crossing)
             back = _faces_back(graph, arms[layout.junction(arm)][0], arm)
             wishes.append((round(distance, 1), back, number, arm, cut))
     placed: set[int] = set()
@@ -74,9 +78,21 @@ def _reach_of(graph: RoadGraph, arm: Arm, crossing: MappedCrossing) -> tuple[flo
     if crossing.section == arm[0]:
         distance = graph.length(section) - crossing.along if arm[1] else crossing.along
         return distance, distance + CROSSING_WIDTH / 2
-    vertex = section.end if arm[1] else section.start
-    distance = math.dist(graph.places[vertex], crossing.place)
+    distance = math.dist(graph.places[_vertex(graph, arm)], crossing.place)
     return distance + 0.01, CROSSING_WIDTH / 2
+
+
+def _leads_to(graph: RoadGraph, arms: list[Arm], arm: Arm, crossing: MappedCrossing) -> bool:
+    """Tell whether the road that a crossing inside a junction lies on begins where a single arm ends."""
+    road = graph.sections[crossing.section]
+    ends = [_vertex(graph, other) for other in arms]
+    vertex = _vertex(graph, arm)
+    return crossing.section != arm[0] and vertex in (road.start, road.end) and ends.count(vertex) == 1
+
+
+def _vertex(graph: RoadGraph, arm: Arm) -> int:
+    section = graph.sections[arm[0]]
+    return section.end if arm[1] else section.start
 
 
 def _faces_back(graph: RoadGraph, first: Arm, arm: Arm) -> bool:
