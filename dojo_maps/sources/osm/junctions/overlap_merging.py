@@ -27,7 +27,7 @@ def lying_on_neighbours(road_map: RoadMap, layout: Layout, plain: Plain) -> list
     found = set()
     for one, other in _overlapping(road_map):
         sections = [plain.sections[name] for name in (one, other) if name in plain.sections]
-        if len(sections) < 2 or sections[0].road.layer != sections[1].road.layer:
+        if len(sections) < 2:
             continue
         drawn = [section for section in sections if not section.road.roundabout]
         short = min(drawn, key=lambda section: (graph.length(section), section.id), default=None)
