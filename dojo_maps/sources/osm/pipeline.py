@@ -12,6 +12,7 @@ from dojo_maps.description import RoadMap
 from dojo_maps.errors import SourceError
 from dojo_maps.index import MapIndex
 from dojo_maps.issue import Element, Issue, Severity
+from dojo_maps.sources.geotiff import ElevationGrid
 from dojo_maps.sources.netconvert import NetconvertError, run_netconvert, warning_issue
 from dojo_maps.sources.osm.graph.road_graph import build_graph
 from dojo_maps.sources.osm.junctions.overlap_merging import lying_on_neighbours
@@ -63,7 +64,15 @@ class OsmNetwork:
     warnings: tuple[str, ...]
 
 
-def build_network(data: OsmData, country: Country, *, path: Path, name: str, sha256: str) -> OsmNetwork:
+def build_network(
+    data: OsmData,
+    country: Country,
+    *,
+    path: Path,
+    name: str,
+    sha256: str,
+    raster: ElevationGrid | None = None,
+) -> OsmNetwork:
     """Build the network of an extract.
 
     Args:
@@ -72,9 +81,10 @@ def build_network(data: OsmData, country: Country, *, path: Path, name: str, sha
         path: where it came from, for errors.
         name: the map's name.
         sha256: of the file as it lies on disk.
+        raster: elevations of the ground.
 
     Raises:
-        SourceError: the extract has no roads that make a network.
+        SourceError: the extract has no roads that make a network, or the raster lies elsewhere.
         NetconvertError: netconvert fails on it whatever is left out.
         ToolMissingError: netconvert is not installed.
     """
@@ -85,7 +95,7 @@ def build_network(data: OsmData, country: Country, *, path: Path, name: str, sha
     for _ in range(_ROUNDS):
         layout = lay_out(data, build_graph(data, path, country), joined, moved)
         with scratch_folder() as folder:
-            plain = write_plain(data, layout, restrictions, folder, paved)
+            plain = write_plain(data, layout, restrictions, folder, paved, raster)
             built, warnings, dropped = _convert(folder, path, left_hand=layout.graph.left_hand)
         road_map, _ = read_network(built, path=path, name=name, sha256=sha256)
         short, unpaved = _too_short(road_map, plain), _unpaved(warnings)

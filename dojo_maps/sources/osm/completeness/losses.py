@@ -98,21 +98,6 @@ def tell_guesses(network: OsmNetwork) -> list[Issue]:
     ]  # fmt: skip
 
 
-def tell_driving_side(network: OsmNetwork) -> Issue:
-    """Say which side traffic keeps to, and why; with what speaks for the other side it is a warning."""
-    country, road_map = network.layout.graph.country, network.road_map
-    side = "left" if country.left_hand else "right"
-    doubt = f", but {country.doubted}" if country.doubted else ""
-    return Issue(
-        check="osm.driving_side",
-        severity=Severity.WARNING if doubt else Severity.NOTE,
-        elements=(),
-        position=(*road_map.origin, 0.0),
-        message=f"traffic keeps {side}, for {country.told_by}{doubt}",
-        hint="name the other side with --drive where this is wrong",
-    )
-
-
 def check_signals(network: OsmNetwork) -> tuple[Share, list[Issue]]:
     """Look for exactly one controller at each signalised junction."""
     junctions, graph = network.layout.junctions, network.layout.graph

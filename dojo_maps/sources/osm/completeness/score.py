@@ -6,6 +6,7 @@ import shapely
 
 from dojo_maps.index import MapIndex
 from dojo_maps.issue import Element, Issue, Severity
+from dojo_maps.sources.osm.completeness.assumptions import tell_driving_side, tell_ground
 from dojo_maps.sources.osm.completeness.junction_ground import check_junction_ground
 from dojo_maps.sources.osm.completeness.lane_strips import strips
 from dojo_maps.sources.osm.completeness.losses import (
@@ -15,7 +16,6 @@ from dojo_maps.sources.osm.completeness.losses import (
     check_turn_lanes,
     loss,
     share_of,
-    tell_driving_side,
     tell_guesses,
 )
 from dojo_maps.sources.osm.completeness.road_length import measure_road_length
@@ -61,6 +61,7 @@ def score_network(data: OsmData, network: OsmNetwork) -> tuple[dict[str, Any], t
     figures["country"], figures["driving_side"] = country.code, "left" if country.left_hand else "right"
     return figures, (
         tell_driving_side(network),
+        tell_ground(network),
         *issues,
         *found,
         *missing,

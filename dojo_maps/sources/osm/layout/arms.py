@@ -104,12 +104,14 @@ def trim(line: Floats, start: float, end: float) -> Floats:
     return np.column_stack([np.interp(wanted, lengths, values) for values in line.T])
 
 
-def divider(layout: Layout, section: Section, heights: dict[int, float]) -> Floats:
+def divider(layout: Layout, section: Section, line: Floats) -> Floats:
     """Find the line between the two directions, drawn back where a crossing lies at an end.
 
-    The way is taken for the middle of the carriageway.
+    Args:
+        layout: what is to be built.
+        section: whose directions it parts.
+        line: (n, 3), the section's way with its heights, which is taken for the middle of the carriageway.
     """
-    line = np.column_stack([layout.graph.line(section), [heights.get(node, 0.0) for node in section.nodes]])
     cuts = [layout.cuts.get((section.id, at_end), 0.0) for at_end in (False, True)]
     line = trim(line, *cuts)
     road = section.road

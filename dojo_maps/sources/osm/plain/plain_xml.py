@@ -9,14 +9,16 @@ from xml.sax.saxutils import quoteattr
 import numpy as np
 
 from dojo_maps.geometry.polylines import Floats
+from dojo_maps.sources.geotiff import ElevationGrid
 from dojo_maps.sources.osm.graph.heights import compute_heights
-from dojo_maps.sources.osm.graph.road_graph import Section
+from dojo_maps.sources.osm.graph.road_graph import RoadGraph, Section
 from dojo_maps.sources.osm.junctions.roundabouts import find_rings
 from dojo_maps.sources.osm.layout.arms import Arm, Layout, divider, incoming_name, outgoing_name
 from dojo_maps.sources.osm.layout.carriageway_spacing import side_by_side
 from dojo_maps.sources.osm.layout.crossing_arms import CROSSING_WIDTH
 from dojo_maps.sources.osm.layout.mapped_crossings import MappedCrossing
 from dojo_maps.sources.osm.layout.sidewalks import ISLAND_WIDTH, SIDEWALK_WIDTH, Sidewalks
+from dojo_maps.sources.osm.layout.terrain import Ground, find_ground
 from dojo_maps.sources.osm.plain.lane_connections import connect_lanes
 from dojo_maps.sources.osm.plain.movements import Movement, Movements, Restriction, directed, leads_through
 from dojo_maps.sources.osm.plain.right_of_way import RightOfWay
@@ -51,6 +53,17 @@ class Plain:
     guessed: dict[int, int] = field(default_factory=dict)
     """Crossings that nobody has mapped, by junction."""
     heights: dict[int, float] = field(default_factory=dict)
+    """Of nodes above the ground, or below it."""
+    ground: Ground | None = None
+
+    def height(self, vertex: int) -> float:
+        """Give a vertex's height, metres."""
+        return self.heights.get(vertex, 0.0) + (self.ground.vertices[vertex] if self.ground else 0.0)
+
+    def line(self, graph: RoadGraph, section: Section) -> Floats:
+        """Give a section's line with its heights, (n, 3)."""
+        line = np.column_stack([graph.line(section), [self.heights.get(node, 0.0) for node in section.nodes]])
+        return self.ground.under(section.id, line) if self.ground else line
 
 
 def edge_name(section: Section, *, forward: bool) -> str:
@@ -64,6 +77,7 @@ def write_plain(
     restrictions: list[Restriction],
     folder: Path,
     paved: AbstractSet[str] = frozenset(),
+    raster: ElevationGrid | None = None,
 ) -> Plain:
     """Write the three files that netconvert builds the network from.
 
@@ -73,8 +87,10 @@ def write_plain(
         restrictions: turns that are forbidden.
         folder: where the files go.
         paved: sections with pavement on both sides whatever is mapped, because crossings lead there.
+        raster: elevations of the ground.
     """
-    plain = Plain(heights=compute_heights(layout.graph))
+    ground = find_ground(layout, data, raster)
+    plain = Plain(heights=compute_heights(layout.graph), ground=ground)
     walks = Sidewalks(data, layout.graph)
     arms = layout.arms()
     for junction in sorted(layout.junctions.controllers):
@@ -120,7 +136,7 @@ def _nodes(layout: Layout, arms: dict[int, list[Arm]], plain: Plain, rights: Rig
             kind = 'type="dead_end"'
         if any(layout.graph.sections[name].road.roundabout for name, _ in arms[junction]):
             kind += f' radius="{_RING_RADIUS}"'
-        z = sum(plain.heights.get(vertex, 0.0) for vertex in members[junction]) / len(places)
+        z = sum(plain.height(vertex) for vertex in members[junction]) / len(places)
         lines.append(f'<node id="{junction}" x="{x:.2f}" y="{y:.2f}" z="{z:.2f}" {kind}/>')
     return lines
 
@@ -130,7 +146,7 @@ def _edges(layout: Layout, arms: dict[int, list[Arm]], plain: Plain, rights: Rig
     for name, (left, right) in sorted(plain.sidewalks.items()):
         section = layout.graph.sections[name]
         road = section.road
-        middle = divider(layout, section, plain.heights)
+        middle = divider(layout, section, plain.line(layout.graph, section))
         near, far = (left, right) if layout.graph.left_hand else (right, left)
         for forward, lanes, walk in ((True, road.forward, near), (False, road.backward, far)):
             if not lanes and not walk:
