@@ -4,6 +4,7 @@ import heapq
 import itertools
 import math
 from collections import defaultdict
+from collections.abc import Callable
 from collections.abc import Set as AbstractSet
 from dataclasses import replace
 
@@ -14,17 +15,23 @@ from dojo_maps.sources.osm.graph.road_graph import RoadGraph
 
 _LEVEL = 5.0
 """Metres from one level to the next, as a truck needs under a bridge."""
+_CLEAR = 4.5
+"""Metres between two roads that pass, where the ground itself parts them."""
 _GRADE, _STEEP = 0.06, 0.15
 """Of ramps, and at most, where a ramp ends before it passes under a bridge or above a tunnel."""
 _APART = 15.0
 """Metres from where a road leaves a bridge or tunnel, within which it does not pass under or above it."""
 
 
-def compute_heights(graph: RoadGraph) -> dict[int, float]:
-    """Give each node that is not on the ground its height, metres.
+def compute_heights(graph: RoadGraph, natural: AbstractSet[str] = frozenset()) -> dict[int, float]:
+    """Give each node that is not on the ground its height above it, metres.
 
     Bridges and tunnels are level; from their ends the roads lead to the ground at a grade of 6 %, or as
     steep as it takes to pass under a bridge or above a deeper tunnel, where they get another node.
+
+    Args:
+        graph: the roads.
+        natural: bridges and tunnels that run from ground to ground, as `clear_by_nature` finds them.
     """
     low, deep = _nodes_under_bridges(graph), _nodes_above_tunnels(graph)
     beside: dict[int, list[tuple[int, float]]] = defaultdict(list)
@@ -35,7 +42,7 @@ def compute_heights(graph: RoadGraph) -> dict[int, float]:
             apart = math.dist(graph.places[one], graph.places[other])
             beside[one].append((other, apart))
             beside[other].append((one, apart))
-        for node in section.nodes if section.road.layer else ():
+        for node in section.nodes if section.road.layer and name not in natural else ():
             height = _LEVEL * section.road.layer
             fixed[node] = max(fixed.get(node, height), height, key=abs)
     heights: dict[int, float] = {}
@@ -53,6 +60,23 @@ def compute_heights(graph: RoadGraph) -> dict[int, float]:
     _level(heights, beside, dict.fromkeys(low, 0.0), fixed, 1)
     _level(heights, beside, deep, fixed, -1)
     return heights
+
+
+def clear_by_nature(graph: RoadGraph, ground: Callable[[str, tuple[float, float]], float]) -> set[str]:
+    """Find the bridges and tunnels that need no ramps: the ground leads them clear of all that they pass.
+
+    Args:
+        graph: the roads.
+        ground: gives the height of the ground under a section at a place; that of a bridge or a tunnel is a
+            straight line between its ends.
+    """
+    layers = {name: section.road.layer for name, section in graph.sections.items()}
+    natural = {name for name, layer in layers.items() if layer}
+    for one, other, place in _passing(graph, layers.keys(), natural):
+        lower, upper = sorted((one, other), key=layers.__getitem__)
+        if layers[lower] != layers[upper] and ground(upper, place) - ground(lower, place) < _CLEAR:
+            natural -= {one, other}
+    return natural
 
 
 def _level(

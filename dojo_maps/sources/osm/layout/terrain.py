@@ -31,7 +31,7 @@ _LEVEL = 6.0
 """Metres from a vertex that lie within its junction, at least."""
 _APART = 1.0
 """Metres along a street from its nodes to a place that bends it."""
-_SMOOTH = 30.0
+_SMOOTH = 20.0
 """Metres along a street over which a raster's heights are smoothed."""
 _UNDER = 12.0
 """Metres from a bridge's middle within which a raster may show the bridge in place of the ground."""
@@ -67,6 +67,13 @@ class Ground:
     told_by: str
     lowest: float | None
     steepest: float
+
+    def at(self, graph: RoadGraph, name: str, place: tuple[float, float]) -> float:
+        """Give the height of the ground under a section's nearest place."""
+        if name not in self.profiles:
+            return 0.0
+        line = shapely.LineString(graph.line(graph.sections[name]))
+        return float(np.interp(line.project(shapely.Point(place)), *self.profiles[name]))
 
     def under(self, name: str, line: Floats) -> Floats:
         """Lift a section's line, (n, 3), by the ground under it; it gets more places where that bends."""
@@ -151,7 +158,7 @@ class _Reader:
 
     def __init__(self, layout: Layout, data: OsmData, step: float) -> None:
         self.layout, self.data, self.step = layout, data, step
-        self.members = layout.junctions.members()
+        self.members, self.ends = layout.junctions.members(), layout.graph.ends()
         self.places: dict[int, int] = {}
         self.where: list[Floats] = []
         self.layered: dict[int, bool] = defaultdict(lambda: True)
@@ -166,7 +173,7 @@ class _Reader:
         line = self.layout.graph.line(section)
         lengths = along(line)
         whole = float(lengths[-1])
-        cuts = [max(self.layout.cuts.get((section.id, end), 0.0), _LEVEL) for end in (False, True)]
+        cuts = [self._level(section, at_end=at_end) for at_end in (False, True)]
         first, last = cuts[0], whole - cuts[1]
         if last - first < _APART:
             first = last = whole * cuts[0] / sum(cuts)
@@ -186,6 +193,12 @@ class _Reader:
         for place in places:
             self.layered[place] &= bool(section.road.layer)
         self.sections[section.id] = (np.array([*at, whole]), np.array([*places, places[-1]]))
+
+    def _level(self, section: Section, *, at_end: bool) -> float:
+        """Measure how much of a section is level, for it lies within a junction or at its border."""
+        vertex = section.end if at_end else section.start
+        cut = self.layout.cuts.get((section.id, at_end), 0.0)
+        return max(cut, _LEVEL if len(self.ends[vertex]) > 2 else _APART)
 
     def _add_piece(self, section: Section, ends: Sequence[int], metres: float, rise: float) -> None:
         limit = _STEEPEST.get(section.road.kind.removesuffix("_link"), _STEEPEST_OTHER)
@@ -285,8 +298,7 @@ def _settle(streets: _Streets, heights: Floats, *, by_tags: bool) -> Floats:
     mass = np.where(known, _EXACT * stiff.max() if by_tags else np.maximum(share, 0.1), 0.0)
 
     def bend(force: Floats) -> Floats:
-        bent: Floats = np.bincount(other, force, size) - np.bincount(one, force, size)
-        return bent
+        return np.subtract(np.bincount(other, force, size), np.bincount(one, force, size), dtype=np.float64)
 
     def apply(values: Floats) -> Floats:
         return mass * values + bend(stiff * (values[other] - values[one]))

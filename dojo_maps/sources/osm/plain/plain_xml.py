@@ -1,5 +1,6 @@
 """Write a layout as SUMO's plain XML: nodes, edges with every lane, connections and crossings."""
 
+import functools
 from collections import defaultdict
 from collections.abc import Set as AbstractSet
 from dataclasses import dataclass, field
@@ -10,7 +11,7 @@ import numpy as np
 
 from dojo_maps.geometry.polylines import Floats
 from dojo_maps.sources.geotiff import ElevationGrid
-from dojo_maps.sources.osm.graph.heights import compute_heights
+from dojo_maps.sources.osm.graph.heights import clear_by_nature, compute_heights
 from dojo_maps.sources.osm.graph.road_graph import RoadGraph, Section
 from dojo_maps.sources.osm.junctions.roundabouts import find_rings
 from dojo_maps.sources.osm.layout.arms import Arm, Layout, divider, incoming_name, outgoing_name
@@ -89,8 +90,9 @@ def write_plain(
         paved: sections with pavement on both sides whatever is mapped, because crossings lead there.
         raster: elevations of the ground.
     """
-    ground = find_ground(layout, data, raster)
-    plain = Plain(heights=compute_heights(layout.graph), ground=ground)
+    graph, ground = layout.graph, find_ground(layout, data, raster)
+    natural = clear_by_nature(graph, functools.partial(ground.at, graph)) if ground else set()
+    plain = Plain(heights=compute_heights(graph, natural), ground=ground)
     walks = Sidewalks(data, layout.graph)
     arms = layout.arms()
     for junction in sorted(layout.junctions.controllers):
