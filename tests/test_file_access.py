@@ -13,6 +13,7 @@ READING = {
     "open", "fdopen", "read_bytes", "read_text", "load", "loads", "loadtxt", "genfromtxt", "fromfile",
     "memmap", "ZipFile", "GzipFile", "BZ2File", "ParserCreate", "fromstring", "iterparse", "XML",
     "imread", "VideoCapture", "FileProcessor", "DictReader", "reader",
+    "TiffFile",
 }  # fmt: skip
 """Names of functions that read files, or turn bytes of anybody's into values."""
 NOT_FILES = {"webbrowser", "Rerun"}
@@ -32,6 +33,7 @@ EXPLAINED = {
     "dojo_maps/sources/line_numbers.py": {"ParserCreate"},
     "dojo_maps/sources/net_tree.py": {"fromstring"},
     "dojo_maps/sources/edits.py": {"fromstring", "read_bytes"},
+    "dojo_maps/sources/geotiff.py": {"TiffFile"},
     "dojo_maps/sources/osm/read/osm_pbf.py": {"FileProcessor"},
     # What netconvert has just written into a scratch folder.
     "dojo_maps/repair/splicing.py": {"fromstring"},
@@ -62,6 +64,7 @@ EXPLAINED = {
     "dojo_maps/whole_file.py": {"open"},
     "dojo_maps/report/page.py": {"read_text"},
     "dojo_maps/viewer.py": {"read_bytes", "ZipFile"},
+    "dojo_maps/sources/osm/read/boundaries.py": {"read_text"},
     "dojo_env/demand.py": {"read_bytes"},
     "dojo_env/cache.py": {"read_bytes", "open"},
     "dojo_env/datasets/cluster.py": {"read_bytes"},

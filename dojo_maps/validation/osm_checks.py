@@ -37,8 +37,8 @@ _LOSSES = (
     ("IMP013", "osm.restriction_conditional", "Turn restrictions hold at all times", NOTE, "no conditions"),
     ("IMP018", "osm.road_lost", "Mapped roads are built whole", WARNING, "10 m of each class"),
     ("IMP021", "osm.junction_too_large", "Junctions pave no ground beside their roads", WARNING, "50 m²"),
-    ("IMP031", "osm.ground", "Where the heights of streets are from", NOTE, "none"),
-    ("IMP032", "osm.flat_ground", "The heights of streets are known", NOTE, "none"),
+    ("IMP025", "osm.ground", "Where the heights of streets are from", NOTE, "none"),
+    ("IMP026", "osm.flat_ground", "The heights of streets are known", NOTE, "none"),
     ("IMP020", "osm.road_closed", "No barrier stands on a road", NOTE, "none"),
     ("IMP019", "osm.not_imported", "All ways with traffic are imported", NOTE, "none left out"),
 )
