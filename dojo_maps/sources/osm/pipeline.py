@@ -13,6 +13,7 @@ from dojo_maps.errors import SourceError
 from dojo_maps.index import MapIndex
 from dojo_maps.issue import Element, Issue, Severity
 from dojo_maps.sources.netconvert import NetconvertError, run_netconvert, warning_issue
+from dojo_maps.sources.osm.graph.edge_id import EdgeId
 from dojo_maps.sources.osm.graph.road_graph import build_graph
 from dojo_maps.sources.osm.junctions.overlap_merging import lying_on_neighbours
 from dojo_maps.sources.osm.layout.arms import Layout
@@ -198,7 +199,7 @@ def _too_short(road_map: RoadMap, plain: Plain) -> dict[tuple[int, int], float]:
     found: dict[tuple[int, int], float] = {}
     for road in road_map.roads:
         length = min(lanes[lane].length for lane in road.lanes)
-        section = plain.sections.get(road.id)
+        section = plain.sections.get(EdgeId.read(road.id))
         if length < _SHORTEST and section is not None and not section.road.roundabout:
             pair = (min(section.start, section.end), max(section.start, section.end))
             found[pair] = min(length, found.get(pair, length))
@@ -208,7 +209,7 @@ def _too_short(road_map: RoadMap, plain: Plain) -> dict[tuple[int, int], float]:
 def _unpaved(warnings: tuple[str, ...]) -> set[str]:
     """Find the sections whose crossings netconvert dropped because they lead to no pavement."""
     found = (_NO_PAVEMENT.search(warning) for warning in warnings)
-    return {edge.removeprefix("-") for match in found if match for edge in match[1].split()}
+    return {EdgeId.read(name).section for match in found if match for name in match[1].split()}
 
 
 def _dropped_issue(option: str, reason: str, road_map: RoadMap) -> Issue:

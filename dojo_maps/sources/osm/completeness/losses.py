@@ -9,7 +9,7 @@ import shapely
 
 from dojo_maps.index import MapIndex
 from dojo_maps.issue import Element, Issue, Severity
-from dojo_maps.sources.osm.layout.arms import incoming_name
+from dojo_maps.sources.osm.graph.edge_id import EdgeId
 from dojo_maps.sources.osm.pipeline import OsmNetwork
 from dojo_maps.sources.osm.plain.lane_connections import arrow_targets
 from dojo_maps.sources.osm.plain.movements import Restriction
@@ -123,17 +123,18 @@ def check_turn_lanes(network: OsmNetwork) -> tuple[Share, list[Issue]]:
     """Compare the arrows painted on approaches with where their lanes lead, for turns that exist."""
     index = MapIndex(network.road_map)
     roads, leaving = index.roads, index.leaving
-    angles: dict[str, list[float]] = defaultdict(list)
+    angles: dict[EdgeId, list[float]] = defaultdict(list)
     for movement in network.plain.movements:
-        angles[incoming_name(movement.source)].append(movement.angle)
+        angles[movement.source.incoming].append(movement.angle)
     left_hand = network.road_map.left_hand
     total, issues = 0, []
-    for edge, section in sorted(network.plain.sections.items()):
+    for edge, section in sorted(network.plain.sections.items(), key=lambda entry: str(entry[0])):
+        road = roads.get(str(edge))
         lanes = section.road.forward
-        if edge not in roads or len(angles[edge]) < 2 or not any(lane.turns for lane in lanes):
+        if road is None or len(angles[edge]) < 2 or not any(lane.turns for lane in lanes):
             continue
         total += 1
-        names = roads[edge].lanes[len(roads[edge].lanes) - len(lanes) :]
+        names = road.lanes[len(road.lanes) - len(lanes) :]
         missing = [
             turn
             for lane, name in zip(lanes, names, strict=True)
@@ -148,7 +149,7 @@ def check_turn_lanes(network: OsmNetwork) -> tuple[Share, list[Issue]]:
                     "osm.turn_lane_lost", f"lanes of {edge} do not lead as their arrows say ({missing[0]})",
                     ("way", way), network.layout.graph.places[section.end],
                     "correct turn:lanes, or connect the lanes in netedit",
-                    near=Element(kind="road", id=edge), severity=Severity.NOTE,
+                    near=Element(kind="road", id=str(edge)), severity=Severity.NOTE,
                 )
             )  # fmt: skip
     return (total - len(issues), total), issues
@@ -162,7 +163,7 @@ def check_restrictions(network: OsmNetwork) -> tuple[Share, list[Issue]]:
         if section.road.forward:
             by_first[section.ways[0]].add(edge)
             by_last[section.ways[-1]].add(edge)
-    lane_road = {lane.id: lane.road for lane in network.road_map.lanes}
+    lane_road = {lane.id: EdgeId.read(lane.road) for lane in network.road_map.lanes}
     pairs = {(lane_road[c.from_lane], lane_road[c.to_lane]) for c in network.road_map.connections}
     total, issues = 0, []
     for restriction in network.restrictions:
@@ -183,9 +184,9 @@ def check_restrictions(network: OsmNetwork) -> tuple[Share, list[Issue]]:
 def _is_broken(
     restriction: Restriction,
     network: OsmNetwork,
-    by_first: dict[int, set[str]],
-    by_last: dict[int, set[str]],
-    pairs: Iterable[tuple[str, str]],
+    by_first: dict[int, set[EdgeId]],
+    by_last: dict[int, set[EdgeId]],
+    pairs: Iterable[tuple[EdgeId, EdgeId]],
 ) -> bool:
     of = network.layout.junctions.of
     here = {of.get(node) for node in restriction.via} - {None}
@@ -194,7 +195,5 @@ def _is_broken(
     starting = {e for e in by_first[restriction.target] if of[sections[e].start] in here}
     taken = [(a, b) for a, b in pairs if a in ending and of[sections[b].start] in here]
     if restriction.only:
-        return bool(starting) and any(
-            b not in starting and b.removeprefix("-") != a.removeprefix("-") for a, b in taken
-        )
+        return bool(starting) and any(b not in starting and b.section != a.section for a, b in taken)
     return any(b in starting for _, b in taken)

@@ -18,6 +18,7 @@ from dojo_maps.sources.osm.completeness.losses import (
     tell_guesses,
 )
 from dojo_maps.sources.osm.completeness.road_length import measure_road_length
+from dojo_maps.sources.osm.graph.edge_id import EdgeId
 from dojo_maps.sources.osm.layout.sidewalks import is_sidewalk
 from dojo_maps.sources.osm.pipeline import OsmNetwork
 from dojo_maps.sources.osm.plain.movements import find_conditional
@@ -121,8 +122,8 @@ def _check_short(network: OsmNetwork) -> list[Issue]:
     issues = []
     for road in network.road_map.roads:
         length = min(lanes[lane].length for lane in road.lanes)
-        if length < SHORT_EDGE and road.id in network.plain.sections:
-            section = network.plain.sections[road.id]
+        section = network.plain.sections.get(EdgeId.read(road.id))
+        if length < SHORT_EDGE and section is not None:
             x, y, _ = lanes[road.lanes[0]].shape[0]
             issues.append(
                 loss(

@@ -11,6 +11,7 @@ import shapely
 from dojo_maps.description import LaneKind, RoadMap
 from dojo_maps.geometry.polylines import Floats
 from dojo_maps.sources.osm.completeness.lane_strips import strips
+from dojo_maps.sources.osm.graph.edge_id import EdgeId
 from dojo_maps.sources.osm.layout.arms import Layout
 from dojo_maps.sources.osm.plain.plain_xml import Plain
 
@@ -26,7 +27,8 @@ def lying_on_neighbours(road_map: RoadMap, layout: Layout, plain: Plain) -> list
     graph = layout.graph
     found = set()
     for one, other in _overlapping(road_map):
-        sections = [plain.sections[name] for name in (one, other) if name in plain.sections]
+        edges = [EdgeId.read(name) for name in (one, other)]
+        sections = [plain.sections[edge] for edge in edges if edge in plain.sections]
         if len(sections) < 2 or sections[0].road.layer != sections[1].road.layer:
             continue
         drawn = [section for section in sections if not section.road.roundabout]

@@ -59,8 +59,8 @@ def _free_vertices(layout: Layout, arms: dict[int, list[Arm]]) -> dict[int, Arm]
     arms_at: dict[int, list[Arm]] = defaultdict(list)
     for meeting in arms.values():
         for arm in meeting:
-            section = layout.graph.sections[arm[0]]
-            arms_at[section.end if arm[1] else section.start].append(arm)
+            section = layout.graph.sections[arm.section]
+            arms_at[section.end if arm.at_end else section.start].append(arm)
     return {vertex: there[0] for vertex, there in arms_at.items() if len(there) == 1}
 
 
@@ -87,7 +87,7 @@ def _ways_on(
     """Follow the ways inside a junction from an arm's vertex, shortest first, to the crossings ahead."""
     graph = layout.graph
     start, outward = ray(graph, arm)
-    queue, seen = [(0.0, 0, np.array([start]), vertex)], {arm[0]}
+    queue, seen = [(0.0, 0, np.array([start]), vertex)], {arm.section}
     while queue:
         _, _, line, here = heapq.heappop(queue)
         for name in sorted(set(ends[here]) & layout.inner - seen):
@@ -114,7 +114,7 @@ def _is_in_the_way(layout: Layout, arms: dict[int, list[Arm]], arm: Arm, line: F
     outward = ray(graph, arm)[1]
     farthest = _NEARER * float(along(line)[-1])
     ground = shapely.LineString(trim(line, 0.0, CROSSING_WIDTH / 2)).buffer(
-        layout.half(arm[0]), cap_style="flat"
+        layout.half(arm.section), cap_style="flat"
     )
     for other in arms[layout.junction(arm)]:
         start, way = ray(graph, other)
@@ -122,7 +122,7 @@ def _is_in_the_way(layout: Layout, arms: dict[int, list[Arm]], arm: Arm, line: F
             return True
         drawn = start + way * layout.cuts.get(other, 0.0)
         road = shapely.LineString([drawn + way * _BESIDE, drawn - way * _BEFORE])
-        strip = road.buffer(layout.half(other[0]), cap_style="flat")
+        strip = road.buffer(layout.half(other.section), cap_style="flat")
         if abs(way @ outward) < _ASIDE and strip.intersects(ground):
             return True
     return False
@@ -131,13 +131,13 @@ def _is_in_the_way(layout: Layout, arms: dict[int, list[Arm]], arm: Arm, line: F
 def _lead_on(layout: Layout, vertex: int, arm: Arm, line: Floats) -> None:
     """Make a road longer, its vertex moved along a line; the ways inside the junction stay tied to it."""
     graph = layout.graph
-    section = graph.sections[arm[0]]
+    section = graph.sections[arm.section]
     passed = [graph.add_node((x, y)) for x, y in line[:-1].tolist()]
     graph.places[vertex] = (round(float(line[-1][0]), 3), round(float(line[-1][1]), 3))
-    if arm[1]:
+    if arm.at_end:
         nodes = (*section.nodes[:-1], *passed, vertex)
         ways = (*section.ways, *section.ways[-1:] * len(passed))
     else:
         nodes = (vertex, *passed[::-1], *section.nodes[1:])
         ways = (*section.ways[:1] * len(passed), *section.ways)
-    graph.sections[arm[0]] = replace(section, nodes=nodes, ways=ways)
+    graph.sections[arm.section] = replace(section, nodes=nodes, ways=ways)

@@ -2,10 +2,12 @@
 
 from collections import defaultdict
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 
 from dojo_maps.geometry.polylines import Floats, along
+from dojo_maps.sources.osm.graph.edge_id import EdgeId
 from dojo_maps.sources.osm.graph.road_graph import RoadGraph, Section
 from dojo_maps.sources.osm.junctions.grouping import Junctions
 from dojo_maps.sources.osm.layout.mapped_crossings import MappedCrossing
@@ -13,8 +15,22 @@ from dojo_maps.sources.osm.layout.mapped_crossings import MappedCrossing
 _CORNER = 6.0
 """Metres that a road loses at a junction where nothing draws it back."""
 
-Arm = tuple[str, bool]
-"""A section's id, and whether its end is meant rather than its start."""
+
+class Arm(NamedTuple):
+    """A road of a junction: a section's id, and whether its end lies there rather than its start."""
+
+    section: str
+    at_end: bool
+
+    @property
+    def incoming(self) -> EdgeId:
+        """The edge that arrives through it."""
+        return EdgeId(self.section, self.at_end)
+
+    @property
+    def outgoing(self) -> EdgeId:
+        """The edge that leaves through it."""
+        return EdgeId(self.section, not self.at_end)
 
 
 @dataclass(slots=True, kw_only=True)
@@ -40,21 +56,21 @@ class Layout:
 
     def trimmed(self, name: str) -> Floats:
         """Give a section's line, drawn back at its ends."""
-        cuts = [self.cuts.get((name, at_end), 0.0) for at_end in (False, True)]
+        cuts = [self.cuts.get(Arm(name, at_end), 0.0) for at_end in (False, True)]
         return trim(self.graph.line(self.graph.sections[name]), *cuts)
 
     def junction(self, arm: Arm) -> int:
         """Name the junction that an arm ends at."""
-        section = self.graph.sections[arm[0]]
-        return self.junctions.of[section.end if arm[1] else section.start]
+        section = self.graph.sections[arm.section]
+        return self.junctions.of[section.end if arm.at_end else section.start]
 
     def arms(self) -> dict[int, list[Arm]]:
         """List the arms of each junction."""
         found: dict[int, list[Arm]] = defaultdict(list)
         for name in sorted(self.graph.sections):
             if name not in self.inner:
-                for at_end in (False, True):
-                    found[self.junction((name, at_end))].append((name, at_end))
+                for arm in (Arm(name, at_end=False), Arm(name, at_end=True)):
+                    found[self.junction(arm)].append(arm)
         return dict(found)
 
     def half(self, name: str) -> float:
@@ -63,24 +79,14 @@ class Layout:
 
     def room(self, arm: Arm, *, left: float) -> float:
         """Measure how far an arm may be drawn back so that some metres of its road are left."""
-        length = self.graph.length(self.graph.sections[arm[0]])
-        return length - self.cuts.get((arm[0], not arm[1]), _CORNER) - left
-
-
-def incoming_name(arm: Arm) -> str:
-    """Name the edge that arrives through an arm."""
-    return arm[0] if arm[1] else f"-{arm[0]}"
-
-
-def outgoing_name(arm: Arm) -> str:
-    """Name the edge that leaves through an arm."""
-    return f"-{arm[0]}" if arm[1] else arm[0]
+        length = self.graph.length(self.graph.sections[arm.section])
+        return length - self.cuts.get(Arm(arm.section, not arm.at_end), _CORNER) - left
 
 
 def outward(graph: RoadGraph, arm: Arm) -> Floats:
     """Give the line of an arm's road from its vertex on."""
-    line = graph.line(graph.sections[arm[0]])
-    return line[::-1] if arm[1] else line
+    line = graph.line(graph.sections[arm.section])
+    return line[::-1] if arm.at_end else line
 
 
 def ray(graph: RoadGraph, arm: Arm) -> tuple[Floats, Floats]:
@@ -110,7 +116,7 @@ def divider(layout: Layout, section: Section, heights: dict[int, float]) -> Floa
     The way is taken for the middle of the carriageway.
     """
     line = np.column_stack([layout.graph.line(section), [heights.get(node, 0.0) for node in section.nodes]])
-    cuts = [layout.cuts.get((section.id, at_end), 0.0) for at_end in (False, True)]
+    cuts = [layout.cuts.get(Arm(section.id, at_end), 0.0) for at_end in (False, True)]
     line = trim(line, *cuts)
     road = section.road
     aside = (road.across(road.forward) - road.across(road.backward)) / 2

@@ -104,7 +104,7 @@ def side_by_side(layout: Layout, arms: Sequence[Arm]) -> list[list[Arm]]:
 
 
 def _touch(layout: Layout, arm: Arm, other: Arm) -> bool:
-    if arm[0] == other[0]:
+    if arm.section == other.section:
         return False
     rays = [ray(layout.graph, a) for a in (arm, other)]
     if float(rays[0][1] @ rays[1][1]) < _PARALLEL:
@@ -113,7 +113,7 @@ def _touch(layout: Layout, arm: Arm, other: Arm) -> bool:
     ends = [line[-1] if at_end else line[0] for line, (_, at_end) in zip(lines, (arm, other), strict=True)]
     room = shapely.distance(shapely.Point(ends[0]), shapely.LineString(lines[1]))
     ahead = abs(float((ends[1] - ends[0]) @ rays[0][1]))
-    return ahead < _LEVEL and room - layout.half(arm[0]) - layout.half(other[0]) < _ISLAND
+    return ahead < _LEVEL and room - layout.half(arm.section) - layout.half(other.section) < _ISLAND
 
 
 def _near_places(

@@ -62,7 +62,7 @@ def _candidates(layout: Layout, arms: dict[int, list[Arm]], crossing: MappedCros
     """List the arms where a crossing may be built."""
     section = layout.graph.sections[crossing.section]
     if crossing.section not in layout.inner and crossing.node not in (section.start, section.end):
-        return [(crossing.section, False), (crossing.section, True)]
+        return [Arm(crossing.section, at_end=False), Arm(crossing.section, at_end=True)]
     if crossing.section in layout.inner:
         return arms.get(layout.junctions.of[section.start], [])
     return arms.get(layout.junctions.of[crossing.node], [])
@@ -70,11 +70,11 @@ def _candidates(layout: Layout, arms: dict[int, list[Arm]], crossing: MappedCros
 
 def _reach_of(graph: RoadGraph, arm: Arm, crossing: MappedCrossing) -> tuple[float, float]:
     """Measure from an arm's vertex to a crossing, and how far the arm must be drawn back for it."""
-    section = graph.sections[arm[0]]
-    if crossing.section == arm[0]:
-        distance = graph.length(section) - crossing.along if arm[1] else crossing.along
+    section = graph.sections[arm.section]
+    if crossing.section == arm.section:
+        distance = graph.length(section) - crossing.along if arm.at_end else crossing.along
         return distance, distance + CROSSING_WIDTH / 2
-    vertex = section.end if arm[1] else section.start
+    vertex = section.end if arm.at_end else section.start
     distance = math.dist(graph.places[vertex], crossing.place)
     return distance + 0.01, CROSSING_WIDTH / 2
 

@@ -37,7 +37,7 @@ def part_roads(layout: Layout) -> None:
     A roundabout's ring stays as it is: it is enough to draw the other road back.
     """
     for arms in layout.arms().values():
-        drawn = [arm for arm in arms if not layout.graph.sections[arm[0]].road.roundabout]
+        drawn = [arm for arm in arms if not layout.graph.sections[arm.section].road.roundabout]
         wanted = {arm: _parted_after(layout, arm, arms) for arm in drawn}
         farthest = {arm: _nearest_crossing(layout, arm, arms) for arm in drawn}
         for arm in drawn if any(wanted.values()) else ():
@@ -53,15 +53,15 @@ def _parted_after(layout: Layout, arm: Arm, arms: Sequence[Arm]) -> float:
     places = shapely.points(np.column_stack([np.interp(at, lengths, values) for values in line.T]))
     found = 0.0
     for other in arms:
-        if other[0] != arm[0]:
+        if other.section != arm.section:
             beside = outward(layout.graph, other)
             shorter = min(float(lengths[-1]), float(along(beside)[-1]))
             forks = (beside[0] == line[0]).all()
-            begins = _begins_on(line, beside[0], layout.half(arm[0]))
+            begins = _begins_on(line, beside[0], layout.half(arm.section))
             reach = max(shorter - _LEFT_OF_FORK, _FARTHEST) if forks else _FARTHEST + begins
             reach = min(_FARTHEST_OF_FORK, reach)
             distances = shapely.distance(places[at <= reach], shapely.LineString(beside))
-            free = distances >= layout.half(arm[0]) + layout.half(other[0]) + _GAP
+            free = distances >= layout.half(arm.section) + layout.half(other.section) + _GAP
             free = np.flatnonzero(free & (at[at <= reach] >= begins))
             reached = int(free[0]) if len(free) else len(distances) - 1
             if distances[reached] >= distances[int(begins)] + _PARTING:

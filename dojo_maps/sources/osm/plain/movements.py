@@ -122,14 +122,14 @@ class Movements:
         """List the movements of a junction, outermost turn of each road first."""
         found: list[Movement] = []
         for arm in arms:
-            if directed(self._graph.sections[arm[0]], into_end=arm[1]):
+            if directed(self._graph.sections[arm.section], into_end=arm.at_end):
                 found += self._from(arm, set(arms), junction)
         return [movement for movement in found if not self._is_for_twin(movement, found)]
 
     def _is_for_twin(self, movement: Movement, found: Sequence[Movement]) -> bool:
         """Tell whether a turn lane mapped as a way of its own leaves a movement to the road beside it."""
-        section = self._graph.sections[movement.source[0]]
-        lanes = directed(section, into_end=movement.source[1])
+        section = self._graph.sections[movement.source.section]
+        lanes = directed(section, into_end=movement.source.at_end)
         own = [other for other in found if other.source == movement.source]
         angles, left_hand = [other.angle for other in own], self._graph.left_hand
         painted = {
@@ -156,10 +156,10 @@ class Movements:
         kept = {
             target: angle + self._aside(arm, target)
             for target, angle in reached.items()
-            if target[0] != arm[0] and (alone or abs(angle) < _UTURN)
+            if target.section != arm.section and (alone or abs(angle) < _UTURN)
         }
-        kept = kept or {target: angle for target, angle in reached.items() if target[0] != arm[0]}
-        if not kept and directed(self._graph.sections[arm[0]], into_end=not arm[1]):
+        kept = kept or {target: angle for target, angle in reached.items() if target.section != arm.section}
+        if not kept and directed(self._graph.sections[arm.section], into_end=not arm.at_end):
             kept = {arm: 180.0}
         return [
             Movement(source=arm, target=target, angle=angle)
@@ -171,16 +171,16 @@ class Movements:
         return [
             other
             for other in sorted(arms)
-            if other[0] != arm[0]
-            and directed(self._graph.sections[other[0]], into_end=not other[1])
+            if other.section != arm.section
+            and directed(self._graph.sections[other.section], into_end=not other.at_end)
             and not self._forbidden(arm, other, junction)
         ]
 
     def _forbidden(self, arm: Arm, target: Arm, junction: int) -> bool:
         """Tell whether a turn between two ways is forbidden at the junction, on whatever path across it."""
         source, goal = (self._graph.sections[name] for name, _ in (arm, target))
-        way = source.ways[-1] if arm[1] else source.ways[0]
-        onto = goal.ways[-1] if target[1] else goal.ways[0]
+        way = source.ways[-1] if arm.at_end else source.ways[0]
+        onto = goal.ways[-1] if target.at_end else goal.ways[0]
         of = self._layout.junctions.of
         return any(
             not found.only and found.target == onto and any(of.get(node) == junction for node in found.via)
@@ -189,9 +189,9 @@ class Movements:
 
     def _paths(self, arm: Arm, arms: set[Arm], junction: int) -> Iterator[Arm]:
         """Follow the ways from an arm across the junction to other arms, shortest paths first."""
-        section = self._graph.sections[arm[0]]
-        vertex = section.end if arm[1] else section.start
-        way = section.ways[-1] if arm[1] else section.ways[0]
+        section = self._graph.sections[arm.section]
+        vertex = section.end if arm.at_end else section.start
+        way = section.ways[-1] if arm.at_end else section.ways[0]
         queue: deque[_Path] = deque([(vertex, (way,), (vertex,))])
         seen: set[tuple[int, tuple[int, ...]]] = set()
         while queue:
@@ -209,7 +209,7 @@ class Movements:
             for step, onward in self._steps(here, ways, vertices):
                 if step in arms:
                     yield step
-                elif step[0] in self._layout.inner and len(vertices) < _LONGEST_PATH:
+                elif step.section in self._layout.inner and len(vertices) < _LONGEST_PATH:
                     there = onward[0]
                     if there not in vertices and self._layout.junctions.of[there] == junction:
                         queue.append(onward)
@@ -229,7 +229,7 @@ class Movements:
                 if self._allowed(taken, vertices):
                     there = onward.start if at_end else onward.end
                     last = onward.ways[0] if at_end else onward.ways[-1]
-                    yield (name, at_end), (there, (*taken, *_other(taken[-1], last)), (*vertices, there))
+                    yield Arm(name, at_end), (there, (*taken, *_other(taken[-1], last)), (*vertices, there))
 
     def _allowed(self, ways: tuple[int, ...], vertices: tuple[int, ...]) -> bool:
         """Tell whether the last step onto a way breaks no restriction of the ways before it."""
@@ -262,13 +262,13 @@ class Movements:
         return -turn if self._graph.left_hand else turn
 
     def _vertex(self, arm: Arm) -> tuple[float, float]:
-        section = self._graph.sections[arm[0]]
-        return self._graph.places[section.end if arm[1] else section.start]
+        section = self._graph.sections[arm.section]
+        return self._graph.places[section.end if arm.at_end else section.start]
 
     def _outward(self, arm: Arm) -> float:
         """Give the heading away from the junction, degrees counter-clockwise from east."""
-        section = self._graph.sections[arm[0]]
-        nodes = section.nodes[::-1] if arm[1] else section.nodes
+        section = self._graph.sections[arm.section]
+        nodes = section.nodes[::-1] if arm.at_end else section.nodes
         x, y = self._graph.places[nodes[0]]
         for node in nodes[1:]:
             a, b = self._graph.places[node]

@@ -1,6 +1,7 @@
 """Write a layout as SUMO's plain XML: nodes, edges with every lane, connections and crossings."""
 
 from collections import defaultdict
+from collections.abc import Iterable
 from collections.abc import Set as AbstractSet
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -9,10 +10,11 @@ from xml.sax.saxutils import quoteattr
 import numpy as np
 
 from dojo_maps.geometry.polylines import Floats
+from dojo_maps.sources.osm.graph.edge_id import EdgeId
 from dojo_maps.sources.osm.graph.heights import compute_heights
 from dojo_maps.sources.osm.graph.road_graph import Section
 from dojo_maps.sources.osm.junctions.roundabouts import find_rings
-from dojo_maps.sources.osm.layout.arms import Arm, Layout, divider, incoming_name, outgoing_name
+from dojo_maps.sources.osm.layout.arms import Arm, Layout, divider
 from dojo_maps.sources.osm.layout.carriageway_spacing import side_by_side
 from dojo_maps.sources.osm.layout.crossing_arms import CROSSING_WIDTH
 from dojo_maps.sources.osm.layout.mapped_crossings import MappedCrossing
@@ -40,11 +42,11 @@ _RING_RADIUS = 0.5
 
 @dataclass(slots=True, kw_only=True)
 class Plain:
-    """What was written: by SUMO's ids, what of the extract it came from."""
+    """What was written, and what of the extract it came from."""
 
-    sections: dict[str, Section] = field(default_factory=dict)
+    sections: dict[EdgeId, Section] = field(default_factory=dict)
     """Directed: an edge's section as it is driven."""
-    crossings: list[tuple[str, frozenset[str], MappedCrossing]] = field(default_factory=list)
+    crossings: list[tuple[str, frozenset[EdgeId], MappedCrossing]] = field(default_factory=list)
     sidewalks: dict[str, tuple[float, float]] = field(default_factory=dict)
     """Widths on the left and the right of a section, metres; 0 for none."""
     nodes: dict[int, str] = field(default_factory=dict)
@@ -52,11 +54,6 @@ class Plain:
     guessed: dict[int, int] = field(default_factory=dict)
     """Crossings that nobody has mapped, by junction."""
     heights: dict[int, float] = field(default_factory=dict)
-
-
-def edge_name(section: Section, *, forward: bool) -> str:
-    """Name the edge of a section's direction."""
-    return section.id if forward else f"-{section.id}"
 
 
 def write_plain(
@@ -117,7 +114,7 @@ def _nodes(layout: Layout, arms: dict[int, list[Arm]], plain: Plain, rights: Rig
         kind = f'type="{rights.kind(junction, arms[junction])}"'
         if controller is not None:
             kind = f'type="traffic_light" tl="{controller}"'
-        elif not any(_drives(plain, outgoing_name(arm)) for arm in arms[junction]):
+        elif not any(_drives(plain, arm.outgoing) for arm in arms[junction]):
             kind = 'type="dead_end"'
         if any(layout.graph.sections[name].road.roundabout for name, _ in arms[junction]):
             kind += f' radius="{_RING_RADIUS}"'
@@ -137,11 +134,11 @@ def _edges(layout: Layout, arms: dict[int, list[Arm]], plain: Plain, rights: Rig
             if not lanes and not walk:
                 continue
             driven = section if forward else section.flipped()
-            edge = edge_name(section, forward=forward)
+            edge = EdgeId(name, forward)
             plain.sections[edge] = driven
             ends = (layout.junctions.of[driven.start], layout.junctions.of[driven.end])
             shape = middle if forward else middle[::-1]
-            arm = (name, forward)
+            arm = Arm(name, at_end=forward)
             signed = rights.sign(arm, arms[layout.junction(arm)])
             priority = SIGNED_PRIORITY if signed else KINDS[road.kind]
             lines += _edge(edge, ends, driven, lanes, walk=walk, shape=shape, priority=priority)
@@ -155,13 +152,13 @@ def _roundabouts(layout: Layout) -> list[str]:
         driven = [section for section in ring if section.id not in layout.inner]
         nodes = sorted({layout.junctions.of[vertex] for s in driven for vertex in (s.start, s.end)})
         if len(nodes) > 1:
-            edges = " ".join(edge_name(section, forward=True) for section in driven)
+            edges = " ".join(str(EdgeId(section.id, forward=True)) for section in driven)
             lines.append(f'<roundabout nodes="{" ".join(map(str, nodes))}" edges="{edges}"/>')
     return lines
 
 
 def _edge(
-    edge: str,
+    edge: EdgeId,
     ends: tuple[int, int],
     section: Section,
     lanes: tuple[LaneTags, ...],
@@ -208,12 +205,14 @@ def _lane_links(layout: Layout, movements: list[Movement], plain: Plain) -> list
     lines = []
     links: list[tuple[Arm, int, Movement, int]] = []
     for source, found in by_source.items():
-        lanes = directed(layout.graph.sections[source[0]], into_end=source[1])
-        targets = [directed(layout.graph.sections[m.target[0]], into_end=not m.target[1]) for m in found]
+        lanes = directed(layout.graph.sections[source.section], into_end=source.at_end)
+        targets = [
+            directed(layout.graph.sections[m.target.section], into_end=not m.target.at_end) for m in found
+        ]
         pairs = connect_lanes(lanes, targets, [m.angle for m in found], left_hand=layout.graph.left_hand)
         links += [(source, lane, found[number], onto) for lane, number, onto in pairs]
     for source, lane, movement, onto in _with_entries(layout, links):
-        origin, goal = incoming_name(source), outgoing_name(movement.target)
+        origin, goal = source.incoming, movement.target.outgoing
         shifts = [_has_walk(layout, plain, edge) for edge in (origin, goal)]
         lines.append(
             f'<connection from="{origin}" to="{goal}" fromLane="{lane + shifts[0]}" '
@@ -231,7 +230,7 @@ def _with_entries(
         onto_road[link[2].target].append(link)
     added = []
     for target, found in onto_road.items():
-        lanes = directed(layout.graph.sections[target[0]], into_end=not target[1])
+        lanes = directed(layout.graph.sections[target.section], into_end=not target.at_end)
         entered = {link[3] for link in found}
         for number, lane in enumerate(lanes):
             able = [link for link in found if not (lane.bicycle and _source_lane(layout, link).bus)]
@@ -243,26 +242,26 @@ def _with_entries(
 
 def _source_lane(layout: Layout, link: tuple[Arm, int, Movement, int]) -> LaneTags:
     arm = link[0]
-    return directed(layout.graph.sections[arm[0]], into_end=arm[1])[link[1]]
+    return directed(layout.graph.sections[arm.section], into_end=arm.at_end)[link[1]]
 
 
-def _has_walk(layout: Layout, plain: Plain, edge: str) -> bool:
-    left, right = plain.sidewalks[edge.removeprefix("-")]
-    return bool(left if layout.graph.left_hand != edge.startswith("-") else right)
+def _has_walk(layout: Layout, plain: Plain, edge: EdgeId) -> bool:
+    left, right = plain.sidewalks[edge.section]
+    return bool(left if layout.graph.left_hand == edge.forward else right)
 
 
 def _crossings(layout: Layout, junction: int, arms: list[Arm], plain: Plain) -> list[str]:
     lines = []
     for group in side_by_side(layout, arms):
         found = [layout.hosted[arm] for arm in group if arm in layout.hosted]
-        edges = (name for arm in group for name in (incoming_name(arm), outgoing_name(arm)))
-        names = frozenset(name for name in edges if _drives(plain, name))
+        both = (edge for arm in group for edge in (arm.incoming, arm.outgoing))
+        edges = frozenset(edge for edge in both if _drives(plain, edge))
         if not found:
             continue
-        plain.crossings += [(str(junction), names, crossing) for crossing in found]
+        plain.crossings += [(str(junction), edges, crossing) for crossing in found]
         priority = str(any(crossing.marked for crossing in found)).lower()
         lines.append(
-            f'<crossing node="{junction}" edges="{" ".join(sorted(names))}" '
+            f'<crossing node="{junction}" edges="{_listed(edges)}" '
             f'width="{CROSSING_WIDTH:.2f}" priority="{priority}"/>'
         )
     return lines
@@ -274,15 +273,19 @@ def _guessed_crossings(layout: Layout, junction: int, arms: list[Arm], plain: Pl
         return []
     lines = []
     for arm in arms:
-        names = sorted(name for name in (incoming_name(arm), outgoing_name(arm)) if _drives(plain, name))
-        if all(plain.sidewalks[arm[0]]) and not layout.graph.sections[arm[0]].road.roundabout:
+        edges = [edge for edge in (arm.incoming, arm.outgoing) if _drives(plain, edge)]
+        if all(plain.sidewalks[arm.section]) and not layout.graph.sections[arm.section].road.roundabout:
             plain.guessed[junction] = plain.guessed.get(junction, 0) + 1
             lines.append(
-                f'<crossing node="{junction}" edges="{" ".join(names)}" width="{CROSSING_WIDTH:.2f}" '
+                f'<crossing node="{junction}" edges="{_listed(edges)}" width="{CROSSING_WIDTH:.2f}" '
                 'priority="true"/>'
             )
     return lines
 
 
-def _drives(plain: Plain, edge: str) -> bool:
+def _listed(edges: Iterable[EdgeId]) -> str:
+    return " ".join(sorted(map(str, edges)))
+
+
+def _drives(plain: Plain, edge: EdgeId) -> bool:
     return edge in plain.sections and bool(plain.sections[edge].road.forward)

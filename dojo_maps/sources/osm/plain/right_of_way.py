@@ -58,10 +58,10 @@ class RightOfWay:
         return self._minor[junction] if self._rank(arm) < max(ranks) else None
 
     def _rank(self, arm: Arm) -> int:
-        return KINDS[self._layout.graph.sections[arm[0]].road.kind]
+        return KINDS[self._layout.graph.sections[arm.section].road.kind]
 
     def _arrives(self, arm: Arm) -> bool:
-        return bool(directed(self._layout.graph.sections[arm[0]], into_end=arm[1]))
+        return bool(directed(self._layout.graph.sections[arm.section], into_end=arm.at_end))
 
     def _read_approach(self, section: Section) -> None:
         places = self._layout.graph.places
@@ -74,8 +74,8 @@ class RightOfWay:
             before, after = sum(steps[:index]), sum(steps[index:])
             said = sign_direction(self._data, section, node)
             at_end = after < before if said == 0 else said > 0
-            if (after if at_end else before) <= _WITHIN and self._arrives((section.id, at_end)):
-                self._signs[section.id, at_end] = str(sign)
+            if (after if at_end else before) <= _WITHIN and self._arrives(Arm(section.id, at_end)):
+                self._signs[Arm(section.id, at_end)] = str(sign)
 
     def _read_junction(self, vertex: int) -> None:
         found = self._data.nodes.get(vertex)
