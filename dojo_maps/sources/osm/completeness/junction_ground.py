@@ -5,7 +5,7 @@ import shapely
 from dojo_maps.issue import Element, Issue
 from dojo_maps.sources.osm.completeness.losses import loss
 from dojo_maps.sources.osm.junctions.grouping import around_road
-from dojo_maps.sources.osm.pipeline import OsmNetwork
+from dojo_maps.sources.osm.network.osm_network import OsmNetwork
 
 MOST_FAR = 50.0
 """Square metres of a junction that may lie far from all roads."""

@@ -10,10 +10,10 @@ import shapely
 from dojo_maps.index import MapIndex
 from dojo_maps.issue import Element, Issue, Severity
 from dojo_maps.sources.osm.graph.edge_id import EdgeId
-from dojo_maps.sources.osm.pipeline import OsmNetwork
+from dojo_maps.sources.osm.network.osm_network import OsmNetwork
 from dojo_maps.sources.osm.plain.lane_connections import arrow_targets
-from dojo_maps.sources.osm.plain.movements import Restriction
 from dojo_maps.sources.osm.read.data import link_to
+from dojo_maps.sources.osm.read.restrictions import Restriction
 
 CROSSING_WITHIN = 10.0
 _LETTERS = {

@@ -15,7 +15,8 @@ from dojo_maps.description import LaneKind
 from dojo_maps.geometry.pieces import lane_strips
 from dojo_maps.issue import Issue, Severity
 from dojo_maps.sources.osm.completeness.losses import loss, share_of
-from dojo_maps.sources.osm.pipeline import OsmNetwork
+from dojo_maps.sources.osm.graph.projection import way_line
+from dojo_maps.sources.osm.network.osm_network import OsmNetwork
 from dojo_maps.sources.osm.read.data import OsmData, Tags
 from dojo_maps.sources.osm.read.way_tags import KINDS, why_not_a_road
 
@@ -62,7 +63,7 @@ def measure_road_length(data: OsmData, network: OsmNetwork) -> tuple[dict[str, A
     left_out: dict[str, _Left] = defaultdict(_Left)
     for way, record in data.ways.items():
         kind = _kind(record.tags)
-        line = graph.way_line(data, record) if kind else None
+        line = way_line(graph.projection, data, record) if kind else None
         if kind is None or line is None:
             continue
         if way not in graph.ways:

@@ -7,7 +7,6 @@ import shapely
 from dojo_maps.index import MapIndex
 from dojo_maps.issue import Element, Issue, Severity
 from dojo_maps.sources.osm.completeness.junction_ground import check_junction_ground
-from dojo_maps.sources.osm.completeness.lane_strips import strips
 from dojo_maps.sources.osm.completeness.losses import (
     check_crossings,
     check_restrictions,
@@ -19,10 +18,12 @@ from dojo_maps.sources.osm.completeness.losses import (
 )
 from dojo_maps.sources.osm.completeness.road_length import measure_road_length
 from dojo_maps.sources.osm.graph.edge_id import EdgeId
-from dojo_maps.sources.osm.layout.sidewalks import is_sidewalk
-from dojo_maps.sources.osm.pipeline import OsmNetwork
-from dojo_maps.sources.osm.plain.movements import find_conditional
+from dojo_maps.sources.osm.graph.projection import way_line
+from dojo_maps.sources.osm.network.lane_strips import strips
+from dojo_maps.sources.osm.network.osm_network import OsmNetwork
 from dojo_maps.sources.osm.read.data import OsmData
+from dojo_maps.sources.osm.read.foot_tags import is_sidewalk
+from dojo_maps.sources.osm.read.restrictions import find_conditional
 
 SHORT_EDGE = 5.0
 _DRIVEN = ("driving", "bus")
@@ -82,7 +83,7 @@ def _check_sidewalks(data: OsmData, network: OsmNetwork) -> tuple[float, float, 
     kept = total = 0.0
     issues = []
     for way, record in data.ways.items():
-        whole = graph.way_line(data, record) if is_sidewalk(record.tags) else None
+        whole = way_line(graph.projection, data, record) if is_sidewalk(record.tags) else None
         if whole is None:
             continue
         line = whole.intersection(beside)
@@ -140,7 +141,7 @@ def _unread(data: OsmData, network: OsmNetwork) -> list[Issue]:
     """Report what of the extract could not be used as it stands."""
     graph = network.layout.graph
     issues = []
-    for words, ways in sorted(graph.not_kept.items()):
+    for words, ways in sorted(graph.unread.not_kept.items()):
         nodes = [node for node in data.ways[ways[0]].nodes if node in graph.places]
         place = graph.places[nodes[0]] if nodes else network.road_map.origin
         what, _, lost = words.partition(": ")
@@ -151,7 +152,7 @@ def _unread(data: OsmData, network: OsmNetwork) -> list[Issue]:
                 severity=Severity.NOTE, measured=len(ways),
             )
         )  # fmt: skip
-    for way in sorted(set(graph.doubled)):
+    for way in sorted(set(graph.unread.doubled)):
         place = next(graph.places[node] for node in data.ways[way].nodes if node in graph.places)
         issues.append(
             loss(
@@ -159,14 +160,14 @@ def _unread(data: OsmData, network: OsmNetwork) -> list[Issue]:
                 ("way", way), place, "remove one of the two",
             )
         )  # fmt: skip
-    for node, way in graph.unshared:
+    for node, way in graph.unread.unshared:
         issues.append(
             loss(
                 "osm.unshared_node", "another road crosses here without a common node; they meet",
                 ("way", way), graph.places[node], "add the node, or the bridge or tunnel, in OpenStreetMap",
             )
         )  # fmt: skip
-    for node in graph.barriers:
+    for node in graph.unread.barriers:
         x, y = graph.places[node]
         kind = data.nodes[node].tags["barrier"]
         issues.append(
@@ -185,11 +186,11 @@ def _unread(data: OsmData, network: OsmNetwork) -> list[Issue]:
                     "remove the connection in netedit if your hours are among them", severity=Severity.NOTE,
                 )
             )  # fmt: skip
-    if graph.missing:
-        what = f"roads name {len(graph.missing)} nodes that the extract lacks; they end there, the first at"
+    if missing := graph.unread.missing:
+        what = f"roads name {len(missing)} nodes that the extract lacks; they end there, the first at"
         issues.append(
             loss(
-                "osm.missing_node", what, ("node", graph.missing[0]), network.road_map.origin,
+                "osm.missing_node", what, ("node", missing[0]), network.road_map.origin,
                 "cut extracts with complete ways", severity=Severity.NOTE,
             )
         )  # fmt: skip

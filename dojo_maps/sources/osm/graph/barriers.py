@@ -3,7 +3,8 @@
 import math
 from collections.abc import Sequence
 
-from dojo_maps.sources.osm.graph.shared_nodes import Run, free_number
+from dojo_maps.sources.osm.graph.road_graph import free_number
+from dojo_maps.sources.osm.graph.shared_nodes import Run
 from dojo_maps.sources.osm.read.data import OsmData, Tags
 
 _CLOSED = ("bollard", "block", "jersey_barrier", "log", "chain", "kerb", "debris", "planter", "wall", "fence")

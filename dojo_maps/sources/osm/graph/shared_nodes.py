@@ -6,7 +6,7 @@ one-way roads that cross each other: they are the lanes of a junction, drawn one
 """
 
 from collections import defaultdict
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +14,7 @@ import shapely
 
 from dojo_maps.errors import SourceError
 from dojo_maps.geometry.polylines import Floats, Ints
+from dojo_maps.sources.osm.graph.road_graph import free_number
 from dojo_maps.sources.osm.read.way_tags import RoadTags
 
 MAX_CROSSING, MAX_CROSSING_SHARE = 200, 0.5
@@ -78,11 +79,6 @@ def share_nodes(
                 along = float(shapely.line_locate_point(lines[piece], shapely.Point(point)))
                 added[number].append((index, along, node))
     return [(way, _with(nodes, added.get(number, ()))) for number, (way, nodes) in enumerate(runs)], found
-
-
-def free_number(places: Iterable[int]) -> int:
-    """Number a node that OpenStreetMap does not have: below 0, and below all that there are."""
-    return min(0, *places) - 1
 
 
 def _crossing(lines: Floats, ends: Ints, ways: Ints) -> list[tuple[int, int]]:

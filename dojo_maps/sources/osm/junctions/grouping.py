@@ -6,15 +6,14 @@ contracted, shortest first, while the junction stays of a size that junctions ha
 
 import itertools
 import math
-from collections.abc import Iterable
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 import shapely
 
-from dojo_maps.sources.osm.graph.road_graph import RoadGraph, Section
+from dojo_maps.sources.osm.graph.road_graph import Places, RoadGraph, Section
 from dojo_maps.sources.osm.graph.sign_direction import sign_direction
-from dojo_maps.sources.osm.layout.mapped_crossings import MappedCrossing
-from dojo_maps.sources.osm.read.data import OsmData
+from dojo_maps.sources.osm.junctions.mapped_crossings import MappedCrossing
 
 _SHORT = 14.0
 _SIGNALS_APART = 25.0
@@ -40,21 +39,21 @@ _ASIDE = 0.5
 _CONTROLLER_WIDEST = 130.0
 
 
-@dataclass(slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Junctions:
     """Vertices grouped to junctions.
 
     Attributes:
         of: the junction of each vertex, named by its lowest vertex.
-        signals: the OSM elements that make each signalised junction so, as (kind, id).
+        signals: the OSM nodes that make each signalised junction so.
         controllers: the signal controller of each signalised junction.
-        crossing_signals: signal nodes with no junction near, by node.
+        stray: signal nodes with no junction near.
     """
 
-    of: dict[int, int]
-    signals: dict[int, list[int]] = field(default_factory=dict)
-    controllers: dict[int, int] = field(default_factory=dict)
-    stray: list[int] = field(default_factory=list)
+    of: Mapping[int, int]
+    signals: Mapping[int, Sequence[int]]
+    controllers: Mapping[int, int] = field(default_factory=dict)
+    stray: Sequence[int] = ()
 
     def members(self) -> dict[int, list[int]]:
         """List the vertices of each junction."""
@@ -67,7 +66,7 @@ class Junctions:
 class Groups:
     """Union of things into groups no wider than a limit."""
 
-    def __init__(self, places: dict[int, tuple[float, float]], widest: float) -> None:
+    def __init__(self, places: Places, widest: float) -> None:
         self._widest = widest
         self._owner = {key: key for key in places}
         self._boxes = {key: (x, y, x, y) for key, (x, y) in places.items()}
@@ -94,7 +93,6 @@ class Groups:
 
 
 def group_junctions(
-    data: OsmData,
     graph: RoadGraph,
     crossings: Iterable[MappedCrossing],
     joined: Iterable[tuple[int, int]] = (),
@@ -102,13 +100,12 @@ def group_junctions(
     """Group vertices to junctions and give signals to them.
 
     Args:
-        data: the extract.
-        graph: its roads.
+        graph: the roads.
         crossings: where people cross.
         joined: vertices to join besides.
     """
     ends = graph.ends()
-    strong, stray = _assign_signals(data, graph, ends)
+    strong, stray = _assign_signals(graph, ends)
     groups = Groups({vertex: graph.places[vertex] for vertex in ends}, _WIDEST)
     lengths = {name: graph.length(section) for name, section in graph.sections.items()}
     for name in sorted(lengths, key=lambda name: (lengths[name], name)):
@@ -118,11 +115,13 @@ def group_junctions(
     for one, other in joined:
         if one in ends and other in ends and _leaves_no_void(graph, ends, groups, one, other):
             groups.join(one, other, widest=_WIDEST_JOINED)
-    junctions = Junctions(of={vertex: groups.find(vertex) for vertex in sorted(ends)}, stray=stray)
+    of = {vertex: groups.find(vertex) for vertex in sorted(ends)}
+    signals: dict[int, list[int]] = {}
     for vertex, nodes in sorted(strong.items()):
-        junctions.signals.setdefault(junctions.of[vertex], []).extend(nodes)
-    _add_crossing_signals(graph, junctions, crossings, ends)
-    return junctions
+        signals.setdefault(of[vertex], []).extend(nodes)
+    for junction, nodes in _signalised_crossings(graph, of, crossings, ends).items():
+        signals.setdefault(junction, nodes)
+    return Junctions(of=of, signals=signals, stray=stray)
 
 
 def around_road(graph: RoadGraph, section: Section) -> shapely.Geometry:
@@ -197,14 +196,12 @@ def _side(
     return turn > 0 if abs(turn) > _ASIDE else None
 
 
-def _assign_signals(
-    data: OsmData, graph: RoadGraph, ends: dict[int, list[str]]
-) -> tuple[dict[int, list[int]], list[int]]:
+def _assign_signals(graph: RoadGraph, ends: dict[int, list[str]]) -> tuple[dict[int, list[int]], list[int]]:
     """Find the vertex that each signal node is for; those with none near are stray."""
     strong: dict[int, list[int]] = {}
     stray = []
     for node, places in sorted(graph.positions().items()):
-        if node not in data.nodes or data.nodes[node].tags.get("highway") != "traffic_signals":
+        if graph.tags.get(node, {}).get("highway") != "traffic_signals":
             continue
         if len(ends.get(node, ())) > 2:
             strong.setdefault(node, []).append(node)
@@ -213,7 +210,7 @@ def _assign_signals(
             hit
             for name, index in places
             for hit in _downstream(
-                graph, ends, graph.sections[name], index, sign_direction(data, graph.sections[name], node)
+                graph, ends, graph.sections[name], index, sign_direction(graph, graph.sections[name], node)
             )
         ]
         if found:
@@ -254,10 +251,10 @@ def _downstream(
     return found
 
 
-def _add_crossing_signals(
-    graph: RoadGraph, junctions: Junctions, crossings: Iterable[MappedCrossing], ends: dict[int, list[str]]
-) -> None:
-    """Let signalised crossings make a signalised junction where there are two of them at it."""
+def _signalised_crossings(
+    graph: RoadGraph, of: Mapping[int, int], crossings: Iterable[MappedCrossing], ends: dict[int, list[str]]
+) -> dict[int, list[int]]:
+    """List the nodes of signalised crossings where two of them make a signalised junction."""
     near: dict[int, list[int]] = {}
     for crossing in crossings:
         if not crossing.signalised:
@@ -266,13 +263,11 @@ def _add_crossing_signals(
         rest = graph.length(section) - crossing.along
         distance, vertex = min((crossing.along, section.start), (rest, section.end))
         if distance <= _CROSSING_NEAR and len(ends[vertex]) > 2:
-            near.setdefault(junctions.of[vertex], []).append(crossing.node)
-    for junction, nodes in sorted(near.items()):
-        if junction not in junctions.signals and len(nodes) > 1:
-            junctions.signals[junction] = nodes
+            near.setdefault(of[vertex], []).append(crossing.node)
+    return {junction: nodes for junction, nodes in sorted(near.items()) if len(nodes) > 1}
 
 
-def share_controllers(graph: RoadGraph, junctions: Junctions) -> None:
+def share_controllers(graph: RoadGraph, junctions: Junctions) -> Junctions:
     """Give one controller to signalised junctions with little room between them."""
     groups = Groups({junction: graph.places[junction] for junction in junctions.signals}, _CONTROLLER_WIDEST)
     ends, members = graph.ends(), junctions.members()
@@ -302,4 +297,5 @@ def share_controllers(graph: RoadGraph, junctions: Junctions) -> None:
     for length, one, other, farthest in sorted(pairs):
         if length <= farthest and one in junctions.signals and other in junctions.signals:
             groups.join(one, other)
-    junctions.controllers = {junction: groups.find(junction) for junction in sorted(junctions.signals)}
+    controllers = {junction: groups.find(junction) for junction in sorted(junctions.signals)}
+    return replace(junctions, controllers=controllers)

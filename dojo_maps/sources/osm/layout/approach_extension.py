@@ -15,9 +15,10 @@ import shapely
 import shapely.ops
 
 from dojo_maps.geometry.polylines import Floats, along
+from dojo_maps.sources.osm.graph.road_graph import RoadGraph, free_number
+from dojo_maps.sources.osm.junctions.mapped_crossings import MappedCrossing
 from dojo_maps.sources.osm.layout.arms import Arm, Layout, ray, trim
-from dojo_maps.sources.osm.layout.crossing_arms import CROSSING_WIDTH
-from dojo_maps.sources.osm.layout.mapped_crossings import MappedCrossing
+from dojo_maps.sources.osm.layout.crossing_arms import CROSSING_WIDTH, host_crossings
 
 _NEAREST, _FARTHEST = 10.0, 100.0
 """Metres from a road's vertex to a crossing inside the junction between which the road goes on to it."""
@@ -31,11 +32,12 @@ _AHEAD = 0.8
 """Metres straight on that each metre of the way to a crossing must bring."""
 
 
-def reach_in(layout: Layout) -> bool:
-    """Lead roads on to the crossings ahead of them that found no place near; tell whether any were.
+def reach_in(layout: Layout) -> Layout:
+    """Lead roads on to the crossings ahead of them that would find no place near.
 
     Where lanes are mapped one by one, the first of a crossing's pieces is enough.
     """
+    longer, layout = layout, host_crossings(layout)
     ends, arms = layout.graph.ends(), layout.arms()
     free = _free_vertices(layout, arms)
     inside = _far_from_place(layout)
@@ -49,9 +51,9 @@ def reach_in(layout: Layout) -> bool:
     for _, vertex, arm, line in sorted(found, key=lambda f: f[:3]):
         if vertex in free and all(math.dist(line[-1], place) > _NEAREST for place in reached):
             del free[vertex]
-            _lead_on(layout, vertex, arm, line)
+            longer = replace(longer, graph=_lead_on(longer.graph, vertex, arm, line))
             reached.append(line[-1])
-    return bool(reached)
+    return longer
 
 
 def _free_vertices(layout: Layout, arms: dict[int, list[Arm]]) -> dict[int, Arm]:
@@ -128,16 +130,19 @@ def _is_in_the_way(layout: Layout, arms: dict[int, list[Arm]], arm: Arm, line: F
     return False
 
 
-def _lead_on(layout: Layout, vertex: int, arm: Arm, line: Floats) -> None:
+def _lead_on(graph: RoadGraph, vertex: int, arm: Arm, line: Floats) -> RoadGraph:
     """Make a road longer, its vertex moved along a line; the ways inside the junction stay tied to it."""
-    graph = layout.graph
-    section = graph.sections[arm.section]
-    passed = [graph.add_node((x, y)) for x, y in line[:-1].tolist()]
-    graph.places[vertex] = (round(float(line[-1][0]), 3), round(float(line[-1][1]), 3))
+    section, places = graph.sections[arm.section], dict(graph.places)
+    passed = []
+    for x, y in line[:-1].tolist():
+        passed.append(free_number(places))
+        places[passed[-1]] = (x, y)
+    places[vertex] = (round(float(line[-1][0]), 3), round(float(line[-1][1]), 3))
     if arm.at_end:
         nodes = (*section.nodes[:-1], *passed, vertex)
         ways = (*section.ways, *section.ways[-1:] * len(passed))
     else:
         nodes = (vertex, *passed[::-1], *section.nodes[1:])
         ways = (*section.ways[:1] * len(passed), *section.ways)
-    graph.sections[arm.section] = replace(section, nodes=nodes, ways=ways)
+    sections = {**graph.sections, arm.section: replace(section, nodes=nodes, ways=ways)}
+    return replace(graph, places=places, sections=sections)

@@ -1,6 +1,7 @@
 """What is to be built, seen from the arms of its junctions: how far they are drawn back, crossings there."""
 
 from collections import defaultdict
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
@@ -10,7 +11,8 @@ from dojo_maps.geometry.polylines import Floats, along
 from dojo_maps.sources.osm.graph.edge_id import EdgeId
 from dojo_maps.sources.osm.graph.road_graph import RoadGraph, Section
 from dojo_maps.sources.osm.junctions.grouping import Junctions
-from dojo_maps.sources.osm.layout.mapped_crossings import MappedCrossing
+from dojo_maps.sources.osm.junctions.mapped_crossings import MappedCrossing
+from dojo_maps.sources.osm.read.lane_tags import LaneTags
 
 _CORNER = 6.0
 """Metres that a road loses at a junction where nothing draws it back."""
@@ -33,26 +35,33 @@ class Arm(NamedTuple):
         return EdgeId(self.section, not self.at_end)
 
 
-@dataclass(slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Layout:
     """What is to be built.
 
     Attributes:
+        graph: the roads, as they are built.
+        junctions: which vertices are one, and their signals.
+        crossings: where people cross, as it is mapped.
         inner: sections that lie inside a junction and vanish.
         cuts: metres by which a section's end is drawn back from its vertex.
         hosted: the crossing at each arm.
         lost: crossings with no place, and why.
         asides: metres by which a section is moved to its left, because another lies too near.
+        heights: metres of the nodes that are not on the ground.
+        sidewalks: metres across those on the left and the right of each section that is built; 0 for none.
     """
 
     graph: RoadGraph
     junctions: Junctions
-    crossings: list[MappedCrossing]
-    inner: set[str] = field(default_factory=set)
-    cuts: dict[Arm, float] = field(default_factory=dict)
-    hosted: dict[Arm, MappedCrossing] = field(default_factory=dict)
-    lost: list[tuple[MappedCrossing, str]] = field(default_factory=list)
-    asides: dict[str, float] = field(default_factory=dict)
+    crossings: tuple[MappedCrossing, ...]
+    inner: frozenset[str]
+    cuts: Mapping[Arm, float] = field(default_factory=dict)
+    hosted: Mapping[Arm, MappedCrossing] = field(default_factory=dict)
+    lost: Sequence[tuple[MappedCrossing, str]] = ()
+    asides: Mapping[str, float] = field(default_factory=dict)
+    heights: Mapping[int, float] = field(default_factory=dict)
+    sidewalks: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
     def trimmed(self, name: str) -> Floats:
         """Give a section's line, drawn back at its ends."""
@@ -73,14 +82,22 @@ class Layout:
                     found[self.junction(arm)].append(arm)
         return dict(found)
 
+    def arriving(self, arm: Arm) -> tuple[LaneTags, ...]:
+        """Give the lanes that lead into the junction of an arm."""
+        return self.graph.sections[arm.section].lanes_towards(end=arm.at_end)
+
+    def leaving(self, arm: Arm) -> tuple[LaneTags, ...]:
+        """Give the lanes that lead out of the junction of an arm."""
+        return self.graph.sections[arm.section].lanes_towards(end=not arm.at_end)
+
     def half(self, name: str) -> float:
         """Measure half the width of a section's lanes."""
         return self.graph.sections[name].road.drives / 2
 
-    def room(self, arm: Arm, *, left: float) -> float:
-        """Measure how far an arm may be drawn back so that some metres of its road are left."""
+    def room(self, arm: Arm, cuts: Mapping[Arm, float], *, left: float) -> float:
+        """Measure how far an arm may be drawn back, beside other cuts, so that so much of it is left."""
         length = self.graph.length(self.graph.sections[arm.section])
-        return length - self.cuts.get(Arm(arm.section, not arm.at_end), _CORNER) - left
+        return length - cuts.get(Arm(arm.section, not arm.at_end), _CORNER) - left
 
 
 def outward(graph: RoadGraph, arm: Arm) -> Floats:
@@ -110,12 +127,14 @@ def trim(line: Floats, start: float, end: float) -> Floats:
     return np.column_stack([np.interp(wanted, lengths, values) for values in line.T])
 
 
-def divider(layout: Layout, section: Section, heights: dict[int, float]) -> Floats:
+def divider(layout: Layout, section: Section) -> Floats:
     """Find the line between the two directions, drawn back where a crossing lies at an end.
 
     The way is taken for the middle of the carriageway.
     """
-    line = np.column_stack([layout.graph.line(section), [heights.get(node, 0.0) for node in section.nodes]])
+    line = np.column_stack(
+        [layout.graph.line(section), [layout.heights.get(node, 0.0) for node in section.nodes]]
+    )
     cuts = [layout.cuts.get(Arm(section.id, at_end), 0.0) for at_end in (False, True)]
     line = trim(line, *cuts)
     road = section.road

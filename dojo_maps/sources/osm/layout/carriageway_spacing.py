@@ -5,7 +5,7 @@ would lie on each other there.
 """
 
 import itertools
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -32,19 +32,15 @@ _NEAR_SHARE = 0.25
 """Share of the places along a road where another may lie nearer than is made room for: they part slowly."""
 
 
-def space_carriageways(layout: Layout) -> None:
+def space_carriageways(layout: Layout) -> Layout:
     """Narrow the lanes of roads that lie on each other, and move them apart where that is not enough."""
     names = [name for name in sorted(layout.graph.sections) if name not in layout.inner]
     lines = {name: shapely.LineString(layout.trimmed(name)) for name in names}
     tree = shapely.STRtree([lines[name].buffer(layout.half(name), cap_style="flat") for name in names])
     pairs = [(names[a], names[b]) for a, b in tree.query(tree.geometries, predicate="intersects").T if a < b]
     near = {pair: found for pair in pairs if (found := _near_places(layout, lines, *pair))}
-    for (one, other), (apart, _) in near.items():
-        share = (apart - _GAP) / (layout.half(one) + layout.half(other))
-        for name in (one, other):
-            section = layout.graph.sections[name]
-            width = round(min(section.road.width, max(_NARROWEST, section.road.width * share)), 2)
-            layout.graph.sections[name] = replace(section, road=replace(section.road, width=width))
+    layout = _narrow(layout, {pair: apart for pair, (apart, _) in near.items()})
+    asides: dict[str, float] = {}
     for pair, (apart, sides) in near.items():
         wanted = layout.half(pair[0]) + layout.half(pair[1]) + _GAP - apart
         if wanted > 0:
@@ -54,8 +50,21 @@ def space_carriageways(layout: Layout) -> None:
                 thirds = sorted({names[hit] for hit in around} - {*pair})
                 rooms.append(_room(layout, lines, name, thirds, -side, wanted))
             for name, side, metres in zip(pair, sides, _share_out(wanted, rooms), strict=True):
-                moved = layout.asides.get(name, 0.0) - side * metres
-                layout.asides[name] = max(-_FARTHEST, min(_FARTHEST, moved))
+                moved = asides.get(name, 0.0) - side * metres
+                asides[name] = max(-_FARTHEST, min(_FARTHEST, moved))
+    return replace(layout, asides=asides)
+
+
+def _narrow(layout: Layout, near: Mapping[tuple[str, str], float]) -> Layout:
+    """Narrow the lanes of pairs of roads to the metres between their middles, as far as lanes may be."""
+    sections = dict(layout.graph.sections)
+    for pair, apart in near.items():
+        share = (apart - _GAP) / sum(sections[name].road.drives / 2 for name in pair)
+        for name in pair:
+            road = sections[name].road
+            width = round(min(road.width, max(_NARROWEST, road.width * share)), 2)
+            sections[name] = replace(sections[name], road=replace(road, width=width))
+    return replace(layout, graph=replace(layout.graph, sections=sections))
 
 
 def _share_out(wanted: float, rooms: Sequence[float]) -> tuple[float, float]:

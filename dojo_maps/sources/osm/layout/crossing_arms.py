@@ -2,10 +2,11 @@
 
 import itertools
 import math
+from dataclasses import replace
 
 from dojo_maps.sources.osm.graph.road_graph import RoadGraph
+from dojo_maps.sources.osm.junctions.mapped_crossings import MappedCrossing
 from dojo_maps.sources.osm.layout.arms import Arm, Layout, ray
-from dojo_maps.sources.osm.layout.mapped_crossings import MappedCrossing
 
 CROSSING_WIDTH = 4.0
 _FARTHEST = 30.0
@@ -14,11 +15,11 @@ _LEFT_OVER = 6.0
 _BOTH_CARRIAGEWAYS = 28.0
 
 
-def host_crossings(layout: Layout) -> None:
-    """Give each crossing the arm nearest to it, nearest crossings first; what was hosted before is not."""
+def host_crossings(layout: Layout) -> Layout:
+    """Give each crossing the arm nearest to it, nearest crossings first."""
     graph = layout.graph
-    for found in (layout.hosted, layout.cuts, layout.lost):
-        found.clear()
+    hosted: dict[Arm, MappedCrossing] = {}
+    cuts: dict[Arm, float] = {}
     arms = layout.arms()
     wishes = []
     for number, crossing in enumerate(layout.crossings):
@@ -28,22 +29,25 @@ def host_crossings(layout: Layout) -> None:
             wishes.append((round(distance, 1), back, number, arm, cut))
     placed: set[int] = set()
     for distance, _, number, arm, cut in sorted(wishes):
-        if number in placed or arm in layout.hosted or distance > _FARTHEST:
+        if number in placed or arm in hosted or distance > _FARTHEST:
             continue
-        room = layout.room(arm, left=_LEFT_OVER)
+        room = layout.room(arm, cuts, left=_LEFT_OVER)
         if cut > 4.0 and cut > room + 4.0:
             continue
-        layout.hosted[arm] = layout.crossings[number]
-        layout.cuts[arm] = max(min(cut, room), 0.0)
+        hosted[arm] = layout.crossings[number]
+        cuts[arm] = max(min(cut, room), 0.0)
         placed.add(number)
-    for number, crossing in enumerate(layout.crossings):
-        if number not in placed:
-            layout.lost.append((crossing, "another crossing or the road's end is too near"))
+    lost = [
+        (crossing, "another crossing or the road's end is too near")
+        for number, crossing in enumerate(layout.crossings)
+        if number not in placed
+    ]
+    return replace(layout, hosted=hosted, cuts=cuts, lost=lost)
 
 
-def align_carriageways(layout: Layout) -> None:
+def align_carriageways(layout: Layout) -> Layout:
     """Draw both carriageways of an arm back to one line; netconvert would pull the one to the other."""
-    graph = layout.graph
+    graph, cuts = layout.graph, dict(layout.cuts)
     for arms in layout.arms().values():
         rays = {arm: ray(graph, arm) for arm in arms}
         for arm, other in itertools.permutations(arms, 2):
@@ -53,9 +57,10 @@ def align_carriageways(layout: Layout) -> None:
             aside = abs(float(apart[0] * way[1] - apart[1] * way[0]))
             if arm not in layout.hosted or float(way @ back) < 0.94 or not 0 < aside < _BOTH_CARRIAGEWAYS:
                 continue
-            wanted = layout.cuts[arm] - ahead
-            if layout.cuts.get(other, 0.0) < wanted < layout.room(other, left=_LEFT_OVER):
-                layout.cuts[other] = wanted
+            wanted = cuts[arm] - ahead
+            if cuts.get(other, 0.0) < wanted < layout.room(other, cuts, left=_LEFT_OVER):
+                cuts[other] = wanted
+    return replace(layout, cuts=cuts)
 
 
 def _candidates(layout: Layout, arms: dict[int, list[Arm]], crossing: MappedCrossing) -> list[Arm]:

@@ -6,7 +6,8 @@ OpenStreetMap lets ramps start in the middle of the road they leave: lanes as wi
 each other there.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 import shapely
@@ -31,18 +32,20 @@ _LEFT, _LEFT_OF_FORK = 14.0, 40.0
 """Metres of a road that is drawn back which are left, and of one that is drawn back very far."""
 
 
-def part_roads(layout: Layout) -> None:
+def part_roads(layout: Layout) -> Layout:
     """Draw back the arms of each junction to where they lie beside each other, no crossing from its place.
 
     A roundabout's ring stays as it is: it is enough to draw the other road back.
     """
+    cuts = dict(layout.cuts)
     for arms in layout.arms().values():
         drawn = [arm for arm in arms if not layout.graph.sections[arm.section].road.roundabout]
         wanted = {arm: _parted_after(layout, arm, arms) for arm in drawn}
-        farthest = {arm: _nearest_crossing(layout, arm, arms) for arm in drawn}
+        farthest = {arm: _nearest_crossing(layout, cuts, arm, arms) for arm in drawn}
         for arm in drawn if any(wanted.values()) else ():
-            metres = min(max(wanted[arm], _FLOOR), farthest[arm], layout.room(arm, left=_LEFT))
-            layout.cuts[arm] = max(layout.cuts.get(arm, 0.0), metres)
+            metres = min(max(wanted[arm], _FLOOR), farthest[arm], layout.room(arm, cuts, left=_LEFT))
+            cuts[arm] = max(cuts.get(arm, 0.0), metres)
+    return replace(layout, cuts=cuts)
 
 
 def _parted_after(layout: Layout, arm: Arm, arms: Sequence[Arm]) -> float:
@@ -76,12 +79,12 @@ def _begins_on(line: Floats, place: Floats, half: float) -> float:
     return at if at <= _FARTHEST and path.distance(start) < 2 * half else 0.0
 
 
-def _nearest_crossing(layout: Layout, arm: Arm, arms: Sequence[Arm]) -> float:
+def _nearest_crossing(layout: Layout, cuts: Mapping[Arm, float], arm: Arm, arms: Sequence[Arm]) -> float:
     """Measure how far an arm may be drawn back before it would lead a crossing of the junction astray."""
     place, way = ray(layout.graph, arm)
     found = _FARTHEST_OF_FORK
     for crossed in arms:
         if crossed in layout.hosted:
             start, _ = ray(layout.graph, crossed)
-            found = min(found, layout.cuts[crossed] + float((start - place) @ way) + _PAST_CROSSING)
+            found = min(found, cuts[crossed] + float((start - place) @ way) + _PAST_CROSSING)
     return found

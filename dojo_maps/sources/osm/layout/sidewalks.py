@@ -1,10 +1,14 @@
 """Which sides of a road have a sidewalk: by tags, by ways mapped beside it, or as streets in towns do."""
 
+from collections.abc import Set as AbstractSet
+from dataclasses import replace
+
 import numpy as np
 import shapely
 
 from dojo_maps.sources.osm.graph.road_graph import RoadGraph, Section
-from dojo_maps.sources.osm.read.data import OsmData, Tags
+from dojo_maps.sources.osm.layout.arms import Layout
+from dojo_maps.sources.osm.read.foot_tags import is_sidewalk
 from dojo_maps.sources.osm.read.way_tags import may_have_sidewalk
 
 SIDEWALK_WIDTH = 2.5
@@ -19,23 +23,31 @@ _ROOM = 1.8
 """Metres between two roads that leave no room for a sidewalk."""
 
 
-def is_sidewalk(tags: Tags) -> bool:
-    """Tell whether a way is a separately mapped sidewalk."""
-    return tags.get("footway") == "sidewalk" or tags.get("path") == "sidewalk"
+def lay_sidewalks(layout: Layout, paved: AbstractSet[str]) -> Layout:
+    """Give the sections that are built their sidewalks.
+
+    Args:
+        layout: with its heights.
+        paved: sections with pavement on both sides whatever is mapped, because crossings lead there.
+    """
+    walks = _Sidewalks(layout.graph)
+    found = {}
+    for name, section in sorted(layout.graph.sections.items()):
+        if name not in layout.inner:
+            left, right = (SIDEWALK_WIDTH * side for side in walks.sides(section))
+            least = ISLAND_WIDTH if name in paved else 0.0
+            found[name] = (max(left, least), max(right, least))
+    return replace(layout, sidewalks=found)
 
 
-class Sidewalks:
+class _Sidewalks:
     """Answers for both sides of any section of a graph."""
 
-    def __init__(self, data: OsmData, graph: RoadGraph) -> None:
+    def __init__(self, graph: RoadGraph) -> None:
         self._graph = graph
-        lines = []
-        for way in data.ways.values():
-            line = graph.way_line(data, way) if is_sidewalk(way.tags) else None
-            if line is not None:
-                lines.append(line)
-        self.mapped = lines
-        self._mapped = shapely.STRtree(lines)
+        self._mapped = shapely.STRtree(
+            [way.line for way in graph.footways if way.line is not None and is_sidewalk(way.tags)]
+        )
         self._sections = sorted(graph.sections)
         roads = [shapely.LineString(graph.line(graph.sections[name])) for name in self._sections]
         self._roads = shapely.STRtree(roads)
@@ -83,7 +95,7 @@ class Sidewalks:
         rays = self._rays(section, sign, section.road.drives / 2 + _BESIDE)
         hit = (
             {int(k) for k in self._mapped.query(rays, predicate="intersects")[0]}
-            if len(self.mapped)
+            if len(self._mapped)
             else set()
         )
         return len(hit) / len(rays)

@@ -10,11 +10,9 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 from dojo_maps.errors import SourceError
-from dojo_maps.sources.osm.graph.road_graph import Section
 from dojo_maps.sources.osm.layout.arms import Arm, Layout
 from dojo_maps.sources.osm.plain.lane_connections import arrow_targets
-from dojo_maps.sources.osm.read.data import OsmData
-from dojo_maps.sources.osm.read.lane_tags import LaneTags
+from dojo_maps.sources.osm.read.restrictions import Restriction
 
 MAX_PATHS = 20_000
 """Paths across one junction from one road, told apart by the turn restrictions on them."""
@@ -26,20 +24,6 @@ _AHEAD = 15.0
 """Metres over which a road's heading at a junction is taken."""
 _Path = tuple[int, tuple[int, ...], tuple[int, ...]]
 """Where one is, by which ways and vertices one came there."""
-_MOTOR = {"motorcar", "motor_vehicle", "vehicle"}
-_EXEMPT = {"motorcar", "motor_vehicle"}
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Restriction:
-    """A turn restriction: the ways from, through and to, and the node between where there is one."""
-
-    relation: int
-    only: bool
-    source: int
-    via: tuple[int, ...]
-    via_ways: tuple[int, ...]
-    target: int
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -49,62 +33,6 @@ class Movement:
     source: Arm
     target: Arm
     angle: float
-
-
-def read_restrictions(data: OsmData) -> tuple[list[Restriction], list[int]]:
-    """Read the turn restrictions for cars; the ids of those that cannot be used come second."""
-    found, broken = [], []
-    for relation, record in data.relations.items():
-        tags = record.tags
-        kind = tags.get("restriction", tags.get("restriction:motorcar", ""))
-        if tags.get("type") != "restriction" or _EXEMPT & set(tags.get("except", "").split(";")):
-            continue
-        if not kind.startswith(("no_", "only_")) or "@" in kind:
-            continue
-        roles: dict[str, list[tuple[str, int]]] = {"from": [], "via": [], "to": []}
-        for member in record.members:
-            roles.setdefault(member.role, []).append((member.kind, member.ref))
-        usable = all(e[0] == "way" for e in roles["from"] + roles["to"]) and roles["via"]
-        if not (usable and roles["from"] and roles["to"]):
-            broken.append(relation)
-            continue
-        found += [
-            Restriction(
-                relation=relation,
-                only=kind.startswith("only_"),
-                source=source,
-                via=tuple(ref for role, ref in roles["via"] if role == "node"),
-                via_ways=tuple(ref for role, ref in roles["via"] if role == "way"),
-                target=target,
-            )
-            for _, source in roles["from"]
-            for _, target in roles["to"]
-        ]
-    return found, broken
-
-
-def find_conditional(data: OsmData) -> dict[int, int]:
-    """Find the turn restrictions that hold at some times only, with the node that they are at."""
-    found = {}
-    for relation, record in data.relations.items():
-        said = {key: value for key, value in record.tags.items() if key.startswith("restriction")}
-        timed = any(":conditional" in key or "@" in value for key, value in said.items())
-        places = [member.ref for member in record.members if (member.kind, member.role) == ("node", "via")]
-        if timed and places:
-            found[relation] = places[0]
-    return found
-
-
-def directed(section: Section, *, into_end: bool) -> tuple[LaneTags, ...]:
-    """Give the lanes that lead to a section's end, or to its start."""
-    return section.road.forward if into_end else section.road.backward
-
-
-def leads_through(layout: Layout, arms: Sequence[Arm]) -> bool:
-    """Tell whether traffic passes a junction from one road to another."""
-    arriving = {name for name, at_end in arms if directed(layout.graph.sections[name], into_end=at_end)}
-    leaving = {name for name, at_end in arms if directed(layout.graph.sections[name], into_end=not at_end)}
-    return bool(arriving and leaving) and len(arriving | leaving) > 1
 
 
 class Movements:
@@ -122,14 +50,13 @@ class Movements:
         """List the movements of a junction, outermost turn of each road first."""
         found: list[Movement] = []
         for arm in arms:
-            if directed(self._graph.sections[arm.section], into_end=arm.at_end):
+            if self._layout.arriving(arm):
                 found += self._from(arm, set(arms), junction)
         return [movement for movement in found if not self._is_for_twin(movement, found)]
 
     def _is_for_twin(self, movement: Movement, found: Sequence[Movement]) -> bool:
         """Tell whether a turn lane mapped as a way of its own leaves a movement to the road beside it."""
-        section = self._graph.sections[movement.source.section]
-        lanes = directed(section, into_end=movement.source.at_end)
+        lanes = self._layout.arriving(movement.source)
         own = [other for other in found if other.source == movement.source]
         angles, left_hand = [other.angle for other in own], self._graph.left_hand
         painted = {
@@ -159,7 +86,7 @@ class Movements:
             if target.section != arm.section and (alone or abs(angle) < _UTURN)
         }
         kept = kept or {target: angle for target, angle in reached.items() if target.section != arm.section}
-        if not kept and directed(self._graph.sections[arm.section], into_end=not arm.at_end):
+        if not kept and self._layout.leaving(arm):
             kept = {arm: 180.0}
         return [
             Movement(source=arm, target=target, angle=angle)
@@ -172,7 +99,7 @@ class Movements:
             other
             for other in sorted(arms)
             if other.section != arm.section
-            and directed(self._graph.sections[other.section], into_end=not other.at_end)
+            and self._layout.leaving(other)
             and not self._forbidden(arm, other, junction)
         ]
 
@@ -223,7 +150,7 @@ class Movements:
             for at_end in (False, True):
                 if (onward.end if at_end else onward.start) != here:
                     continue
-                if not directed(onward, into_end=not at_end):
+                if not onward.lanes_towards(end=not at_end):
                     continue
                 taken = (*ways, onward.ways[-1] if at_end else onward.ways[0])
                 if self._allowed(taken, vertices):

@@ -31,18 +31,19 @@ _FADES = 12.0
 """Metres out from a ring over which its arms give way to it."""
 
 
-def recognise_rings(graph: RoadGraph) -> None:
+def recognise_rings(graph: RoadGraph) -> RoadGraph:
     """Take one-way roads that close to a circle, in the sense of traffic, for an untagged roundabout."""
     leaving: dict[int, list[Section]] = defaultdict(list)
     for _, section in sorted(graph.sections.items()):
         if section.road.oneway and not section.road.roundabout and section.start != section.end:
             leaving[section.start].append(section)
-    for section in [section for sections in leaving.values() for section in sections]:
+    sections = dict(graph.sections)
+    for section in [section for parts in leaving.values() for section in parts]:
         ring = _turn_back(graph, leaving, section)
         if ring and _is_circle(graph, ring):
             for part in ring:
-                road = replace(part.road, roundabout=True)
-                graph.sections[part.id] = replace(graph.sections[part.id], road=road)
+                sections[part.id] = replace(part, road=replace(part.road, roundabout=True))
+    return replace(graph, sections=sections)
 
 
 def _turn_back(graph: RoadGraph, leaving: dict[int, list[Section]], first: Section) -> list[Section]:
@@ -74,7 +75,7 @@ def _is_circle(graph: RoadGraph, ring: list[Section]) -> bool:
     return bool(turns_right and across <= _LARGEST and 4 * math.pi * shape.area > _ROUND * shape.length**2)
 
 
-def widen_rings(graph: RoadGraph) -> None:
+def widen_rings(graph: RoadGraph) -> RoadGraph:
     """Move the nodes of roundabouts outward where their arms lie too close together."""
     ends = graph.ends()
     for ring in find_rings(graph):
@@ -92,11 +93,14 @@ def widen_rings(graph: RoadGraph) -> None:
             continue
         wider = min(missing, _WIDER)
         arms = {name for node in nodes for name in ends.get(node, ())}
+        places = dict(graph.places)
         for node in {node for name in arms for node in graph.sections[name].nodes}:
-            a, b = graph.places[node]
+            a, b = places[node]
             apart = max(math.dist((a, b), (x, y)), 0.1)
             push = wider * min(max(1.0 - (apart - radius) / _FADES, 0.0), 1.0) / apart
-            graph.places[node] = (round(a + (a - x) * push, 3), round(b + (b - y) * push, 3))
+            places[node] = (round(a + (a - x) * push, 3), round(b + (b - y) * push, 3))
+        graph = replace(graph, places=places)
+    return graph
 
 
 def find_rings(graph: RoadGraph) -> list[list[Section]]:

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import shapely
 
-from dojo_maps.sources.osm.graph.road_graph import RoadGraph, Section
+from dojo_maps.sources.osm.graph.road_graph import RoadGraph, Section, free_number
 from dojo_maps.sources.osm.junctions.grouping import Junctions
 
 _INNER, _ROUND = 80.0, 15.0
@@ -29,20 +29,21 @@ def is_inner(graph: RoadGraph, section: Section) -> bool:
     return length < _INNER and _area(graph, section) < _THIN * section.road.drives * length
 
 
-def split_loops(graph: RoadGraph, junctions: Junctions) -> bool:
-    """Split roads that lead back to their junction and stay; tell whether there was one."""
-    changed = False
+def split_loops(graph: RoadGraph, junctions: Junctions) -> RoadGraph:
+    """Split roads that lead back to their junction and stay; the same graph where there is none."""
+    cuts: dict[str, list[int]] = {}
+    sections, places = dict(graph.sections), dict(graph.places)
     for name, section in sorted(graph.sections.items()):
         if junctions.of[section.start] != junctions.of[section.end] or is_inner(graph, section):
             continue
         if len(section.nodes) == 2:
             ends = [graph.places[vertex] for vertex in section.nodes]
-            node = graph.add_node(((ends[0][0] + ends[1][0]) / 2, (ends[0][1] + ends[1][1]) / 2))
+            node = free_number(places)
+            places[node] = ((ends[0][0] + ends[1][0]) / 2, (ends[0][1] + ends[1][1]) / 2)
             nodes = (section.start, node, section.end)
-            graph.sections[name] = replace(section, nodes=nodes, ways=section.ways * 2)
-        graph.split(name, len(graph.sections[name].nodes) // 2)
-        changed = True
-    return changed
+            sections[name] = replace(section, nodes=nodes, ways=section.ways * 2)
+        cuts[name] = [len(sections[name].nodes) // 2]
+    return replace(graph, sections=sections, places=places).split(cuts) if cuts else graph
 
 
 def _area(graph: RoadGraph, section: Section) -> float:

@@ -1,38 +1,39 @@
-"""Crossings that lie between junctions: they get a node of their own, on both carriageways, and signals."""
+"""Crossings that lie between junctions: they get a vertex of their own, on both carriageways."""
 
 import itertools
 import math
 from collections import defaultdict
 from dataclasses import replace
 
-from dojo_maps.sources.osm.graph.road_graph import RoadGraph, Section
-from dojo_maps.sources.osm.junctions.grouping import Junctions, share_controllers
-from dojo_maps.sources.osm.layout.arms import Layout
-from dojo_maps.sources.osm.layout.mapped_crossings import MappedCrossing
+from dojo_maps.sources.osm.graph.road_graph import RoadGraph, Section, free_number
+from dojo_maps.sources.osm.junctions.grouping import Junctions
+from dojo_maps.sources.osm.junctions.mapped_crossings import MappedCrossing
 
 _REACH, _SIGNAL_REACH = 14.0, 30.0
 """Metres from a vertex up to which a crossing lies on the junction's border, without and with signals."""
 _ROOM = 11.0
 """Metres between two crossings of a section that leave an edge of 5 m between them, and a little."""
-_SIGNAL_NEAR = 20.0
 _BOTH_CARRIAGEWAYS = 28.0
 _BEYOND = 14.0
 
 
-def extend_ends(graph: RoadGraph, crossed: set[int]) -> bool:
+def extend_ends(graph: RoadGraph, crossed: set[int]) -> RoadGraph:
     """Lead roads that end at a crossing a little farther, as they do beyond the extract's border."""
     ends = [(vertex, at[0]) for vertex, at in sorted(graph.ends().items()) if len(at) == 1]
-    found = [(vertex, name) for vertex, name in ends if vertex in crossed]
-    for vertex, name in found:
-        section = graph.sections[name]
+    sections, places = dict(graph.sections), dict(graph.places)
+    for vertex, name in ends:
+        if vertex not in crossed:
+            continue
+        section = sections[name]
         at_end = section.end == vertex
-        (x, y), (a, b) = (graph.places[n] for n in (section.nodes[-2:] if at_end else section.nodes[1::-1]))
+        (x, y), (a, b) = (places[n] for n in (section.nodes[-2:] if at_end else section.nodes[1::-1]))
         share = _BEYOND / max(math.dist((x, y), (a, b)), 1e-3)
-        node = graph.add_node((round(a + (a - x) * share, 3), round(b + (b - y) * share, 3)))
+        node = free_number(places)
+        places[node] = (round(a + (a - x) * share, 3), round(b + (b - y) * share, 3))
         nodes = (*section.nodes, node) if at_end else (node, *section.nodes)
         ways = (*section.ways, section.ways[-1]) if at_end else (section.ways[0], *section.ways)
-        graph.sections[name] = replace(section, nodes=nodes, ways=ways)
-    return bool(found)
+        sections[name] = replace(section, nodes=nodes, ways=ways)
+    return replace(graph, sections=sections, places=places)
 
 
 def over_both_carriageways(graph: RoadGraph, crossings: list[MappedCrossing]) -> list[tuple[int, int]]:
@@ -51,45 +52,26 @@ def over_both_carriageways(graph: RoadGraph, crossings: list[MappedCrossing]) ->
     ]
 
 
-def split_between(graph: RoadGraph, junctions: Junctions, crossings: list[MappedCrossing]) -> bool:
-    """Split sections at crossings too far from both ends; tell whether any were."""
+def split_between(graph: RoadGraph, junctions: Junctions, crossings: list[MappedCrossing]) -> RoadGraph:
+    """Split sections at crossings too far from both ends."""
     by_section: dict[str, list[MappedCrossing]] = defaultdict(list)
     for crossing in crossings:
         by_section[crossing.section].append(crossing)
     degree = {vertex: len(at) for vertex, at in graph.ends().items()}
-    changed = False
+    cuts: dict[str, list[int]] = {}
     for name, found in sorted(by_section.items()):
         section = graph.sections[name]
         if junctions.of[section.start] == junctions.of[section.end]:
             continue
-        rest = name
-        for node in _between(graph, junctions, degree, section, found):
-            index = graph.sections[rest].nodes.index(node)
-            if 0 < index < len(graph.sections[rest].nodes) - 1:
-                graph.split(rest, index)
-                rest += "b"
-                changed = True
-    return changed
-
-
-def signal_between(layout: Layout) -> None:
-    """Give signals to the junctions of crossings that have them, and to those near a signal of no junction.
-
-    Where roads meet beside the crossing, they stop for it as well; near junctions share a controller.
-    """
-    graph, junctions = layout.graph, layout.junctions
-    degree = {vertex: len(at) for vertex, at in graph.ends().items()}
-    members = junctions.members()
-    stray = [graph.places[node] for node in junctions.stray]
-    for arm, crossing in layout.hosted.items():
-        junction = layout.junction(arm)
-        if junction in junctions.signals:
-            continue
-        between = all(degree[vertex] == 2 for vertex in members[junction])
-        near = between and any(math.dist(place, crossing.place) < _SIGNAL_NEAR for place in stray)
-        if crossing.signalised or near:
-            junctions.signals[junction] = [crossing.node]
-    share_controllers(graph, junctions)
+        inner = section.nodes[1:-1]
+        at = {
+            inner.index(node) + 1
+            for node in _between(graph, junctions, degree, section, found)
+            if node in inner
+        }
+        if at:
+            cuts[name] = sorted(at)
+    return graph.split(cuts)
 
 
 def _between(

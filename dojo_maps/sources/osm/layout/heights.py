@@ -4,13 +4,14 @@ import heapq
 import itertools
 import math
 from collections import defaultdict
+from collections.abc import Sequence
 from collections.abc import Set as AbstractSet
 from dataclasses import replace
 
 import numpy as np
 import shapely
 
-from dojo_maps.sources.osm.graph.road_graph import RoadGraph
+from dojo_maps.sources.osm.graph.road_graph import RoadGraph, free_number
 
 _LEVEL = 5.0
 """Metres from one level to the next, as a truck needs under a bridge."""
@@ -20,13 +21,17 @@ _APART = 15.0
 """Metres from where a road leaves a bridge or tunnel, within which it does not pass under or above it."""
 
 
-def compute_heights(graph: RoadGraph) -> dict[int, float]:
+def compute_heights(graph: RoadGraph) -> tuple[RoadGraph, dict[int, float]]:
     """Give each node that is not on the ground its height, metres.
 
     Bridges and tunnels are level; from their ends the roads lead to the ground at a grade of 6 %, or as
     steep as it takes to pass under a bridge or above a deeper tunnel, where they get another node.
+
+    Returns:
+        The roads with these nodes; and the heights.
     """
-    low, deep = _nodes_under_bridges(graph), _nodes_above_tunnels(graph)
+    graph, low = _add_nodes_under_bridges(graph)
+    graph, deep = _add_nodes_above_tunnels(graph)
     beside: dict[int, list[tuple[int, float]]] = defaultdict(list)
     fixed: dict[int, float] = {}
     for name in sorted(graph.sections):
@@ -52,7 +57,7 @@ def compute_heights(graph: RoadGraph) -> dict[int, float]:
                 heapq.heappush(queue, (-left, other, math.copysign(left, height)))
     _level(heights, beside, dict.fromkeys(low, 0.0), fixed, 1)
     _level(heights, beside, deep, fixed, -1)
-    return heights
+    return graph, heights
 
 
 def _level(
@@ -85,20 +90,20 @@ def _level(
             heapq.heappush(queue, (least + _STEEP * apart, other))
 
 
-def _nodes_under_bridges(graph: RoadGraph) -> set[int]:
+def _add_nodes_under_bridges(graph: RoadGraph) -> tuple[RoadGraph, list[int]]:
     """Give roads on the ground a node where they pass under a bridge."""
     on_ground = {name for name, section in graph.sections.items() if not section.road.layer}
     bridges = {name for name, section in graph.sections.items() if section.road.layer > 0}
-    passing = _passing(graph, on_ground, bridges)
-    return {_insert(graph, name, place) for name, _, place in passing}
+    return _insert(graph, [(name, place) for name, _, place in _passing(graph, on_ground, bridges)])
 
 
-def _nodes_above_tunnels(graph: RoadGraph) -> dict[int, float]:
+def _add_nodes_above_tunnels(graph: RoadGraph) -> tuple[RoadGraph, dict[int, float]]:
     """Give tunnels a node where they pass above deeper ones; and how deep they may be there."""
     layers = {name: section.road.layer for name, section in graph.sections.items() if section.road.layer < 0}
     passing = _passing(graph, layers.keys(), layers.keys())
     above = [(name, place) for name, other, place in passing if layers[name] > layers[other]]
-    return {_insert(graph, name, place): -_LEVEL * layers[name] for name, place in above}
+    graph, nodes = _insert(graph, above)
+    return graph, {node: -_LEVEL * layers[name] for node, (name, _) in zip(nodes, above, strict=True)}
 
 
 def _passing(
@@ -119,14 +124,21 @@ def _passing(
     return found
 
 
-def _insert(graph: RoadGraph, name: str, place: tuple[float, float]) -> int:
-    """Give a section a node at a place on its line."""
-    section = graph.sections[name]
-    line = graph.line(section)
-    pieces = [shapely.LineString(piece) for piece in itertools.pairwise(line)]
-    index = int(np.argmin([piece.distance(shapely.Point(place)) for piece in pieces]))
-    node = graph.add_node(place)
-    nodes = (*section.nodes[: index + 1], node, *section.nodes[index + 1 :])
-    ways = (*section.ways[: index + 1], *section.ways[index:])
-    graph.sections[name] = replace(section, nodes=nodes, ways=ways)
-    return node
+def _insert(
+    graph: RoadGraph, found: Sequence[tuple[str, tuple[float, float]]]
+) -> tuple[RoadGraph, list[int]]:
+    """Give sections nodes at places on their lines; list these nodes."""
+    sections, places = dict(graph.sections), dict(graph.places)
+    inserted = []
+    for name, place in found:
+        section = sections[name]
+        line = np.array([places[node] for node in section.nodes])
+        pieces = [shapely.LineString(piece) for piece in itertools.pairwise(line)]
+        index = int(np.argmin([piece.distance(shapely.Point(place)) for piece in pieces]))
+        node = free_number(places)
+        places[node] = place
+        nodes = (*section.nodes[: index + 1], node, *section.nodes[index + 1 :])
+        ways = (*section.ways[: index + 1], *section.ways[index:])
+        sections[name] = replace(section, nodes=nodes, ways=ways)
+        inserted.append(node)
+    return replace(graph, sections=sections, places=places), inserted

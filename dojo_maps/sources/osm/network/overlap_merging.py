@@ -10,9 +10,9 @@ import shapely
 
 from dojo_maps.description import LaneKind, RoadMap
 from dojo_maps.geometry.polylines import Floats
-from dojo_maps.sources.osm.completeness.lane_strips import strips
 from dojo_maps.sources.osm.graph.edge_id import EdgeId
 from dojo_maps.sources.osm.layout.arms import Layout
+from dojo_maps.sources.osm.network.lane_strips import strips
 from dojo_maps.sources.osm.plain.plain_xml import Plain
 
 _LONGEST = 60.0
