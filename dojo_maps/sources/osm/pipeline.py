@@ -20,14 +20,15 @@ from dojo_maps.sources.osm.network.osm_network import OsmNetwork
 from dojo_maps.sources.osm.plain.plain_xml import write_plain
 from dojo_maps.sources.osm.read.data import OsmData
 from dojo_maps.sources.osm.read.restrictions import read_restrictions
+from dojo_maps.sources.osm.rules import RULES, ImportRules
 from dojo_maps.sources.signal_programs import program_signals
 from dojo_maps.sources.sumo_net import read_network
 from dojo_maps.whole_file import scratch_folder
 
-_ROUNDS = 8
 
-
-def build_network(data: OsmData, *, path: Path, name: str, sha256: str) -> OsmNetwork:
+def build_network(
+    data: OsmData, *, path: Path, name: str, sha256: str, rules: ImportRules = RULES
+) -> OsmNetwork:
     """Build the network of an extract.
 
     Args:
@@ -35,6 +36,7 @@ def build_network(data: OsmData, *, path: Path, name: str, sha256: str) -> OsmNe
         path: where it came from, for errors.
         name: the map's name.
         sha256: of the file as it lies on disk.
+        rules: the limits to go by.
 
     Raises:
         SourceError: the extract has no roads that make a network.
@@ -42,14 +44,14 @@ def build_network(data: OsmData, *, path: Path, name: str, sha256: str) -> OsmNe
         ToolMissingError: netconvert is not installed.
     """
     restrictions, broken = read_restrictions(data)
-    graph = add_midblock_vertices(build_graph(data, path))
+    graph = add_midblock_vertices(build_graph(data, path, rules))
     wanted = Corrections()
-    for _ in range(_ROUNDS):
+    for _ in range(rules.network.attempts):
         known = wanted
         layout = lay_out(plan_junctions(graph, known.joined, known.moved), known.paved)
         with scratch_folder() as folder:
             plain = write_plain(layout, restrictions, folder)
-            converted = convert_plain(folder, path, left_hand=graph.left_hand)
+            converted = convert_plain(folder, path, left_hand=graph.left_hand, timeout=rules.network.timeout)
         road_map, _ = read_network(converted.data, path=path, name=name, sha256=sha256)
         wanted = find_corrections(known, road_map, converted.warnings, layout, plain)
         if wanted is known:
@@ -57,7 +59,7 @@ def build_network(data: OsmData, *, path: Path, name: str, sha256: str) -> OsmNe
     built = mend_outlines(program_signals(converted.data, road_map))
     road_map, issues = read_network(built, path=path, name=name, sha256=sha256)
     if wanted is not known:
-        issues += (not_converged(known, wanted, layout.graph, rounds=_ROUNDS),)
+        issues += (not_converged(known, wanted, layout.graph, rounds=rules.network.attempts),)
     issues += tuple(_dropped_issue(option, reason, road_map) for option, reason in converted.dropped)
     hint = "look at the place in netedit; correct the map data where it is wrong"
     index = MapIndex(road_map)

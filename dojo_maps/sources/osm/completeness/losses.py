@@ -15,7 +15,6 @@ from dojo_maps.sources.osm.plain.lane_connections import arrow_targets
 from dojo_maps.sources.osm.read.data import link_to
 from dojo_maps.sources.osm.read.restrictions import Restriction
 
-CROSSING_WITHIN = 10.0
 _LETTERS = {
     "through": "s", "left": "lL", "slight_left": "lLs", "sharp_left": "lL", "right": "rR",
     "slight_right": "rRs", "sharp_right": "rR", "reverse": "t", "merge_to_left": "slrLR",
@@ -62,14 +61,14 @@ def loss(  # noqa: PLR0913
 def check_crossings(network: OsmNetwork) -> tuple[Share, list[Issue]]:
     """Look for a built crossing within 10 m of each mapped one."""
     built = [shapely.LineString(c.shape[:, :2]) for c in network.road_map.crossings]
-    tree = shapely.STRtree(built)
+    tree, within = shapely.STRtree(built), network.layout.rules.completeness.crossing_found
     why = {id(crossing): reason for crossing, reason in network.layout.lost}
     issues = []
     for crossing in network.layout.crossings:
         place = shapely.Point(crossing.place)
         nearest = tree.nearest(place) if built else None
         distance = built[nearest].distance(place) if nearest is not None else np.inf
-        if distance > CROSSING_WITHIN:
+        if distance > within:
             reason = why.get(id(crossing), f"the nearest is {distance:.0f} m away")
             issues.append(
                 loss(
@@ -77,7 +76,7 @@ def check_crossings(network: OsmNetwork) -> tuple[Share, list[Issue]]:
                     (crossing.kind, crossing.element), crossing.place,
                     "add the crossing in netedit, or map the sidewalks that it joins",
                     measured=float(round(distance, 2)) if np.isfinite(distance) else None,
-                    limit=CROSSING_WITHIN,
+                    limit=within,
                 )
             )  # fmt: skip
     total = len(network.layout.crossings)

@@ -25,12 +25,7 @@ from dojo_maps.sources.osm.read.data import OsmData
 from dojo_maps.sources.osm.read.foot_tags import is_sidewalk
 from dojo_maps.sources.osm.read.restrictions import find_conditional
 
-SHORT_EDGE = 5.0
 _DRIVEN = ("driving", "bus")
-_BESIDE = 25.0
-"""Metres from a road within which a mapped sidewalk is counted as the road's."""
-_FOUND = 6.0
-_LOST_PART = 10.0
 
 
 def score_network(data: OsmData, network: OsmNetwork) -> tuple[dict[str, Any], tuple[Issue, ...]]:
@@ -72,14 +67,15 @@ def score_network(data: OsmData, network: OsmNetwork) -> tuple[dict[str, Any], t
 def _check_sidewalks(data: OsmData, network: OsmNetwork) -> tuple[float, float, list[Issue]]:
     """Measure the mapped sidewalks beside roads that have built pavement near them."""
     road_map, graph = network.road_map, network.layout.graph
+    rules = graph.rules.completeness
     pavement = [
         *strips(road_map, ("sidewalk",)).values(),
         *(shapely.Polygon(a.polygon[:, :2]).buffer(0) for a in road_map.walking_areas if len(a.polygon) > 2),
         *(shapely.Polygon(c.polygon[:, :2]).buffer(0) for c in road_map.crossings if len(c.polygon) > 2),
     ]
-    reached = shapely.union_all([shape.buffer(_FOUND) for shape in pavement])
+    reached = shapely.union_all([shape.buffer(rules.sidewalk_found) for shape in pavement])
     roads = [shapely.LineString(graph.line(section)) for section in graph.sections.values()]
-    beside = shapely.union_all([road.buffer(_BESIDE) for road in roads])
+    beside = shapely.union_all([road.buffer(rules.sidewalk_of_road) for road in roads])
     kept = total = 0.0
     issues = []
     for way, record in data.ways.items():
@@ -90,13 +86,13 @@ def _check_sidewalks(data: OsmData, network: OsmNetwork) -> tuple[float, float, 
         lost = line.difference(reached)
         total += line.length
         kept += line.length - lost.length
-        if lost.length > max(_LOST_PART, line.length / 2):
+        if lost.length > max(rules.sidewalk_lost, line.length / 2):
             place = lost.representative_point()
             issues.append(
                 loss(
                     "osm.sidewalk_lost", f"{lost.length:.0f} m of a mapped sidewalk have no pavement",
                     ("way", way), (place.x, place.y), "correct the road's sidewalk tags",
-                    severity=Severity.NOTE, measured=round(lost.length, 1), limit=_LOST_PART,
+                    severity=Severity.NOTE, measured=round(lost.length, 1), limit=rules.sidewalk_lost,
                 )
             )  # fmt: skip
     return kept, total, issues
@@ -119,18 +115,18 @@ def _overlap(network: OsmNetwork) -> float:
 
 
 def _check_short(network: OsmNetwork) -> list[Issue]:
-    lanes = MapIndex(network.road_map).lanes
+    lanes, shortest = MapIndex(network.road_map).lanes, network.layout.rules.network.shortest_edge
     issues = []
     for road in network.road_map.roads:
         length = min(lanes[lane].length for lane in road.lanes)
         section = network.plain.sections.get(EdgeId.read(road.id))
-        if length < SHORT_EDGE and section is not None:
+        if length < shortest and section is not None:
             x, y, _ = lanes[road.lanes[0]].shape[0]
             issues.append(
                 loss(
                     "osm.short_edge", f"the road {road.id} is {length:.1f} m long between its junctions",
                     ("way", section.ways[0]), (float(x), float(y)), "join the junctions at its ends",
-                    near=Element(kind="road", id=road.id), measured=length, limit=SHORT_EDGE,
+                    near=Element(kind="road", id=road.id), measured=length, limit=shortest,
                     severity=Severity.NOTE,
                 )
             )  # fmt: skip

@@ -13,11 +13,9 @@ from dojo_maps.description import Projection
 from dojo_maps.errors import SourceError
 from dojo_maps.sources.osm.read.data import OsmData, OsmWay
 
-_WIDEST = 100_000.0
-
 
 def project_nodes(
-    data: OsmData, used: Sequence[int], path: Path | str
+    data: OsmData, used: Sequence[int], path: Path | str, widest: float
 ) -> tuple[Projection, dict[int, tuple[float, float]]]:
     """Choose the projection of a map, and lay nodes into it.
 
@@ -25,6 +23,7 @@ def project_nodes(
         data: the extract.
         used: the nodes of its roads.
         path: named in errors.
+        widest: metres that they may spread.
 
     Returns:
         The projection; and where the nodes lie, metres.
@@ -38,10 +37,10 @@ def project_nodes(
     south = " +south" if np.median(lat) < 0 else ""
     proj = f"+proj=utm +zone={zone}{south} +ellps=WGS84 +datum=WGS84 +units=m +no_defs"
     x, y = pyproj.Proj(proj)(lon, lat)
-    if not (np.isfinite(x).all() and np.isfinite(y).all()) or max(np.ptp(x), np.ptp(y)) > _WIDEST:
+    if not (np.isfinite(x).all() and np.isfinite(y).all()) or max(np.ptp(x), np.ptp(y)) > widest:
         raise SourceError(
             path,
-            f"its roads spread over more than {_WIDEST / 1000:.0f} km; cut out one place with osmium extract",
+            f"its roads spread over more than {widest / 1000:.0f} km; cut out one place with osmium extract",
         )
     offset = (-math.floor(x.min()), -math.floor(y.min()))
     places = {

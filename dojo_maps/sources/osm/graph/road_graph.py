@@ -14,9 +14,10 @@ import shapely
 
 from dojo_maps.description import Projection
 from dojo_maps.geometry.polylines import Floats, along
-from dojo_maps.sources.osm.read.data import Tags
+from dojo_maps.sources.osm.read.data import OsmWay, Tags
 from dojo_maps.sources.osm.read.lane_tags import LaneTags
 from dojo_maps.sources.osm.read.way_tags import RoadTags
+from dojo_maps.sources.osm.rules import ImportRules
 
 Places = Mapping[int, tuple[float, float]]
 """Where nodes lie, metres."""
@@ -103,21 +104,23 @@ class RoadGraph:
         places: where nodes lie, metres; numbers below 0 are nodes that OpenStreetMap does not have.
         sections: by id.
         tags: of the nodes on roads, where they have some.
-        ways: the ways that are roads, with the nodes that each is drawn through.
+        ways: the ways that are roads.
         footways: mapped sidewalks and crossings, in the order of their ids.
         left_hand: traffic keeps left.
         projection: from degrees to metres.
         unread: what is not shown.
+        rules: that it is built by, and what is made of it.
     """
 
     places: Places
     sections: Mapping[str, Section]
     tags: Mapping[int, Tags]
-    ways: Mapping[int, tuple[int, ...]]
+    ways: Mapping[int, OsmWay]
     footways: tuple[Footway, ...]
     left_hand: bool
     projection: Projection
     unread: Unread
+    rules: ImportRules
 
     def ends(self) -> dict[int, list[str]]:
         """List the sections at each vertex, a loop twice."""

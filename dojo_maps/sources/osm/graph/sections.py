@@ -11,9 +11,6 @@ from dojo_maps.sources.osm.graph.road_graph import Places, Section, list_ends
 from dojo_maps.sources.osm.graph.shared_nodes import Run
 from dojo_maps.sources.osm.read.way_tags import KINDS, RoadTags
 
-_LEAST_SECTION = 12.0
-"""Metres: a shorter section between two changes of lanes takes its neighbour's."""
-
 
 def cut_sections(runs: Iterable[Run], roads: Mapping[int, RoadTags]) -> list[Section]:
     """Cut ways where they meet; each one-way section runs in its traffic's direction.
@@ -71,10 +68,16 @@ def drop_doubles(sections: Iterable[Section]) -> tuple[dict[str, Section], list[
     return {section.id: section for section in kept.values()}, doubled
 
 
-def join_sections(sections: Mapping[str, Section], places: Places) -> dict[str, Section]:
-    """Join sections across vertices that only part them."""
+def join_sections(sections: Mapping[str, Section], places: Places, shortest: float) -> dict[str, Section]:
+    """Join sections across vertices that only part them.
+
+    Args:
+        sections: by id.
+        places: where nodes lie, metres.
+        shortest: metres below which a section takes its neighbour's lanes.
+    """
     joined = dict(sections)
-    while _join(joined, places):
+    while _join(joined, places, shortest):
         pass
     return joined
 
@@ -83,7 +86,7 @@ def _importance(section: Section) -> tuple[int, float]:
     return KINDS[section.road.kind], section.road.drives
 
 
-def _join(sections: dict[str, Section], places: Places) -> bool:
+def _join(sections: dict[str, Section], places: Places, shortest: float) -> bool:
     """Join sections in place, each once; tell whether any were."""
     changed = False
     for vertex, at in sorted(list_ends(sections).items()):
@@ -92,7 +95,7 @@ def _join(sections: dict[str, Section], places: Places) -> bool:
         before, after = _in_line(sections[at[0]], sections[at[1]], vertex)
         if before is None or after is None or before.start == after.end:
             continue
-        road = _common_road(places, before, after)
+        road = _common_road(places, before, after, shortest)
         if road is None:
             continue
         del sections[at[0]], sections[at[1]]
@@ -116,7 +119,7 @@ def _in_line(one: Section, other: Section, vertex: int) -> tuple[Section | None,
     return one, other
 
 
-def _common_road(places: Places, before: Section, after: Section) -> RoadTags | None:
+def _common_road(places: Places, before: Section, after: Section, shortest: float) -> RoadTags | None:
     """Give what both sections are, or what a very short one of them may be taken for."""
     one, other = before.road, after.road
     if one.oneway != other.oneway or one.layer != other.layer or one.roundabout != other.roundabout:
@@ -124,7 +127,7 @@ def _common_road(places: Places, before: Section, after: Section) -> RoadTags | 
     if _essence(one) == _essence(other):
         return one
     lengths = [float(along(np.array([places[node] for node in s.nodes]))[-1]) for s in (before, after)]
-    if min(lengths) >= _LEAST_SECTION:
+    if min(lengths) >= shortest:
         return None
     return one if lengths[0] >= lengths[1] else other
 

@@ -23,7 +23,7 @@ def sign_direction(graph: RoadGraph, section: Section, node: int) -> int:
     index = section.nodes.index(node)
     way = graph.ways.get(section.ways[min(index, len(section.ways) - 1)])
     other = section.nodes[index + 1] if index + 1 < len(section.nodes) else section.nodes[index - 1]
-    if way is None or node not in way or other not in way:
+    if way is None or node not in way.nodes or other not in way.nodes:
         return 0
-    same = (way.index(other) > way.index(node)) == (section.nodes.index(other) > index)
+    same = (way.nodes.index(other) > way.nodes.index(node)) == (section.nodes.index(other) > index)
     return 1 if same == (said == "forward") else -1

@@ -17,34 +17,36 @@ from dojo_maps.sources.osm.read.country import centre_of, drives_left
 from dojo_maps.sources.osm.read.data import OsmData
 from dojo_maps.sources.osm.read.foot_tags import is_crossing_way, is_sidewalk
 from dojo_maps.sources.osm.read.way_tags import RoadTags, read_road, why_not_a_road
+from dojo_maps.sources.osm.rules import RULES, ImportRules, LaneRules
 
 
-def build_graph(data: OsmData, path: Path | str) -> RoadGraph:
+def build_graph(data: OsmData, path: Path | str, rules: ImportRules = RULES) -> RoadGraph:
     """Find an extract's roads.
 
     Args:
         data: the extract.
         path: named in errors.
+        rules: the limits to go by, in this stage and in those after it.
 
     Raises:
         SourceError: it has no roads, they spread too far to be one map, or lie on each other.
     """
     left_hand = drives_left(data)
-    roads, not_kept = _read_roads(data, left_hand=left_hand)
+    roads, not_kept = _read_roads(data, rules.lanes, left_hand=left_hand)
     pieces, missing = known_runs(data, roads)
     used = sorted({node for _, run in pieces for node in run})
     if not used:
         raise SourceError(path, "has no roads for cars or buses; choose a larger area")
-    projection, places = project_nodes(data, used, path)
-    check_crowding(pieces, roads, places, path)
-    pieces, barriers = cut_at_barriers(data, pieces, places)
-    pieces, unshared = share_nodes(pieces, roads, places, path)
+    projection, places = project_nodes(data, used, path, rules.sections.widest_map)
+    check_crowding(pieces, roads, places, path, rules.crowding)
+    pieces, barriers = cut_at_barriers(data, pieces, places, rules.sections.barrier_gap)
+    pieces, unshared = share_nodes(pieces, roads, places, path, rules.sections)
     sections, doubled = drop_doubles(cut_sections(pieces, roads))
     graph = RoadGraph(
         places=places,
-        sections=join_sections(sections, places),
+        sections=join_sections(sections, places, rules.sections.shortest),
         tags={node: data.nodes[node].tags for node in used if data.nodes[node].tags},
-        ways={way: data.ways[way].nodes for way in roads},
+        ways={way: data.ways[way] for way in roads},
         footways=tuple(
             Footway(way=way, nodes=found.nodes, tags=found.tags, line=way_line(projection, data, found))
             for way, found in data.ways.items()
@@ -55,11 +57,14 @@ def build_graph(data: OsmData, path: Path | str) -> RoadGraph:
         unread=Unread(
             not_kept=not_kept, doubled=doubled, unshared=unshared, missing=missing, barriers=barriers
         ),
+        rules=rules,
     )
     return widen_rings(recognise_rings(graph))
 
 
-def _read_roads(data: OsmData, *, left_hand: bool) -> tuple[dict[int, RoadTags], dict[str, list[int]]]:
+def _read_roads(
+    data: OsmData, rules: LaneRules, *, left_hand: bool
+) -> tuple[dict[int, RoadTags], dict[str, list[int]]]:
     """Read the ways that are built, and what of their tags is not kept."""
     lon, lat = centre_of(data)
     ways = [way for way, found in data.ways.items() if why_not_a_road(found.tags) is None]
@@ -67,7 +72,9 @@ def _read_roads(data: OsmData, *, left_hand: bool) -> tuple[dict[int, RoadTags],
     roads: dict[int, RoadTags] = {}
     not_kept: dict[str, list[int]] = defaultdict(list)
     for way in ways:
-        road, unkept = read_road(data.ways[way].tags, lon=lon, lat=lat, left_hand=left_hand, service=True)
+        road, unkept = read_road(
+            data.ways[way].tags, lon=lon, lat=lat, left_hand=left_hand, service=True, rules=rules
+        )
         if road is not None:
             roads[way] = road
         for words in unkept:

@@ -15,29 +15,6 @@ from dojo_maps.sources.osm.graph.road_graph import Places, RoadGraph, Section
 from dojo_maps.sources.osm.graph.sign_direction import sign_direction
 from dojo_maps.sources.osm.junctions.mapped_crossings import MappedCrossing
 
-_SHORT = 14.0
-_SIGNALS_APART = 25.0
-_CARRIAGEWAYS_APART = 28.0
-_WIDEST = 70.0
-"""Metres across the vertices of one junction."""
-_WIDEST_JOINED = 150.0
-"""Metres across the vertices of a junction that would leave a road without length beside it otherwise."""
-_FAR_FROM_ROAD = 6.0
-"""Metres from a carriageway's border from which ground is none of a junction's."""
-_MOST_VOID = 200.0
-"""Square metres of such ground between the vertices that are joined; junctions are drawn tighter."""
-_APPROACH = 45.0
-"""Metres along an approach from a signal to its junction; stop lines stand back this far at most."""
-_CROSSING_NEAR = 22.0
-"""Metres from a junction within which a signalised crossing belongs to its signals."""
-_ONE_CONTROLLER, _SIDE_BY_SIDE = 35.0, 31.0
-"""Metres along a road, and in a straight line, between signalised junctions that share a controller."""
-_ONE_PLACE = 50.0
-"""Metres along a road between signals on both sides of a median, or at both legs of a dog-leg."""
-_ASIDE = 0.5
-"""Sine of the angle at which a road leaves to a side."""
-_CONTROLLER_WIDEST = 130.0
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Junctions:
@@ -104,9 +81,9 @@ def group_junctions(
         crossings: where people cross.
         joined: vertices to join besides.
     """
-    ends = graph.ends()
+    ends, rules = graph.ends(), graph.rules.junctions
     strong, stray = _assign_signals(graph, ends)
-    groups = Groups({vertex: graph.places[vertex] for vertex in ends}, _WIDEST)
+    groups = Groups({vertex: graph.places[vertex] for vertex in ends}, rules.widest)
     lengths = {name: graph.length(section) for name, section in graph.sections.items()}
     for name in sorted(lengths, key=lambda name: (lengths[name], name)):
         section = graph.sections[name]
@@ -114,7 +91,7 @@ def group_junctions(
             groups.join(section.start, section.end)
     for one, other in joined:
         if one in ends and other in ends and _leaves_no_void(graph, ends, groups, one, other):
-            groups.join(one, other, widest=_WIDEST_JOINED)
+            groups.join(one, other, widest=rules.widest_joined)
     of = {vertex: groups.find(vertex) for vertex in sorted(ends)}
     signals: dict[int, list[int]] = {}
     for vertex, nodes in sorted(strong.items()):
@@ -126,7 +103,9 @@ def group_junctions(
 
 def around_road(graph: RoadGraph, section: Section) -> shapely.Geometry:
     """Give a road's carriageway and the ground near it, all that may be a junction's beside it."""
-    return shapely.LineString(graph.line(section)).buffer(section.road.drives / 2 + _FAR_FROM_ROAD)
+    return shapely.LineString(graph.line(section)).buffer(
+        section.road.drives / 2 + graph.rules.junctions.beside_road
+    )
 
 
 def _leaves_no_void(
@@ -140,21 +119,22 @@ def _leaves_no_void(
         graph.sections[name] for name in sorted({name for vertex in members for name in ends[vertex]})
     ]
     roads = [around_road(graph, section) for section in sections]
-    return float(around.difference(shapely.union_all(roads)).area) <= _MOST_VOID
+    return float(around.difference(shapely.union_all(roads)).area) <= graph.rules.junctions.most_void
 
 
 def _reach(
     graph: RoadGraph, ends: dict[int, list[str]], section: Section, strong: dict[int, list[int]]
 ) -> float:
     """Give the length up to which a section lies inside one junction."""
+    rules = graph.rules.junctions
     busy = [len(ends[vertex]) > 2 for vertex in (section.start, section.end)]
     if not any(busy):
         return 0.0
     if not all(busy):
-        return _SHORT if min(len(ends[section.start]), len(ends[section.end])) == 2 else 0.0
+        return rules.short_section if min(len(ends[section.start]), len(ends[section.end])) == 2 else 0.0
     if section.start in strong and section.end in strong:
-        return _SIGNALS_APART
-    return _CARRIAGEWAYS_APART if _joins_carriageways(graph, ends, section) else _SHORT
+        return rules.between_signals
+    return rules.carriageways_apart if _joins_carriageways(graph, ends, section) else rules.short_section
 
 
 def _joins_carriageways(graph: RoadGraph, ends: dict[int, list[str]], section: Section) -> bool:
@@ -193,7 +173,7 @@ def _side(
     ahead, aside = line[1] - line[0] if section.start == vertex else line[-2] - line[-1]
     size = math.hypot(a - x, b - y) * math.hypot(ahead, aside)
     turn = ((a - x) * aside - (b - y) * ahead) / max(size, 1e-9)
-    return turn > 0 if abs(turn) > _ASIDE else None
+    return turn > 0 if abs(turn) > graph.rules.signals.leaves_aside else None
 
 
 def _assign_signals(graph: RoadGraph, ends: dict[int, list[str]]) -> tuple[dict[int, list[int]], list[int]]:
@@ -224,19 +204,19 @@ def _downstream(
     graph: RoadGraph, ends: dict[int, list[str]], section: Section, index: int, heading: int
 ) -> list[tuple[float, int]]:
     """Find the next vertices where roads meet, with the metres to them, in the given direction or both."""
-    found = []
+    found, farthest = [], graph.rules.signals.before_junction
     for way in (1, -1):
         if heading not in (0, way):
             continue
         here, at, walked, seen = section, index, 0.0, {section.id}
         forward = way > 0
-        while walked <= _APPROACH:
+        while walked <= farthest:
             for one, other in itertools.pairwise(here.nodes[at:] if forward else here.nodes[at::-1]):
                 walked += math.dist(graph.places[one], graph.places[other])
-                if walked > _APPROACH:
+                if walked > farthest:
                     break
             vertex = here.end if forward else here.start
-            if walked > _APPROACH:
+            if walked > farthest:
                 break
             if len(ends[vertex]) > 2:
                 found.append((walked, vertex))
@@ -262,27 +242,30 @@ def _signalised_crossings(
         section = graph.sections[crossing.section]
         rest = graph.length(section) - crossing.along
         distance, vertex = min((crossing.along, section.start), (rest, section.end))
-        if distance <= _CROSSING_NEAR and len(ends[vertex]) > 2:
+        if distance <= graph.rules.signals.crossing_at_junction and len(ends[vertex]) > 2:
             near.setdefault(of[vertex], []).append(crossing.node)
     return {junction: nodes for junction, nodes in sorted(near.items()) if len(nodes) > 1}
 
 
 def share_controllers(graph: RoadGraph, junctions: Junctions) -> Junctions:
     """Give one controller to signalised junctions with little room between them."""
-    groups = Groups({junction: graph.places[junction] for junction in junctions.signals}, _CONTROLLER_WIDEST)
+    rules = graph.rules.signals
+    groups = Groups(
+        {junction: graph.places[junction] for junction in junctions.signals}, rules.widest_controller
+    )
     ends, members = graph.ends(), junctions.members()
     pairs = [
         (
             graph.length(section),
             junctions.of[section.start],
             junctions.of[section.end],
-            _ONE_PLACE
+            rules.one_place
             if _joins_carriageways(graph, ends, section) or _is_dog_leg(graph, junctions, members, section)
-            else _ONE_CONTROLLER,
+            else rules.one_controller,
         )
         for section in graph.sections.values()
         if {junctions.of[section.start], junctions.of[section.end]} <= junctions.signals.keys()
-        and graph.length(section) <= _ONE_PLACE
+        and graph.length(section) <= rules.one_place
     ]
     vertices = [vertex for vertex, junction in junctions.of.items() if junction in junctions.signals]
     pairs += [
@@ -290,7 +273,7 @@ def share_controllers(graph: RoadGraph, junctions: Junctions) -> Junctions:
             math.dist(graph.places[one], graph.places[other]),
             junctions.of[one],
             junctions.of[other],
-            _SIDE_BY_SIDE,
+            rules.side_by_side,
         )
         for one, other in itertools.combinations(vertices, 2)
     ]

@@ -8,25 +8,16 @@ import shapely
 from dojo_maps.sources.osm.graph.road_graph import RoadGraph, Section, free_number
 from dojo_maps.sources.osm.junctions.grouping import Junctions
 
-_INNER, _ROUND = 80.0, 15.0
-"""Metres up to which a road inside a junction, or a part of a roundabout there, vanishes in it."""
-_LOOP = 40.0
-"""Metres up to which a road that leads back to where it began vanishes."""
-_SHORT_WAY = 1.5
-"""How much longer a part of a roundabout is than the straight line, at most, if it is the short way round."""
-_THIN = 0.6
-"""Widths of a road, as the area of a loop over its length, below which it lies on itself."""
-
 
 def is_inner(graph: RoadGraph, section: Section) -> bool:
     """Tell whether a section between vertices of one junction vanishes in it."""
-    length = graph.length(section)
+    rules, length = graph.rules.junctions, graph.length(section)
     apart = math.dist(graph.places[section.start], graph.places[section.end])
     if section.road.roundabout:
-        return length < max(_ROUND, apart * _SHORT_WAY)
-    if length < min(_INNER, _LOOP + 2 * apart):
+        return length < max(rules.vanishing_ring, apart * rules.short_way_round)
+    if length < min(rules.vanishing, rules.vanishing_loop + 2 * apart):
         return True
-    return length < _INNER and _area(graph, section) < _THIN * section.road.drives * length
+    return length < rules.vanishing and _area(graph, section) < rules.thin_loop * section.road.drives * length
 
 
 def split_loops(graph: RoadGraph, junctions: Junctions) -> RoadGraph:

@@ -12,8 +12,6 @@ from dojo_maps.sources.osm.read.foot_tags import is_crossing_way
 
 _FOR_WALKERS = ("pedestrian_crossing", "pedestrian", "crossing")
 """Kinds of signals that stop traffic for people who cross."""
-_SAME = 5.0
-"""Metres between two crossings of one section that are one."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -46,9 +44,10 @@ def find_crossings(graph: RoadGraph) -> list[MappedCrossing]:
     found += _across(graph, ways, {crossing.node for crossing in found})
     found.sort(key=lambda c: (c.section, c.along, c.kind, c.element))
     kept: list[MappedCrossing] = []
+    same = graph.rules.crossings.same
     for crossing in found:
         last = kept[-1] if kept else None
-        if last and last.section == crossing.section and crossing.along - last.along < _SAME:
+        if last and last.section == crossing.section and crossing.along - last.along < same:
             if crossing.signalised and not last.signalised:
                 kept[-1] = crossing
             continue
@@ -91,7 +90,7 @@ def _at_nodes(graph: RoadGraph, on_way: dict[int, Footway]) -> list[MappedCrossi
 
 def _across(graph: RoadGraph, ways: Iterable[Footway], known: set[int]) -> list[MappedCrossing]:
     """Take crossing ways that run over a section without a common node, on the ground."""
-    names = sorted(graph.sections)
+    names, same = sorted(graph.sections), graph.rules.crossings.same
     lines = [shapely.LineString(graph.line(graph.sections[name])) for name in names]
     tree = shapely.STRtree(lines)
     found = []
@@ -107,7 +106,7 @@ def _across(graph: RoadGraph, ways: Iterable[Footway], known: set[int]) -> list[
             along = float(lines[hit].project(point))
             places = graph.line(section)
             nearest = int(np.argmin(np.hypot(*(places - (point.x, point.y)).T)))
-            if section.nodes[nearest] in known and np.hypot(*(places[nearest] - (point.x, point.y))) < _SAME:
+            if section.nodes[nearest] in known and np.hypot(*(places[nearest] - (point.x, point.y))) < same:
                 continue
             found.append(
                 MappedCrossing(

@@ -9,13 +9,6 @@ from dojo_maps.sources.osm.graph.road_graph import RoadGraph, Section, free_numb
 from dojo_maps.sources.osm.junctions.grouping import Junctions
 from dojo_maps.sources.osm.junctions.mapped_crossings import MappedCrossing
 
-_REACH, _SIGNAL_REACH = 14.0, 30.0
-"""Metres from a vertex up to which a crossing lies on the junction's border, without and with signals."""
-_ROOM = 11.0
-"""Metres between two crossings of a section that leave an edge of 5 m between them, and a little."""
-_BOTH_CARRIAGEWAYS = 28.0
-_BEYOND = 14.0
-
 
 def extend_ends(graph: RoadGraph, crossed: set[int]) -> RoadGraph:
     """Lead roads that end at a crossing a little farther, as they do beyond the extract's border."""
@@ -27,7 +20,7 @@ def extend_ends(graph: RoadGraph, crossed: set[int]) -> RoadGraph:
         section = sections[name]
         at_end = section.end == vertex
         (x, y), (a, b) = (places[n] for n in (section.nodes[-2:] if at_end else section.nodes[1::-1]))
-        share = _BEYOND / max(math.dist((x, y), (a, b)), 1e-3)
+        share = graph.rules.crossings.beyond_border / max(math.dist((x, y), (a, b)), 1e-3)
         node = free_number(places)
         places[node] = (round(a + (a - x) * share, 3), round(b + (b - y) * share, 3))
         nodes = (*section.nodes, node) if at_end else (node, *section.nodes)
@@ -38,7 +31,7 @@ def extend_ends(graph: RoadGraph, crossed: set[int]) -> RoadGraph:
 
 def over_both_carriageways(graph: RoadGraph, crossings: list[MappedCrossing]) -> list[tuple[int, int]]:
     """Pair the crossings between junctions that lead over both carriageways of a divided road."""
-    ends = graph.ends()
+    ends, farthest = graph.ends(), graph.rules.junctions.carriageways_apart
     alone = []
     for crossing in crossings:
         at = ends.get(crossing.node, [])
@@ -48,7 +41,7 @@ def over_both_carriageways(graph: RoadGraph, crossings: list[MappedCrossing]) ->
     return [
         (one.node, other.node)
         for (one, way), (other, back) in itertools.combinations(alone, 2)
-        if math.dist(one.place, other.place) < _BOTH_CARRIAGEWAYS and math.cos(way - back) < -0.8
+        if math.dist(one.place, other.place) < farthest and math.cos(way - back) < -0.8
     ]
 
 
@@ -81,13 +74,13 @@ def _between(
     section: Section,
     found: list[MappedCrossing],
 ) -> list[int]:
-    length = graph.length(section)
+    rules, length = graph.rules.crossings, graph.length(section)
     taken: list[float] = []
 
     def border(vertex: int) -> float:
         if degree[vertex] <= 2 and junctions.of[vertex] == vertex and vertex not in junctions.signals:
-            return 4.0
-        return _SIGNAL_REACH if junctions.of[vertex] in junctions.signals else _REACH
+            return rules.at_vertex
+        return rules.at_border_with_signals if junctions.of[vertex] in junctions.signals else rules.at_border
 
     low, high = border(section.start), length - border(section.end)
     near = min((c.along for c in found if c.along <= low), default=None)
@@ -96,7 +89,9 @@ def _between(
     taken += [far] if far is not None else []
     nodes = []
     for crossing in found:
-        if crossing.along in (near, far) or any(abs(crossing.along - other) < _ROOM for other in taken):
+        if crossing.along in (near, far) or any(
+            abs(crossing.along - other) < rules.between for other in taken
+        ):
             continue
         taken.append(crossing.along)
         nodes.append(crossing.node)

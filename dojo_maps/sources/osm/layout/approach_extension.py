@@ -18,18 +18,7 @@ from dojo_maps.geometry.polylines import Floats, along
 from dojo_maps.sources.osm.graph.road_graph import RoadGraph, free_number
 from dojo_maps.sources.osm.junctions.mapped_crossings import MappedCrossing
 from dojo_maps.sources.osm.layout.arms import Arm, Layout, ray, trim
-from dojo_maps.sources.osm.layout.crossing_arms import CROSSING_WIDTH, host_crossings
-
-_NEAREST, _FARTHEST = 10.0, 100.0
-"""Metres from a road's vertex to a crossing inside the junction between which the road goes on to it."""
-_NEARER = 0.5
-"""Share of the way to a crossing that the nearest road from the other side must be away from it."""
-_BESIDE, _BEFORE = 20.0, 15.0
-"""Metres of a road from a side, and before its end, that are kept free."""
-_ASIDE = 0.5
-"""Cosine of the angle between roads that arrive from different sides."""
-_AHEAD = 0.8
-"""Metres straight on that each metre of the way to a crossing must bring."""
+from dojo_maps.sources.osm.layout.crossing_arms import host_crossings
 
 
 def reach_in(layout: Layout) -> Layout:
@@ -49,7 +38,9 @@ def reach_in(layout: Layout) -> Layout:
     ]
     reached: list[Floats] = []
     for _, vertex, arm, line in sorted(found, key=lambda f: f[:3]):
-        if vertex in free and all(math.dist(line[-1], place) > _NEAREST for place in reached):
+        if vertex in free and all(
+            math.dist(line[-1], place) > layout.rules.extension.nearest for place in reached
+        ):
             del free[vertex]
             longer = replace(longer, graph=_lead_on(longer.graph, vertex, arm, line))
             reached.append(line[-1])
@@ -74,7 +65,7 @@ def _far_from_place(layout: Layout) -> dict[str, list[MappedCrossing]]:
     for crossing in layout.crossings:
         if crossing.section in layout.inner:
             arm = placed.get(id(crossing))
-            if arm is None or math.dist(ray(graph, arm)[0], crossing.place) > _NEAREST:
+            if arm is None or math.dist(ray(graph, arm)[0], crossing.place) > layout.rules.extension.nearest:
                 found[crossing.section].append(crossing)
     return found
 
@@ -87,7 +78,7 @@ def _ways_on(
     arm: Arm,
 ) -> Iterator[Floats]:
     """Follow the ways inside a junction from an arm's vertex, shortest first, to the crossings ahead."""
-    graph = layout.graph
+    graph, rules = layout.graph, layout.rules.extension
     start, outward = ray(graph, arm)
     queue, seen = [(0.0, 0, np.array([start]), vertex)], {arm.section}
     while queue:
@@ -101,7 +92,7 @@ def _ways_on(
             walked = np.vstack([line, shapely.get_coordinates(cut)[1:]])
             seen.add(name)
             length = float(along(walked)[-1])
-            if length > _FARTHEST or (start - walked[-1]) @ outward < _AHEAD * length:
+            if length > rules.farthest or (start - walked[-1]) @ outward < rules.straight_on * length:
                 continue
             if found is None:
                 beyond = section.end if section.start == here else section.start
@@ -112,20 +103,20 @@ def _ways_on(
 
 def _is_in_the_way(layout: Layout, arms: dict[int, list[Arm]], arm: Arm, line: Floats) -> bool:
     """Tell whether a road led on along a line would lie before roads from the sides, or near one ahead."""
-    graph = layout.graph
+    graph, rules = layout.graph, layout.rules.extension
     outward = ray(graph, arm)[1]
-    farthest = _NEARER * float(along(line)[-1])
-    ground = shapely.LineString(trim(line, 0.0, CROSSING_WIDTH / 2)).buffer(
+    farthest = rules.nearer_from_other_side * float(along(line)[-1])
+    ground = shapely.LineString(trim(line, 0.0, layout.rules.crossings.width / 2)).buffer(
         layout.half(arm.section), cap_style="flat"
     )
     for other in arms[layout.junction(arm)]:
         start, way = ray(graph, other)
-        if way @ outward < -_ASIDE and math.dist(start, line[-1]) < farthest:
+        if way @ outward < -rules.from_side and math.dist(start, line[-1]) < farthest:
             return True
         drawn = start + way * layout.cuts.get(other, 0.0)
-        road = shapely.LineString([drawn + way * _BESIDE, drawn - way * _BEFORE])
+        road = shapely.LineString([drawn + way * rules.kept_free, drawn - way * rules.kept_free_before])
         strip = road.buffer(layout.half(other.section), cap_style="flat")
-        if abs(way @ outward) < _ASIDE and strip.intersects(ground):
+        if abs(way @ outward) < rules.from_side and strip.intersects(ground):
             return True
     return False
 

@@ -13,9 +13,7 @@ from dojo_maps.sources.osm.graph.road_graph import RoadGraph, Section
 from dojo_maps.sources.osm.junctions.grouping import Junctions
 from dojo_maps.sources.osm.junctions.mapped_crossings import MappedCrossing
 from dojo_maps.sources.osm.read.lane_tags import LaneTags
-
-_CORNER = 6.0
-"""Metres that a road loses at a junction where nothing draws it back."""
+from dojo_maps.sources.osm.rules import ImportRules
 
 
 class Arm(NamedTuple):
@@ -63,6 +61,11 @@ class Layout:
     heights: Mapping[int, float] = field(default_factory=dict)
     sidewalks: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
+    @property
+    def rules(self) -> ImportRules:
+        """The limits to go by."""
+        return self.graph.rules
+
     def trimmed(self, name: str) -> Floats:
         """Give a section's line, drawn back at its ends."""
         cuts = [self.cuts.get(Arm(name, at_end), 0.0) for at_end in (False, True)]
@@ -97,7 +100,7 @@ class Layout:
     def room(self, arm: Arm, cuts: Mapping[Arm, float], *, left: float) -> float:
         """Measure how far an arm may be drawn back, beside other cuts, so that so much of it is left."""
         length = self.graph.length(self.graph.sections[arm.section])
-        return length - cuts.get(Arm(arm.section, not arm.at_end), _CORNER) - left
+        return length - cuts.get(Arm(arm.section, not arm.at_end), self.rules.crossings.corner) - left
 
 
 def outward(graph: RoadGraph, arm: Arm) -> Floats:

@@ -8,16 +8,10 @@ from dojo_maps.sources.osm.graph.road_graph import RoadGraph
 from dojo_maps.sources.osm.junctions.mapped_crossings import MappedCrossing
 from dojo_maps.sources.osm.layout.arms import Arm, Layout, ray
 
-CROSSING_WIDTH = 4.0
-_FARTHEST = 30.0
-"""Metres from a vertex up to which a crossing may lie at its arm."""
-_LEFT_OVER = 6.0
-_BOTH_CARRIAGEWAYS = 28.0
-
 
 def host_crossings(layout: Layout) -> Layout:
     """Give each crossing the arm nearest to it, nearest crossings first."""
-    graph = layout.graph
+    graph, rules = layout.graph, layout.rules.crossings
     hosted: dict[Arm, MappedCrossing] = {}
     cuts: dict[Arm, float] = {}
     arms = layout.arms()
@@ -29,10 +23,10 @@ def host_crossings(layout: Layout) -> Layout:
             wishes.append((round(distance, 1), back, number, arm, cut))
     placed: set[int] = set()
     for distance, _, number, arm, cut in sorted(wishes):
-        if number in placed or arm in hosted or distance > _FARTHEST:
+        if number in placed or arm in hosted or distance > rules.farthest_from_arm:
             continue
-        room = layout.room(arm, cuts, left=_LEFT_OVER)
-        if cut > 4.0 and cut > room + 4.0:
+        room = layout.room(arm, cuts, left=rules.road_left)
+        if cut > rules.may_be_moved and cut > room + rules.may_be_moved:
             continue
         hosted[arm] = layout.crossings[number]
         cuts[arm] = max(min(cut, room), 0.0)
@@ -47,7 +41,7 @@ def host_crossings(layout: Layout) -> Layout:
 
 def align_carriageways(layout: Layout) -> Layout:
     """Draw both carriageways of an arm back to one line; netconvert would pull the one to the other."""
-    graph, cuts = layout.graph, dict(layout.cuts)
+    graph, rules, cuts = layout.graph, layout.rules, dict(layout.cuts)
     for arms in layout.arms().values():
         rays = {arm: ray(graph, arm) for arm in arms}
         for arm, other in itertools.permutations(arms, 2):
@@ -55,10 +49,14 @@ def align_carriageways(layout: Layout) -> Layout:
             apart = twin - place
             ahead = float(apart @ way)
             aside = abs(float(apart[0] * way[1] - apart[1] * way[0]))
-            if arm not in layout.hosted or float(way @ back) < 0.94 or not 0 < aside < _BOTH_CARRIAGEWAYS:
+            if (
+                arm not in layout.hosted
+                or float(way @ back) < rules.spacing.parallel
+                or not 0 < aside < rules.junctions.carriageways_apart
+            ):
                 continue
             wanted = cuts[arm] - ahead
-            if cuts.get(other, 0.0) < wanted < layout.room(other, cuts, left=_LEFT_OVER):
+            if cuts.get(other, 0.0) < wanted < layout.room(other, cuts, left=rules.crossings.road_left):
                 cuts[other] = wanted
     return replace(layout, cuts=cuts)
 
@@ -75,13 +73,13 @@ def _candidates(layout: Layout, arms: dict[int, list[Arm]], crossing: MappedCros
 
 def _reach_of(graph: RoadGraph, arm: Arm, crossing: MappedCrossing) -> tuple[float, float]:
     """Measure from an arm's vertex to a crossing, and how far the arm must be drawn back for it."""
-    section = graph.sections[arm.section]
+    section, width = graph.sections[arm.section], graph.rules.crossings.width
     if crossing.section == arm.section:
         distance = graph.length(section) - crossing.along if arm.at_end else crossing.along
-        return distance, distance + CROSSING_WIDTH / 2
+        return distance, distance + width / 2
     vertex = section.end if arm.at_end else section.start
     distance = math.dist(graph.places[vertex], crossing.place)
-    return distance + 0.01, CROSSING_WIDTH / 2
+    return distance + 0.01, width / 2
 
 
 def _faces_back(graph: RoadGraph, first: Arm, arm: Arm) -> bool:

@@ -7,9 +7,6 @@ from dataclasses import replace
 from dojo_maps.sources.osm.junctions.grouping import Junctions, share_controllers
 from dojo_maps.sources.osm.layout.arms import Arm, Layout
 
-_SIGNAL_NEAR = 20.0
-"""Metres from a crossing within which a signal of no junction is its own."""
-
 
 def add_crossing_signals(layout: Layout) -> Layout:
     """Give signals to the junctions of crossings that have them, and to those near a signal of no junction.
@@ -27,7 +24,9 @@ def add_crossing_signals(layout: Layout) -> Layout:
         if junction in signals:
             continue
         between = all(degree[vertex] == 2 for vertex in members[junction])
-        near = between and any(math.dist(place, crossing.place) < _SIGNAL_NEAR for place in stray)
+        near = between and any(
+            math.dist(place, crossing.place) < layout.rules.signals.signal_at_crossing for place in stray
+        )
         if crossing.signalised or near:
             signals[junction] = [crossing.node]
     shared = share_controllers(graph, replace(junctions, signals=signals))

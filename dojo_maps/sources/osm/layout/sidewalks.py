@@ -11,17 +11,6 @@ from dojo_maps.sources.osm.layout.arms import Layout
 from dojo_maps.sources.osm.read.foot_tags import is_sidewalk
 from dojo_maps.sources.osm.read.way_tags import may_have_sidewalk
 
-SIDEWALK_WIDTH = 2.5
-ISLAND_WIDTH = 1.0
-"""Metres of pavement where a crossing leads to a side without a sidewalk: an island or a kerb."""
-_BESIDE = 9.0
-"""Metres from the carriageway's border within which a mapped sidewalk belongs to the road."""
-_MEDIAN = 25.0
-"""Metres to the other carriageway of a divided road."""
-_SHARE = 0.4
-_ROOM = 1.8
-"""Metres between two roads that leave no room for a sidewalk."""
-
 
 def lay_sidewalks(layout: Layout, paved: AbstractSet[str]) -> Layout:
     """Give the sections that are built their sidewalks.
@@ -30,12 +19,12 @@ def lay_sidewalks(layout: Layout, paved: AbstractSet[str]) -> Layout:
         layout: with its heights.
         paved: sections with pavement on both sides whatever is mapped, because crossings lead there.
     """
-    walks = _Sidewalks(layout.graph)
+    walks, rules = _Sidewalks(layout.graph), layout.rules.sidewalks
     found = {}
     for name, section in sorted(layout.graph.sections.items()):
         if name not in layout.inner:
-            left, right = (SIDEWALK_WIDTH * side for side in walks.sides(section))
-            least = ISLAND_WIDTH if name in paved else 0.0
+            left, right = (rules.width * side for side in walks.sides(section))
+            least = rules.island_width if name in paved else 0.0
             found[name] = (max(left, least), max(right, least))
     return replace(layout, sidewalks=found)
 
@@ -45,6 +34,7 @@ class _Sidewalks:
 
     def __init__(self, graph: RoadGraph) -> None:
         self._graph = graph
+        self._rules = graph.rules.sidewalks
         self._mapped = shapely.STRtree(
             [way.line for way in graph.footways if way.line is not None and is_sidewalk(way.tags)]
         )
@@ -68,10 +58,14 @@ class _Sidewalks:
             return False
         if said:
             return True
-        if self._share_beside(section, sign) >= _SHARE:
+        if self._share_beside(section, sign) >= self._rules.least_share:
             return True
         inner = section.road.kind.endswith("_link") and side == self._graph.left_hand
-        return may_have_sidewalk(section.road) and not inner and not self._is_median(section, sign)
+        return (
+            may_have_sidewalk(section.road, self._rules.fastest_road)
+            and not inner
+            and not self._is_median(section, sign)
+        )
 
     def _samples(self, section: Section) -> tuple[np.ndarray, np.ndarray]:
         """Take places along a section and the unit vectors to their left."""
@@ -92,7 +86,7 @@ class _Sidewalks:
         ]
 
     def _share_beside(self, section: Section, sign: int) -> float:
-        rays = self._rays(section, sign, section.road.drives / 2 + _BESIDE)
+        rays = self._rays(section, sign, section.road.drives / 2 + self._rules.beside_road)
         hit = (
             {int(k) for k in self._mapped.query(rays, predicate="intersects")[0]}
             if len(self._mapped)
@@ -102,20 +96,20 @@ class _Sidewalks:
 
     def _is_beside_road(self, section: Section, sign: int) -> bool:
         """Tell whether another road on the same level leaves no room on that side."""
-        rays = self._rays(section, sign, section.road.drives / 2 + _ROOM)
+        rays = self._rays(section, sign, section.road.drives / 2 + self._rules.room)
         hits = set()
         for ray, number in self._strips.query(rays, predicate="intersects").T:
             other = self._graph.sections[self._sections[number]]
             if other.id != section.id and other.road.layer == section.road.layer:
                 hits.add(int(ray))
-        return len(hits) > len(rays) * (1 - _SHARE)
+        return len(hits) > len(rays) * (1 - self._rules.least_share)
 
     def _is_median(self, section: Section, sign: int) -> bool:
         """Tell whether the other carriageway of a divided road lies on that side."""
         inner = 1 if not self._graph.left_hand else -1
         if not section.road.oneway or sign != inner:
             return False
-        rays = self._rays(section, sign, section.road.drives / 2 + _MEDIAN)
+        rays = self._rays(section, sign, section.road.drives / 2 + self._rules.to_other_carriageway)
         heading = self._heading(section)
         hits = 0
         for ray in rays:

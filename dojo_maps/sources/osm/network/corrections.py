@@ -18,8 +18,6 @@ from dojo_maps.sources.osm.network.overlap_merging import lying_on_neighbours
 from dojo_maps.sources.osm.plain.plain_xml import Plain
 from dojo_maps.sources.osm.read.data import link_to
 
-_SHORTEST = 5.0
-"""Metres that a road is long at least."""
 _NO_PAVEMENT = re.compile(
     r"(?:invalid crossing .* with edges|crossing .* across) \[([^]]*)\] (?:\(no walkingarea|has no target)"
 )
@@ -55,7 +53,7 @@ def find_corrections(
     Returns:
         The same object where nothing is new.
     """
-    short, unpaved = _too_short(road_map, plain), _unpaved(warnings)
+    short, unpaved = _too_short(road_map, plain, layout.rules.network.shortest_edge), _unpaved(warnings)
     moves = _moves(layout, short)
     pairs = [pair for pair in short if not {*pair} & (moves.keys() - known.moved.keys())]
     if moves.keys() <= known.moved.keys() and set(pairs) <= set(known.joined) and unpaved <= known.paved:
@@ -96,7 +94,7 @@ def not_converged(known: Corrections, wanted: Corrections, graph: RoadGraph, *, 
 
 def _moves(layout: Layout, short: dict[tuple[int, int], float]) -> dict[int, tuple[int, float]]:
     """Find the crossings between junctions that a few metres would give room: where to, and how far."""
-    graph = layout.graph
+    graph, rules = layout.graph, layout.rules.network
     ends = graph.ends()
     crossed = {crossing.node for crossing in layout.crossings}
     found = {}
@@ -106,21 +104,21 @@ def _moves(layout: Layout, short: dict[tuple[int, int], float]) -> dict[int, tup
                 continue
             sections = [graph.sections[name] for name in ends[node]]
             onward = [s for s in sections if {s.start, s.end} != {node, other}]
-            room = _SHORTEST + 1.0 - length
-            if len(onward) == 1 and graph.length(onward[0]) > 25:
+            room = rules.shortest_edge + rules.move_margin - length
+            if len(onward) == 1 and graph.length(onward[0]) > rules.room_to_move:
                 towards = onward[0].nodes[1] if onward[0].start == node else onward[0].nodes[-2]
                 found[node] = (towards, room)
     return found
 
 
-def _too_short(road_map: RoadMap, plain: Plain) -> dict[tuple[int, int], float]:
+def _too_short(road_map: RoadMap, plain: Plain, shortest: float) -> dict[tuple[int, int], float]:
     """Find the vertices of sections that came out shorter than a car, and how short."""
     lanes = MapIndex(road_map).lanes
     found: dict[tuple[int, int], float] = {}
     for road in road_map.roads:
         length = min(lanes[lane].length for lane in road.lanes)
         section = plain.sections.get(EdgeId.read(road.id))
-        if length < _SHORTEST and section is not None and not section.road.roundabout:
+        if length < shortest and section is not None and not section.road.roundabout:
             pair = (min(section.start, section.end), max(section.start, section.end))
             found[pair] = min(length, found.get(pair, length))
     return dict(sorted(found.items()))

@@ -18,7 +18,6 @@ _ALWAYS = (
 )
 _DROPPED_IN_TURN = ("--walkingareas",)
 """Given first, and left out one more at each attempt after a failure."""
-_TIMEOUT = 240.0
 _PLACELESS = re.compile(
     rb'<edge id=":[^"]*" function="crossing" crossingEdges="([^"]*)"[^>]*>\s*<lane [^>]*"[^"]*\bnan\b'
 )
@@ -39,13 +38,14 @@ class Converted:
     dropped: tuple[tuple[str, str], ...]
 
 
-def convert_plain(folder: Path, path: Path, *, left_hand: bool) -> Converted:
+def convert_plain(folder: Path, path: Path, *, left_hand: bool, timeout: float) -> Converted:
     """Run netconvert on the plain XML in a folder, with one option less after each failure.
 
     Args:
         folder: where the files are, and where netconvert works.
         path: where the extract came from, for errors.
         left_hand: traffic keeps left.
+        timeout: seconds that one run may take.
 
     Raises:
         SourceError: netconvert builds nothing.
@@ -58,7 +58,7 @@ def convert_plain(folder: Path, path: Path, *, left_hand: bool) -> Converted:
     output = folder / "output.net.xml"
     while True:
         try:
-            result = run_netconvert([*always, *options], folder=folder, timeout=_TIMEOUT)
+            result = run_netconvert([*always, *options], folder=folder, timeout=timeout)
             placeless = _drop_placeless(folder, output) if output.is_file() else []
             if not placeless:
                 break

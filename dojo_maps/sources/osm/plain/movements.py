@@ -14,14 +14,6 @@ from dojo_maps.sources.osm.layout.arms import Arm, Layout
 from dojo_maps.sources.osm.plain.lane_connections import arrow_targets
 from dojo_maps.sources.osm.read.restrictions import Restriction
 
-MAX_PATHS = 20_000
-"""Paths across one junction from one road, told apart by the turn restrictions on them."""
-_LONGEST_PATH = 14
-_UTURN = 150.0
-_BESIDE = 0.9
-"""Cosine of the angle between two roads that arrive side by side."""
-_AHEAD = 15.0
-"""Metres over which a road's heading at a junction is taken."""
 _Path = tuple[int, tuple[int, ...], tuple[int, ...]]
 """Where one is, by which ways and vertices one came there."""
 
@@ -68,7 +60,8 @@ class Movements:
         return any(
             other.target == movement.target
             and other.source != movement.source
-            and math.cos(math.radians(self._outward(other.source) - heading)) > _BESIDE
+            and math.cos(math.radians(self._outward(other.source) - heading))
+            > self._layout.rules.movements.side_by_side
             for other in found
         )
 
@@ -83,7 +76,7 @@ class Movements:
         kept = {
             target: angle + self._aside(arm, target)
             for target, angle in reached.items()
-            if target.section != arm.section and (alone or abs(angle) < _UTURN)
+            if target.section != arm.section and (alone or abs(angle) < self._layout.rules.movements.u_turn)
         }
         kept = kept or {target: angle for target, angle in reached.items() if target.section != arm.section}
         if not kept and self._layout.leaving(arm):
@@ -116,7 +109,7 @@ class Movements:
 
     def _paths(self, arm: Arm, arms: set[Arm], junction: int) -> Iterator[Arm]:
         """Follow the ways from an arm across the junction to other arms, shortest paths first."""
-        section = self._graph.sections[arm.section]
+        section, rules = self._graph.sections[arm.section], self._layout.rules.movements
         vertex = section.end if arm.at_end else section.start
         way = section.ways[-1] if arm.at_end else section.ways[0]
         queue: deque[_Path] = deque([(vertex, (way,), (vertex,))])
@@ -128,15 +121,15 @@ class Movements:
             if state in seen:
                 continue
             seen.add(state)
-            if len(seen) > MAX_PATHS:
+            if len(seen) > rules.most_paths:
                 raise SourceError(
                     f"junction at node {junction}",
-                    f"more than {MAX_PATHS} paths lead across it; remove what is drawn many times",
+                    f"more than {rules.most_paths} paths lead across it; remove what is drawn many times",
                 )
             for step, onward in self._steps(here, ways, vertices):
                 if step in arms:
                     yield step
-                elif step.section in self._layout.inner and len(vertices) < _LONGEST_PATH:
+                elif step.section in self._layout.inner and len(vertices) < rules.longest_path:
                     there = onward[0]
                     if there not in vertices and self._layout.junctions.of[there] == junction:
                         queue.append(onward)
@@ -199,7 +192,7 @@ class Movements:
         x, y = self._graph.places[nodes[0]]
         for node in nodes[1:]:
             a, b = self._graph.places[node]
-            if math.hypot(a - x, b - y) >= _AHEAD:
+            if math.hypot(a - x, b - y) >= self._layout.rules.movements.heading:
                 break
         return math.degrees(math.atan2(b - y, a - x))
 

@@ -14,7 +14,6 @@ from dojo_maps.sources.osm.graph.road_graph import Section
 from dojo_maps.sources.osm.graph.roundabouts import find_rings
 from dojo_maps.sources.osm.layout.arms import Arm, Layout, divider
 from dojo_maps.sources.osm.layout.carriageway_spacing import side_by_side
-from dojo_maps.sources.osm.layout.crossing_arms import CROSSING_WIDTH
 from dojo_maps.sources.osm.plain.lane_connections import connect_lanes
 from dojo_maps.sources.osm.plain.movements import Movement, Movements
 from dojo_maps.sources.osm.plain.right_of_way import SIGNED_PRIORITY, RightOfWay
@@ -30,8 +29,6 @@ _WHO = {
     LaneUse.BICYCLE: 'allow="bicycle"',
 }
 """Vehicle classes of SUMO's by the use of a lane."""
-_RING_RADIUS = 0.5
-"""Metres by which the corners of roundabouts are rounded; more would leave nothing of a small ring."""
 _Link = tuple[Arm, int, Movement, int]
 """From a lane of an arm, by a movement, into a lane of its road."""
 
@@ -106,7 +103,7 @@ def _nodes(layout: Layout, arms: dict[int, list[Arm]], rights: RightOfWay) -> li
         elif not any(layout.leaving(arm) for arm in arms[junction]):
             kind = 'type="dead_end"'
         if any(layout.graph.sections[name].road.roundabout for name, _ in arms[junction]):
-            kind += f' radius="{_RING_RADIUS}"'
+            kind += f' radius="{layout.rules.roundabouts.corner_radius}"'
         z = sum(layout.heights.get(vertex, 0.0) for vertex in members[junction]) / len(places)
         lines.append(f'<node id="{junction}" x="{x:.2f}" y="{y:.2f}" z="{z:.2f}" {kind}/>')
     return lines
@@ -267,5 +264,5 @@ def _crossing(layout: Layout, junction: int, arms: Sequence[Arm], *, marked: boo
     leaving = [str(arm.outgoing) for arm in arms if layout.leaving(arm)]
     return (
         f'<crossing node="{junction}" edges="{" ".join(sorted({*arriving, *leaving}))}" '
-        f'width="{CROSSING_WIDTH:.2f}" priority="{str(marked).lower()}"/>'
+        f'width="{layout.rules.crossings.width:.2f}" priority="{str(marked).lower()}"/>'
     )

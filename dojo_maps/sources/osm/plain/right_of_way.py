@@ -15,8 +15,6 @@ from dojo_maps.sources.osm.read.way_tags import KINDS
 
 SIGNED_PRIORITY = 1
 """Of an approach with a sign; other roads have more."""
-_WITHIN = 40.0
-"""Metres before a junction within which a sign is for it."""
 _STOP, _GIVE_WAY = "stop", "give_way"
 
 
@@ -70,8 +68,9 @@ class RightOfWay:
             before, after = sum(steps[:index]), sum(steps[index:])
             said = sign_direction(graph, section, node)
             at_end = after < before if said == 0 else said > 0
-            if (after if at_end else before) <= _WITHIN and self._arrives(Arm(section.id, at_end)):
-                self._signs[Arm(section.id, at_end)] = sign
+            arm, farthest = Arm(section.id, at_end), graph.rules.movements.sign_before_junction
+            if (after if at_end else before) <= farthest and self._arrives(arm):
+                self._signs[arm] = sign
 
     def _read_junction(self, vertex: int) -> None:
         tags = self._layout.graph.tags.get(vertex, {})
