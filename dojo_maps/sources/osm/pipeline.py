@@ -59,7 +59,7 @@ def build_network(
     built = mend_outlines(program_signals(converted.data, road_map))
     road_map, issues = read_network(built, path=path, name=name, sha256=sha256)
     if wanted is not known:
-        issues += (not_converged(known, wanted, layout.graph, rounds=rules.network.attempts),)
+        issues += (not_converged(known, wanted, layout.graph, attempts=rules.network.attempts),)
     issues += tuple(_dropped_issue(option, reason, road_map) for option, reason in converted.dropped)
     hint = "look at the place in netedit; correct the map data where it is wrong"
     index = MapIndex(road_map)

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from types import MappingProxyType
 
 from dojo_maps.sources.osm.graph.road_graph import RoadGraph
-from dojo_maps.sources.osm.junctions.grouping import Junctions, group_junctions
+from dojo_maps.sources.osm.junctions.grouping import Junctions, group_vertices
 from dojo_maps.sources.osm.junctions.loops import is_inner, split_loops
 from dojo_maps.sources.osm.junctions.mapped_crossings import MappedCrossing, find_crossings
 from dojo_maps.sources.osm.junctions.midblock_crossings import (
@@ -14,6 +14,7 @@ from dojo_maps.sources.osm.junctions.midblock_crossings import (
     over_both_carriageways,
     split_between,
 )
+from dojo_maps.sources.osm.junctions.signals import assign_signals, signals_of_junctions
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -37,7 +38,7 @@ def add_midblock_vertices(graph: RoadGraph) -> RoadGraph:
     """Give crossings that lie between junctions a vertex of their own."""
     graph = extend_ends(graph, {crossing.node for crossing in find_crossings(graph)})
     crossings = find_crossings(graph)
-    return split_between(graph, group_junctions(graph, crossings), crossings)
+    return split_between(graph, _group(graph, crossings), crossings)
 
 
 def plan_junctions(
@@ -54,11 +55,11 @@ def plan_junctions(
     """
     crossings = find_crossings(graph)
     joined = [*joined, *over_both_carriageways(graph, crossings)]
-    junctions = group_junctions(graph, crossings, joined)
+    junctions = _group(graph, crossings, joined)
     # Each turn halves what is split; short sections vanish, so there is an end.
     while (split := split_loops(graph, junctions)) is not graph:
         graph, crossings = split, find_crossings(split)
-        junctions = group_junctions(graph, crossings, joined)
+        junctions = _group(graph, crossings, joined)
     inner = {
         name
         for name, section in graph.sections.items()
@@ -70,6 +71,14 @@ def plan_junctions(
         junctions=junctions,
         inner=frozenset(inner),
     )
+
+
+def _group(
+    graph: RoadGraph, crossings: Iterable[MappedCrossing], joined: Iterable[tuple[int, int]] = ()
+) -> Junctions:
+    assigned, stray = assign_signals(graph)
+    of = group_vertices(graph, assigned, joined)
+    return Junctions(of=of, signals=signals_of_junctions(graph, of, assigned, crossings), stray=stray)
 
 
 def _move(graph: RoadGraph, moved: Mapping[int, tuple[int, float]]) -> RoadGraph:

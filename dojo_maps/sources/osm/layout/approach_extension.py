@@ -21,7 +21,7 @@ from dojo_maps.sources.osm.layout.arms import Arm, Layout, ray, trim
 from dojo_maps.sources.osm.layout.crossing_arms import host_crossings
 
 
-def reach_in(layout: Layout) -> Layout:
+def extend_approaches(layout: Layout) -> Layout:
     """Lead roads on to the crossings ahead of them that would find no place near.
 
     Where lanes are mapped one by one, the first of a crossing's pieces is enough.

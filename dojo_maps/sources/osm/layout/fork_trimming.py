@@ -16,7 +16,7 @@ from dojo_maps.geometry.polylines import Floats, along
 from dojo_maps.sources.osm.layout.arms import Arm, Layout, outward, ray
 
 
-def part_roads(layout: Layout) -> Layout:
+def trim_forks(layout: Layout) -> Layout:
     """Draw back the arms of each junction to where they lie beside each other, no crossing from its place.
 
     A roundabout's ring stays as it is: it is enough to draw the other road back.

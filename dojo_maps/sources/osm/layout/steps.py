@@ -4,13 +4,13 @@ from collections.abc import Set as AbstractSet
 from dataclasses import replace
 
 from dojo_maps.sources.osm.junctions.steps import JunctionPlan
-from dojo_maps.sources.osm.layout.approach_extension import reach_in
+from dojo_maps.sources.osm.layout.approach_extension import extend_approaches
 from dojo_maps.sources.osm.layout.arms import Layout
 from dojo_maps.sources.osm.layout.carriageway_spacing import space_carriageways
 from dojo_maps.sources.osm.layout.crossing_arms import align_carriageways, host_crossings
-from dojo_maps.sources.osm.layout.crossing_signals import add_crossing_signals
-from dojo_maps.sources.osm.layout.fork_trimming import part_roads
+from dojo_maps.sources.osm.layout.fork_trimming import trim_forks
 from dojo_maps.sources.osm.layout.heights import compute_heights
+from dojo_maps.sources.osm.layout.midblock_signals import add_midblock_signals
 from dojo_maps.sources.osm.layout.sidewalks import lay_sidewalks
 
 
@@ -22,8 +22,8 @@ def lay_out(plan: JunctionPlan, paved: AbstractSet[str] = frozenset()) -> Layout
         paved: sections with pavement on both sides whatever is mapped, because crossings lead there.
     """
     layout = Layout(graph=plan.graph, junctions=plan.junctions, crossings=plan.crossings, inner=plan.inner)
-    layout = host_crossings(reach_in(layout))
-    layout = part_roads(align_carriageways(layout))
-    layout = add_crossing_signals(space_carriageways(layout))
+    layout = host_crossings(extend_approaches(layout))
+    layout = trim_forks(align_carriageways(layout))
+    layout = add_midblock_signals(space_carriageways(layout))
     graph, heights = compute_heights(layout.graph)
     return lay_sidewalks(replace(layout, graph=graph, heights=heights), paved)

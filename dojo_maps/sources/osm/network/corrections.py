@@ -65,14 +65,14 @@ def find_corrections(
     )
 
 
-def not_converged(known: Corrections, wanted: Corrections, graph: RoadGraph, *, rounds: int) -> Issue:
+def not_converged(known: Corrections, wanted: Corrections, graph: RoadGraph, *, attempts: int) -> Issue:
     """Report that the last attempt still showed something to correct.
 
     Args:
         known: the corrections that it was built with.
         wanted: those that it needs.
         graph: the roads as they were built.
-        rounds: attempts that were made.
+        attempts: how many were made.
     """
     nodes = {node for pair in wanted.joined if pair not in known.joined for node in pair}
     nodes |= wanted.moved.keys() - known.moved.keys()
@@ -84,7 +84,7 @@ def not_converged(known: Corrections, wanted: Corrections, graph: RoadGraph, *, 
         elements=(Element(kind="osm_node", id=str(first)),),
         position=(*graph.places[first], 0.0),
         message=(
-            f"after {rounds} attempts roads at {len(nodes)} nodes are still too short, lie on a neighbour, "
+            f"after {attempts} attempts roads at {len(nodes)} nodes are still too short, lie on a neighbour, "
             f"or lack pavement at a crossing; one is {link_to('node', first)}"
         ),
         hint="look at the place in netedit; draw what is crowded there simpler, or join its junctions",
