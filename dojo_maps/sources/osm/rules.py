@@ -93,6 +93,8 @@ class JunctionRules:
     """m of it where both ends have signals."""
     carriageways_apart: float = 28.0
     """m from one carriageway of a divided road to the other."""
+    opposite: float = 0.8
+    """cosine of the angle by which they may differ from leading opposite ways."""
     widest: float = 70.0
     """m across the vertices of a junction."""
     widest_joined: float = 150.0

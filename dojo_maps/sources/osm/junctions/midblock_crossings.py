@@ -31,7 +31,7 @@ def extend_ends(graph: RoadGraph, crossed: set[int]) -> RoadGraph:
 
 def over_both_carriageways(graph: RoadGraph, crossings: list[MappedCrossing]) -> list[tuple[int, int]]:
     """Pair the crossings between junctions that lead over both carriageways of a divided road."""
-    ends, farthest = graph.ends(), graph.rules.junctions.carriageways_apart
+    ends, rules = graph.ends(), graph.rules.junctions
     alone = []
     for crossing in crossings:
         at = ends.get(crossing.node, [])
@@ -41,7 +41,8 @@ def over_both_carriageways(graph: RoadGraph, crossings: list[MappedCrossing]) ->
     return [
         (one.node, other.node)
         for (one, way), (other, back) in itertools.combinations(alone, 2)
-        if math.dist(one.place, other.place) < farthest and math.cos(way - back) < -0.8
+        if math.dist(one.place, other.place) < rules.carriageways_apart
+        and math.cos(way - back) < -rules.opposite
     ]
 
 

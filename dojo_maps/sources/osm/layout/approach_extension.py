@@ -26,25 +26,24 @@ def extend_approaches(layout: Layout) -> Layout:
 
     Where lanes are mapped one by one, the first of a crossing's pieces is enough.
     """
-    longer, layout = layout, host_crossings(layout)
-    ends, arms = layout.graph.ends(), layout.arms()
-    free = _free_vertices(layout, arms)
-    inside = _far_from_place(layout)
+    trial = host_crossings(layout)
+    ends, arms = trial.graph.ends(), trial.arms()
+    free = _free_vertices(trial, arms)
+    inside = _far_from_place(trial)
     found = [
         (float(along(line)[-1]), vertex, arm, line)
         for vertex, arm in sorted(free.items() if inside else ())
-        for line in _ways_on(layout, ends, inside, vertex, arm)
-        if not _is_in_the_way(layout, arms, arm, line)
+        for line in _ways_on(trial, ends, inside, vertex, arm)
+        if not _is_in_the_way(trial, arms, arm, line)
     ]
     reached: list[Floats] = []
+    nearest = layout.rules.extension.nearest
     for _, vertex, arm, line in sorted(found, key=lambda f: f[:3]):
-        if vertex in free and all(
-            math.dist(line[-1], place) > layout.rules.extension.nearest for place in reached
-        ):
+        if vertex in free and all(math.dist(line[-1], place) > nearest for place in reached):
             del free[vertex]
-            longer = replace(longer, graph=_lead_on(longer.graph, vertex, arm, line))
+            layout = replace(layout, graph=_lead_on(layout.graph, vertex, arm, line))
             reached.append(line[-1])
-    return longer
+    return layout
 
 
 def _free_vertices(layout: Layout, arms: dict[int, list[Arm]]) -> dict[int, Arm]:

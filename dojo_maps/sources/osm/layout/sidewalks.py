@@ -34,7 +34,7 @@ class _Sidewalks:
 
     def __init__(self, graph: RoadGraph) -> None:
         self._graph = graph
-        self._rules = graph.rules.sidewalks
+        self._rules, self._opposite = graph.rules.sidewalks, graph.rules.junctions.opposite
         self._mapped = shapely.STRtree(
             [way.line for way in graph.footways if way.line is not None and is_sidewalk(way.tags)]
         )
@@ -118,7 +118,7 @@ class _Sidewalks:
                 if (
                     other.id != section.id
                     and other.road.oneway
-                    and float(heading @ self._heading(other)) < -0.8
+                    and float(heading @ self._heading(other)) < -self._opposite
                 ):
                     hits += 1
                     break
