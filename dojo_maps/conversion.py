@@ -33,7 +33,8 @@ from dojo_maps.sources.geotiff import read_elevations
 from dojo_maps.sources.opendrive import OpenDriveNetwork
 from dojo_maps.sources.osm import is_osm, read_osm
 from dojo_maps.sources.osm.completeness.score import score_network
-from dojo_maps.sources.osm.pipeline import OsmNetwork, build_network
+from dojo_maps.sources.osm.network.osm_network import OsmNetwork
+from dojo_maps.sources.osm.pipeline import build_network
 from dojo_maps.sources.osm.read.country import read_country
 from dojo_maps.sources.osm.read.data import OsmData
 from dojo_maps.sources.osm.surroundings.props import read_context
@@ -121,7 +122,9 @@ def _convert(
         far_side = country.far_side_signals
         raster = None if options.terrain is None else read_elevations(options.terrain)
         on_stage("Building the network")
-        network = build_network(extract, country, path=path, name=name, sha256=sha256_of(path), raster=raster)
+        network = build_network(
+            extract, path=path, name=name, sha256=sha256_of(path), country=country, raster=raster
+        )
         base, described, issues, quality = _import_osm(extract, network)
         data, lost = reapply_edits(base, folder, (*described.origin, 0.0))
         if data is not base:

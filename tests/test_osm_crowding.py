@@ -11,18 +11,12 @@ from osm_drawings import Drawing
 
 from dojo_maps.errors import SourceError
 from dojo_maps.sources.osm import read_osm
-from dojo_maps.sources.osm.graph.road_graph import RoadGraph, build_graph
-from dojo_maps.sources.osm.read.country import read_country
+from dojo_maps.sources.osm.graph.steps import build_graph
 
 pytestmark = pytest.mark.sampled(5)
 
 STREET = {"highway": "primary"}
 Place = tuple[float, float]
-
-
-def built(path: Path) -> RoadGraph:
-    data = read_osm(path)
-    return build_graph(data, path, read_country(data))
 
 
 def draw(*lines: list[Place]) -> Drawing:
@@ -88,7 +82,7 @@ def test_roads_over_each_other_are_refused_in_one_line(name: str, tmp_path: Path
     make, words = CROWDED[name]
     path = make().write(tmp_path / "crowded.osm")
     with pytest.raises(SourceError, match=rf"crowded\.osm: .*{words}"):
-        built(path)
+        build_graph(read_osm(path), path)
 
 
 STREETS: dict[str, Callable[[], Drawing]] = {
@@ -105,7 +99,7 @@ STREETS: dict[str, Callable[[], Drawing]] = {
 @pytest.mark.parametrize("name", STREETS)
 def test_streets_are_taken(name: str, tmp_path: Path) -> None:
     path = STREETS[name]().write(tmp_path / "streets.osm")
-    assert built(path).sections
+    assert build_graph(read_osm(path), path).sections
 
 
 def import_osm(path: Path, *arguments: object) -> subprocess.CompletedProcess[str]:

@@ -10,16 +10,15 @@ from osm_drawings import CROSSING, SIGNAL, SIGNAL_CROSSING, Drawing
 from dojo_maps.conversion import convert
 from dojo_maps.description import RoadMap
 from dojo_maps.sources.osm import read_osm
-from dojo_maps.sources.osm.pipeline import OsmNetwork, build_network
-from dojo_maps.sources.osm.read.country import read_country
+from dojo_maps.sources.osm.network.osm_network import OsmNetwork
+from dojo_maps.sources.osm.pipeline import build_network
 
 ONE_WAY = {"highway": "primary", "oneway": "yes", "lanes": "2"}
 
 
 def network(drawing: Drawing, folder: Path) -> OsmNetwork:
     path = drawing.write(folder / "a.osm")
-    data = read_osm(path)
-    return build_network(data, read_country(data), path=path, name="a", sha256="0" * 64)
+    return build_network(read_osm(path), path=path, name="a", sha256="0" * 64)
 
 
 def side_streets(gap: float, out: float) -> Drawing:

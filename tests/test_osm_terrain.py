@@ -18,7 +18,6 @@ from dojo_maps.sources.osm import read_osm
 from dojo_maps.sources.osm.completeness.assumptions import tell_ground
 from dojo_maps.sources.osm.layout.terrain import read_incline
 from dojo_maps.sources.osm.pipeline import OsmNetwork, build_network
-from dojo_maps.sources.osm.read.country import read_country
 
 Surface = Callable[[np.ndarray, np.ndarray], np.ndarray]
 PER_LAT = 111_320.0
@@ -80,9 +79,8 @@ def test_raster_knows_nothing_outside_and_where_nobody_measured(tmp_path: Path) 
 
 def network(drawing: Drawing, folder: Path, surface: Surface | None = None) -> OsmNetwork:
     path = drawing.write(folder / "a.osm")
-    data = read_osm(path)
     grid = None if surface is None else read_elevations(raster(folder / "a.tif", surface))
-    return build_network(data, read_country(data), path=path, name="a", sha256="0" * 64, raster=grid)
+    return build_network(read_osm(path), path=path, name="a", sha256="0" * 64, raster=grid)
 
 
 def ground_of(built: OsmNetwork) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -91,8 +89,8 @@ def ground_of(built: OsmNetwork) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     points = np.vstack([lane.shape for lane in built.road_map.lanes])
     x, y = (points[:, :2] - projection.net_offset).T
     lon, lat = pyproj.Proj(projection.proj)(x, y, inverse=True)
-    assert built.plain.ground is not None
-    base = built.plain.ground.lowest or 0.0
+    assert built.layout.ground is not None
+    base = built.layout.ground.lowest or 0.0
     return (lon - HELSINKI[0]) * PER_LON, (lat - HELSINKI[1]) * PER_LAT, points[:, 2] + base
 
 
@@ -142,7 +140,7 @@ def test_bridge_is_clear_of_the_road_below_and_no_higher_than_it_must_be(dip: fl
     east, north, heights = ground_of(built)
     middle = (np.abs(east) < 25) & (np.abs(north) < 8)
     deck = heights[middle & (heights > 31 - dip)]
-    below = np.vstack(by_road["1004"])[:, 2] + built.plain.ground.lowest
+    below = np.vstack(by_road["1004"])[:, 2] + built.layout.ground.lowest
     assert deck.min() - below.min() > 4.0
     assert deck.max() < (31.0 if dip == 7.0 else 36.0)
 
@@ -167,7 +165,7 @@ def test_slopes_and_elevations_are_read_from_tags(tmp_path: Path) -> None:
     [("5%", 0.05), ("-5,5 %", -0.055), ("10°", 0.1763), ("up", None), ("90%", None), ("5", None), ("", None)],
 )
 def test_read_incline(text: str, slope: float | None) -> None:
-    assert read_incline(text) == (slope if slope is None else pytest.approx(slope, abs=1e-4))
+    assert read_incline(text, 0.35) == (slope if slope is None else pytest.approx(slope, abs=1e-4))
 
 
 def test_ground_is_flat_where_nothing_is_known(tmp_path: Path) -> None:

@@ -40,6 +40,7 @@ _LOSSES = (
     ("IMP025", "osm.ground", "Where the heights of streets are from", NOTE, "none"),
     ("IMP026", "osm.flat_ground", "The heights of streets are known", NOTE, "none"),
     ("IMP020", "osm.road_closed", "No barrier stands on a road", NOTE, "none"),
+    ("IMP022", "osm.not_converged", "Junctions are settled after some attempts", WARNING, "8 attempts"),
     ("IMP019", "osm.not_imported", "All ways with traffic are imported", NOTE, "none left out"),
 )
 """What an import counts while it builds a network: code, id, title, severity and limit."""

@@ -1,7 +1,7 @@
 """What an import takes for granted of its extract, and why: the side of the road, the ground."""
 
 from dojo_maps.issue import Issue, Severity
-from dojo_maps.sources.osm.pipeline import OsmNetwork
+from dojo_maps.sources.osm.network.osm_network import OsmNetwork
 
 
 def tell_driving_side(network: OsmNetwork) -> Issue:
@@ -20,7 +20,7 @@ def tell_driving_side(network: OsmNetwork) -> Issue:
 
 def tell_ground(network: OsmNetwork) -> Issue:
     """Say where the heights of streets are from."""
-    ground = network.plain.ground
+    ground = network.layout.ground
     if ground is None:
         return _note(
             network,

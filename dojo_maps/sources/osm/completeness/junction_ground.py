@@ -4,16 +4,14 @@ import shapely
 
 from dojo_maps.issue import Element, Issue
 from dojo_maps.sources.osm.completeness.losses import loss
-from dojo_maps.sources.osm.pipeline import OsmNetwork
-from dojo_maps.sources.osm.plain.outline_trimming import MappedGround
-
-MOST_FAR = 50.0
-"""Square metres of a junction that may lie far from all roads."""
+from dojo_maps.sources.osm.network.osm_network import OsmNetwork
+from dojo_maps.sources.osm.network.outline_trimming import MappedGround
 
 
 def check_junction_ground(network: OsmNetwork) -> list[Issue]:
     """Measure the ground of each junction that is more than 6 m from the mapped carriageways."""
     graph = network.layout.graph
+    most = graph.rules.completeness.junction_void
     mapped = MappedGround(graph)
     node_of = {name: node for node, name in network.plain.nodes.items()}
     issues = []
@@ -22,7 +20,7 @@ def check_junction_ground(network: OsmNetwork) -> list[Issue]:
             continue
         ground = shapely.make_valid(shapely.Polygon(junction.polygon[:, :2]))
         far = mapped.beyond(ground)
-        if far.area > MOST_FAR:
+        if far.area > most:
             place = far.representative_point()
             issues.append(
                 loss(
@@ -31,7 +29,7 @@ def check_junction_ground(network: OsmNetwork) -> list[Issue]:
                     ("node", node_of[junction.id]), (place.x, place.y),
                     "draw the junction's shape in netedit, or split it",
                     near=Element(kind="junction", id=junction.id),
-                    measured=round(far.area, 1), limit=MOST_FAR,
+                    measured=round(far.area, 1), limit=most,
                 )
             )  # fmt: skip
     return issues

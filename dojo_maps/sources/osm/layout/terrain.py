@@ -21,69 +21,15 @@ from dojo_maps.errors import SourceError
 from dojo_maps.geometry.polylines import Floats, Ints, along
 from dojo_maps.sources.geotiff import ElevationGrid
 from dojo_maps.sources.osm.graph.road_graph import RoadGraph, Section
-from dojo_maps.sources.osm.layout.arms import Layout
-from dojo_maps.sources.osm.read.data import OsmData
+from dojo_maps.sources.osm.layout.arms import Arm, Layout
+from dojo_maps.sources.osm.layout.ground import Ground
 from dojo_maps.sources.osm.read.lengths import read_length
+from dojo_maps.sources.osm.rules import TerrainRules
 
-_STEP = 15.0
-"""Metres between the places along a street at which a raster is asked."""
-_LEVEL = 6.0
-"""Metres from a vertex that lie within its junction, at least."""
-_APART = 1.0
-"""Metres along a street from its nodes to a place that bends it."""
-_SMOOTH = 20.0
-"""Metres along a street over which a raster's heights are smoothed."""
-_UNDER = 12.0
-"""Metres from a bridge's middle within which a raster may show the bridge in place of the ground."""
-_STEEPEST = {"motorway": 0.06, "trunk": 0.08, "primary": 0.10, "secondary": 0.11, "tertiary": 0.12}
-_STEEPEST_OTHER = 0.15
-"""Metres up for each metre ahead; AASHTO, A Policy on Geometric Design of Highways and Streets."""
-_STEEPEST_TAGGED = 0.35
-"""As the steepest streets there are."""
-_TAGGED = 10.0
-"""How much more the slope of a road with `incline` counts than that of one without."""
 _INCLINE = re.compile(r"\s*(-?\d{1,2}(?:[.,]\d{1,2})?)\s*(%|°)\s*", re.ASCII)
-_LEAST_COVERED = 0.5
-"""Share of the streets that a raster must cover."""
 _EXACT = 1e3
 """How much more a tagged elevation counts than the slopes around it."""
 _CONVERGED, _MOST_ROUNDS = 1e-6, 5_000
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Ground:
-    """The ground under the streets, metres above its lowest place.
-
-    Attributes:
-        vertices: the height of each junction's vertices.
-        profiles: for each section, metres from its start, and the height there.
-        told_by: where they are from, in words.
-        lowest: metres above the sea, None where only slopes are known.
-        steepest: metres up for each metre ahead.
-    """
-
-    vertices: dict[int, float]
-    profiles: dict[str, tuple[Floats, Floats]]
-    told_by: str
-    lowest: float | None
-    steepest: float
-
-    def at(self, graph: RoadGraph, name: str, place: tuple[float, float]) -> float:
-        """Give the height of the ground under a section's nearest place."""
-        if name not in self.profiles:
-            return 0.0
-        line = shapely.LineString(graph.line(graph.sections[name]))
-        return float(np.interp(line.project(shapely.Point(place)), *self.profiles[name]))
-
-    def under(self, name: str, line: Floats) -> Floats:
-        """Lift a section's line, (n, 3), by the ground under it; it gets more places where that bends."""
-        at, heights = self.profiles[name]
-        lengths = along(line[:, :2])
-        apart = np.abs(at[:, None] - lengths).min(axis=1)
-        places = np.sort(np.concatenate([lengths, at[apart > _APART]]))
-        lifted = np.column_stack([np.interp(places, lengths, values) for values in line.T])
-        lifted[:, 2] += np.interp(places, at, heights)
-        return lifted
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -113,12 +59,11 @@ class _Streets:
     tagged: dict[int, float]
 
 
-def find_ground(layout: Layout, data: OsmData, raster: ElevationGrid | None) -> Ground | None:
+def find_ground(layout: Layout, raster: ElevationGrid | None) -> Ground | None:
     """Find the ground under the streets of a layout.
 
     Args:
         layout: the streets.
-        data: the extract.
         raster: elevations; None for those in tags (`ele` of a road's nodes, `incline` of roads).
 
     Returns:
@@ -127,7 +72,7 @@ def find_ground(layout: Layout, data: OsmData, raster: ElevationGrid | None) -> 
     Raises:
         SourceError: the raster lies elsewhere.
     """
-    streets = _read_streets(layout, data, step=np.inf if raster is None else _STEP)
+    streets = _read_streets(layout, step=np.inf if raster is None else layout.rules.terrain.step)
     heights = np.full(len(streets.where), np.nan)
     if raster is not None:
         heights = _ask(raster, layout.graph, streets)
@@ -140,7 +85,7 @@ def find_ground(layout: Layout, data: OsmData, raster: ElevationGrid | None) -> 
     else:
         return None
     known_sea = bool(np.isfinite(heights).any())
-    heights = _limit(streets, _settle(streets, heights, by_tags=raster is None))
+    heights = _limit(streets, _settle(streets, heights, layout.rules.terrain, by_tags=raster is None))
     lowest = float(heights.min())
     heights = np.round(heights - lowest, 2)
     steep = np.abs(np.diff(heights[streets.ends], axis=1)[:, 0]) / np.maximum(streets.lengths, 1.0)
@@ -156,8 +101,9 @@ def find_ground(layout: Layout, data: OsmData, raster: ElevationGrid | None) -> 
 class _Reader:
     """Collects the places and pieces of streets."""
 
-    def __init__(self, layout: Layout, data: OsmData, step: float) -> None:
-        self.layout, self.data, self.step = layout, data, step
+    def __init__(self, layout: Layout, step: float) -> None:
+        self.layout, self.graph, self.step = layout, layout.graph, step
+        self.rules = layout.rules.terrain
         self.members, self.ends = layout.junctions.members(), layout.graph.ends()
         self.places: dict[int, int] = {}
         self.where: list[Floats] = []
@@ -170,16 +116,16 @@ class _Reader:
 
         netconvert builds junctions level, so the section is level up to their borders.
         """
-        line = self.layout.graph.line(section)
+        line = self.graph.line(section)
         lengths = along(line)
         whole = float(lengths[-1])
         cuts = [self._level(section, at_end=at_end) for at_end in (False, True)]
         first, last = cuts[0], whole - cuts[1]
-        if last - first < _APART:
+        if last - first < self.rules.apart:
             first = last = whole * cuts[0] / sum(cuts)
         stops = [(first, self._place_of(section.start), 0)]
         for number, node in enumerate(section.nodes[1:-1], 1):
-            if first + _APART < lengths[number] < last - _APART:
+            if first + self.rules.apart < lengths[number] < last - self.rules.apart:
                 stops.append((float(lengths[number]), self._place_of(node), number))
         stops.append((last, self._place_of(section.end), len(section.nodes) - 1))
         at, places = [0.0, first], [stops[0][1]] * 2
@@ -197,18 +143,19 @@ class _Reader:
     def _level(self, section: Section, *, at_end: bool) -> float:
         """Measure how much of a section is level, for it lies within a junction or at its border."""
         vertex = section.end if at_end else section.start
-        cut = self.layout.cuts.get((section.id, at_end), 0.0)
-        return max(cut, _LEVEL if len(self.ends[vertex]) > 2 else _APART)
+        cut = self.layout.cuts.get(Arm(section.id, at_end), 0.0)
+        corner = self.layout.rules.crossings.corner
+        return max(cut, corner if len(self.ends[vertex]) > 2 else self.rules.apart)
 
     def _add_piece(self, section: Section, ends: Sequence[int], metres: float, rise: float) -> None:
-        limit = _STEEPEST.get(section.road.kind.removesuffix("_link"), _STEEPEST_OTHER)
+        limit = self.rules.steepest.get(section.road.kind.removesuffix("_link"), self.rules.steepest_other)
         self.pieces.append((ends[0], ends[1], max(metres, 0.1), limit, rise))
 
     def _place_of(self, node: int) -> int:
         """Number the place of a node; the vertices of a junction have one, in its middle."""
         key = self.layout.junctions.of.get(node, node)
         if key not in self.places:
-            where = np.array([self.layout.graph.places[member] for member in self.members.get(key, [key])])
+            where = np.array([self.graph.places[member] for member in self.members.get(key, [key])])
             self.places[key] = self._new_place((where.min(axis=0) + where.max(axis=0)) / 2)
         return self.places[key]
 
@@ -218,38 +165,40 @@ class _Reader:
 
     def _slope(self, section: Section, number: int) -> float:
         """Read the slope that a piece's way is tagged with, along the section."""
-        way = self.data.ways[section.ways[number]]
-        slope = read_incline(way.tags.get("incline", ""))
+        way = self.graph.ways[section.ways[number]]
+        slope = read_incline(way.tags.get("incline", ""), self.rules.steepest_tagged)
         at = [way.nodes.index(node) for node in section.nodes if node in way.nodes]
         if slope is None or len(at) < 2:
             return math.nan
         return slope if at[0] < at[-1] else -slope
 
 
-def read_incline(text: str) -> float | None:
+def read_incline(text: str, steepest: float) -> float | None:
     """Read the tag incline, as `5%` or `-3°`, into metres up for each metre ahead; None for other words."""
     match = _INCLINE.fullmatch(text)
     if match is None:
         return None
     value = float(match[1].replace(",", "."))
     slope = value / 100 if match[2] == "%" else math.tan(math.radians(value))
-    return slope if abs(slope) <= _STEEPEST_TAGGED else None
+    return slope if abs(slope) <= steepest else None
 
 
-def _read_streets(layout: Layout, data: OsmData, step: float) -> _Streets:
-    graph, reader = layout.graph, _Reader(layout, data, step)
+def _read_streets(layout: Layout, step: float) -> _Streets:
+    graph, reader = layout.graph, _Reader(layout, step)
     sections = [graph.sections[name] for name in sorted(graph.sections) if name not in layout.inner]
     for section in sections:
         reader.read(section)
     where = np.array(reader.where)
     on_ground = np.array([not reader.layered[place] for place in range(len(where))])
     bridges = [shapely.LineString(graph.line(section)) for section in sections if section.road.layer > 0]
-    near = shapely.STRtree(bridges).query(shapely.points(where), "dwithin", distance=_UNDER)[0]
+    near = shapely.STRtree(bridges).query(
+        shapely.points(where), "dwithin", distance=layout.rules.terrain.under_bridge
+    )[0]
     on_ground[near] = False
     pieces = np.array(reader.pieces)
     tagged = {
         reader.places[key]: height
-        for node, tags in ((node, data.nodes[node].tags) for node in graph.places if node in data.nodes)
+        for node, tags in graph.tags.items()
         if (key := layout.junctions.of.get(node, node)) in reader.places
         and (height := read_length(tags.get("ele", ""))) is not None
     }
@@ -268,31 +217,31 @@ def _read_streets(layout: Layout, data: OsmData, step: float) -> _Streets:
 
 def _ask(raster: ElevationGrid, graph: RoadGraph, streets: _Streets) -> Floats:
     """Look places up in a raster; NaN for those off the ground, and for those it does not know."""
-    x, y = (streets.where - graph.offset).T
-    heights = raster.at(*pyproj.Proj(graph.proj)(x, y, inverse=True))
+    x, y = (streets.where - graph.projection.net_offset).T
+    heights = raster.at(*pyproj.Proj(graph.projection.proj)(x, y, inverse=True))
     covered = float(np.isfinite(heights).mean())
-    if covered < _LEAST_COVERED:
-        raise SourceError(
-            raster.name, f"covers {covered:.0%} of the streets, at least {_LEAST_COVERED:.0%} must be known"
-        )
+    least = graph.rules.terrain.covered
+    if covered < least:
+        raise SourceError(raster.name, f"covers {covered:.0%} of the streets; {least:.0%} must be known")
     return np.where(streets.on_ground, heights, np.nan)
 
 
-def _settle(streets: _Streets, heights: Floats, *, by_tags: bool) -> Floats:
+def _settle(streets: _Streets, heights: Floats, rules: TerrainRules, *, by_tags: bool) -> Floats:
     """Give every place a height that is near the known ones, with slopes that are even or as tagged.
 
-    What the heights differ by from known ones, squared along all streets, and `_SMOOTH` squared times what
+    What the heights differ by from known ones, squared along all streets, and `smooth` squared times what
     the slopes differ by, are smallest together; solved by conjugate gradients.
 
     Args:
         streets: the streets.
         heights: (n,), metres, NaN where none is known.
+        rules: how smooth streets are.
         by_tags: the heights are exact, and slopes are tagged.
     """
     one, other = streets.ends.T
     size, known = len(heights), np.isfinite(heights)
     tagged = ~np.isnan(streets.rises) & by_tags
-    stiff = _SMOOTH**2 * np.where(tagged, _TAGGED, 1.0) / np.maximum(streets.lengths, 0.1)
+    stiff = rules.smooth**2 * np.where(tagged, rules.tagged, 1.0) / np.maximum(streets.lengths, 0.1)
     rises = np.where(tagged, streets.rises * streets.lengths, 0.0)
     share = (np.bincount(one, streets.lengths, size) + np.bincount(other, streets.lengths, size)) / 2
     mass = np.where(known, _EXACT * stiff.max() if by_tags else np.maximum(share, 0.1), 0.0)

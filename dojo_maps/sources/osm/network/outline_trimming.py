@@ -10,14 +10,12 @@ from dojo_maps.description import RoadMap
 from dojo_maps.geometry.polylines import Floats
 from dojo_maps.sources.osm.graph.road_graph import RoadGraph
 from dojo_maps.sources.osm.junctions.grouping import around_road
-from dojo_maps.sources.osm.plain.junction_outlines import replace_outlines
+from dojo_maps.sources.osm.network.junction_outlines import replace_outlines
 
-_LEAST = 10.0
-"""Square metres of far ground in one piece that are worth a notch in an outline."""
-_SHOULDER, _VERGE = 4.0, 1.0
-"""Metres by which such a piece grows towards the roads, and that are left beside each path of vehicles."""
 _LANE = 3.2
 """Metres across a path of vehicles."""
+_LEFT_OVER = 5.0
+"""Square metres that a notch may cut off beside itself."""
 _SMOOTH = 0.2
 """Metres by which the corners of a notch are simplified."""
 
@@ -47,32 +45,32 @@ def trim_outlines(data: bytes, road_map: RoadMap, graph: RoadGraph) -> bytes:
         The network; where vehicles drive and people walk stays in the outlines, and so do pieces in a
         junction's midst, for an outline has no holes.
     """
-    mapped = MappedGround(graph)
-    used = _used_ground(road_map)
+    mapped, rules = MappedGround(graph), graph.rules.network
+    used = _used_ground(road_map, rules.verge)
     tree = shapely.STRtree(used)
 
     def trim(corners: Floats) -> Floats | None:
         ground = shapely.Polygon(corners[:, :2]) if len(corners) > 3 else shapely.Polygon()
-        if ground.area < _LEAST or not ground.is_valid:
+        if ground.area < rules.least_notch or not ground.is_valid:
             return None
-        far = [piece for piece in shapely.get_parts(mapped.beyond(ground)) if piece.area >= _LEAST]
+        far = [piece for piece in shapely.get_parts(mapped.beyond(ground)) if piece.area >= rules.least_notch]
         if not far:
             return None
         kept = shapely.union_all([used[k] for k in sorted(tree.query(ground))])
         trimmed = ground
         for piece in far:
-            trimmed = _cut(trimmed, piece.buffer(_SHOULDER).difference(kept))
+            trimmed = _cut(trimmed, piece.buffer(rules.shoulder).difference(kept))
         return None if trimmed is ground else _outline(trimmed, corners)
 
     return replace_outlines(data, trim)
 
 
-def _used_ground(road_map: RoadMap) -> list[shapely.Geometry]:
+def _used_ground(road_map: RoadMap, verge: float) -> list[shapely.Geometry]:
     """List the ground that vehicles drive on at junctions, where lanes end, and where people cross.
 
     Walking areas are ground of their own.
     """
-    across = _LANE / 2 + _VERGE
+    across = _LANE / 2 + verge
     lines = (
         *(connection.shape for connection in road_map.connections),
         *(lane.shape[ends] for lane in road_map.lanes for ends in (slice(None, 2), slice(-2, None))),
@@ -80,14 +78,14 @@ def _used_ground(road_map: RoadMap) -> list[shapely.Geometry]:
     crossings = (crossing.polygon for crossing in road_map.crossings)
     return [
         *(shapely.LineString(line[:, :2]).buffer(across) for line in lines if len(line) > 1),
-        *(shapely.Polygon(outline[:, :2]).buffer(_VERGE) for outline in crossings if len(outline) > 3),
+        *(shapely.Polygon(outline[:, :2]).buffer(verge) for outline in crossings if len(outline) > 3),
     ]
 
 
 def _cut(ground: shapely.Polygon, notch: shapely.Geometry) -> shapely.Polygon:
     """Take a notch out of some ground, unless it parts the ground or lies in its midst."""
     largest, *rest = sorted(shapely.get_parts(ground.difference(notch)), key=shapely.area, reverse=True)
-    parted = sum(part.area for part in rest) > _LEAST / 2
+    parted = sum(part.area for part in rest) > _LEFT_OVER
     return ground if parted or largest.interiors else largest
 
 
