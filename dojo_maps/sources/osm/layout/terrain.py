@@ -72,6 +72,9 @@ def find_ground(layout: Layout, raster: ElevationGrid | None) -> Ground | None:
     Raises:
         SourceError: the raster lies elsewhere.
     """
+    tagged = any("ele" in tags for tags in layout.graph.tags.values())
+    if raster is None and not tagged and not any("incline" in way.tags for way in layout.graph.ways.values()):
+        return None
     streets = _read_streets(layout, step=np.inf if raster is None else layout.rules.terrain.step)
     heights = np.full(len(streets.where), np.nan)
     if raster is not None:
