@@ -7,7 +7,7 @@ from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 from dojo_maps import bundle
 from dojo_maps.demand import write_demand
@@ -68,7 +68,7 @@ class ConvertOptions:
     jobs: int | None = None
     far_side_signals: bool | None = None
     demand: float | None = 0.0
-    drive: str | None = None
+    drive: Literal["left", "right"] | None = None
     terrain: Path | None = None
 
 
@@ -101,6 +101,8 @@ def convert(
     path, name = find_network(source)
     folder = Path(folder) if folder is not None else Path(f"{name}.dojo")
     bundle.check_replaceable(folder)
+    if options.drive not in (None, "left", "right"):
+        raise UsageError(f"--drive {options.drive}: expected left or right")
     if not is_osm(path) and (options.drive, options.terrain) != (None, None):
         raise UsageError("--drive and --terrain are for OpenStreetMap data; other networks say it themselves")
     if options.enrich_net and is_osm(path):
