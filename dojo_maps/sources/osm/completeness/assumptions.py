@@ -37,7 +37,7 @@ def tell_ground(network: OsmNetwork) -> Issue:
     return _note(
         network,
         "osm.ground",
-        f"streets rise to {highest:.1f} m, {ground.steepest:.1%} at most, as {ground.told_by} have it{sea}",
+        f"streets rise to {highest:.1f} m, {ground.steepest:.1%} at most, by {ground.told_by}{sea}",
         "look at the slopes; give better elevations with --terrain",
     )
 

@@ -27,8 +27,6 @@ from dojo_maps.sources.osm.read.lengths import read_length
 from dojo_maps.sources.osm.rules import TerrainRules
 
 _INCLINE = re.compile(r"\s*(-?\d{1,2}(?:[.,]\d{1,2})?)\s*(%|°)\s*", re.ASCII)
-_EXACT = 1e3
-"""How much more a tagged elevation counts than the slopes around it."""
 _CONVERGED, _MOST_ROUNDS = 1e-6, 5_000
 
 
@@ -247,16 +245,18 @@ def _settle(streets: _Streets, heights: Floats, rules: TerrainRules, *, by_tags:
     stiff = rules.smooth**2 * np.where(tagged, rules.tagged, 1.0) / np.maximum(streets.lengths, 0.1)
     rises = np.where(tagged, streets.rises * streets.lengths, 0.0)
     share = (np.bincount(one, streets.lengths, size) + np.bincount(other, streets.lengths, size)) / 2
-    mass = np.where(known, _EXACT * stiff.max() if by_tags else np.maximum(share, 0.1), 0.0)
+    mass = np.where(known & (not by_tags), np.maximum(share, 0.1), 0.0)
+    fixed = known & by_tags
 
     def bend(force: Floats) -> Floats:
         return np.subtract(np.bincount(other, force, size), np.bincount(one, force, size), dtype=np.float64)
 
     def apply(values: Floats) -> Floats:
-        return mass * values + bend(stiff * (values[other] - values[one]))
+        return np.where(fixed, 0.0, mass * values + bend(stiff * (values[other] - values[one])))
 
-    found = np.full(size, float(heights[known].mean()) if known.any() else 0.0)
-    rest = mass * np.where(known, heights, 0.0) + bend(stiff * rises) - apply(found)
+    found = np.where(fixed, heights, float(heights[known].mean()) if known.any() else 0.0)
+    rest = mass * np.where(known, heights, 0.0) + bend(stiff * rises)
+    rest = np.where(fixed, 0.0, rest) - apply(found)
     ahead, left = rest, float(rest @ rest)
     enough = _CONVERGED**2 * left
     for _ in range(_MOST_ROUNDS):
