@@ -84,13 +84,15 @@ def _used_ground(road_map: RoadMap, verge: float) -> list[shapely.Geometry]:
 
 def _cut(ground: shapely.Polygon, notch: shapely.Geometry) -> shapely.Polygon:
     """Take a notch out of some ground, unless it parts the ground or lies in its midst."""
-    largest, *rest = sorted(shapely.get_parts(ground.difference(notch)), key=shapely.area, reverse=True)
-    parted = sum(part.area for part in rest) > _LEFT_OVER
-    return ground if parted or largest.interiors else largest
+    parts = shapely.get_parts(ground.difference(notch))
+    largest = max(parts, key=shapely.area, default=ground)
+    parted = float(shapely.area(parts).sum()) - largest.area > _LEFT_OVER
+    whole = largest.geom_type == "Polygon" and not largest.is_empty and not largest.interiors
+    return largest if whole and not parted else ground
 
 
 def _outline(ground: shapely.Polygon, corners: Floats) -> Floats:
     """Outline some ground, with the heights of the corners that were there."""
-    places = shapely.get_coordinates(shapely.simplify(ground.exterior, _SMOOTH))[:-1]
+    places = shapely.get_coordinates(shapely.simplify(ground, _SMOOTH).exterior)[:-1]
     nearest = [int(np.argmin(np.hypot(*(corners[:, :2] - place).T))) for place in places]
     return np.column_stack([places, corners[nearest, 2:]])
