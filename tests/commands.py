@@ -49,7 +49,7 @@ def wait_for_file(path: Path, running: subprocess.Popen[str]) -> None:
 
 def make_row(results: Path, row: str, **settings: object) -> None:
     """Train and evaluate a learned row with other settings than the benchmark's own."""
-    from learning.run_row import run_row  # noqa: PLC0415 - torch is not everywhere
+    from dojo_env.benchmark.row_runs import run_row  # noqa: PLC0415 - torch is not everywhere
 
     training = {
         "scenario": "two-way",

@@ -12,9 +12,9 @@ from pathlib import Path
 import pytest
 from commands import run_tool, start_tool, wait_for_file
 
+from dojo_env.benchmark.rows import CONTROLLERS
 from dojo_env.metrics import SIX
 from dojo_env.runs import run_controller
-from learning.rows import CONTROLLERS
 
 benchmark = partial(run_tool, "benchmark")
 

@@ -371,7 +371,7 @@ def reader_of(name: str) -> Callable[[Path], Any]:
 
 @pytest.mark.parametrize("name", ["policy.pt", "checkpoint.pt", "training.json"])
 def test_every_flipped_bit_of_what_a_training_keeps_is_refused(name: str, kept: Path, tmp_path: Path) -> None:
-    from learning.settings import RunFileError  # noqa: PLC0415
+    from dojo_env.learning.settings import RunFileError  # noqa: PLC0415
 
     good, read = (kept / name).read_bytes(), reader_of(name)
     read(kept / name)
@@ -388,7 +388,7 @@ def test_every_flipped_bit_of_what_a_training_keeps_is_refused(name: str, kept: 
 def test_what_a_training_keeps_is_refused_when_it_is_cut(
     share: float, name: str, kept: Path, tmp_path: Path
 ) -> None:
-    from learning.settings import RunFileError  # noqa: PLC0415
+    from dojo_env.learning.settings import RunFileError  # noqa: PLC0415
 
     good, path = (kept / name).read_bytes(), tmp_path / name
     path.write_bytes(good[: int(share * len(good))])
@@ -397,7 +397,7 @@ def test_what_a_training_keeps_is_refused_when_it_is_cut(
 
 
 def test_what_was_kept_before_there_were_checksums_is_read(kept: Path, tmp_path: Path) -> None:
-    from learning.settings import RunFileError  # noqa: PLC0415
+    from dojo_env.learning.settings import RunFileError  # noqa: PLC0415
 
     assert len(reader_of("old.pt")(kept / "old.pt")["layer"]) == 60
     assert reader_of("old.json")(kept / "old.json").scenario == "two-way"
@@ -417,7 +417,7 @@ def test_policies_that_are_kept_with_the_results_are_read(kept: Path) -> None:
 
 def test_code_in_a_checkpoint_is_not_run(kept: Path, tmp_path: Path) -> None:
     torch = pytest.importorskip("torch")
-    from learning.settings import RunFileError  # noqa: PLC0415
+    from dojo_env.learning.settings import RunFileError  # noqa: PLC0415
 
     class Harm:
         def __reduce__(self) -> tuple[Any, ...]:

@@ -16,11 +16,11 @@ pytest.importorskip("stable_baselines3")
 
 from stable_baselines3.common.buffers import NStepReplayBuffer
 
-from learning.buffers import NStepDictReplayBuffer
-from learning.evaluation import run_policy
-from learning.rows import CONSTRAINTS, LEARNED, find_training
-from learning.run_row import describe, find_folder, is_done, run_row
-from learning.settings import Training
+from dojo_env.benchmark.row_runs import describe, find_folder, is_done, run_row
+from dojo_env.benchmark.rows import CONSTRAINTS, LEARNED, find_training
+from dojo_env.learning.evaluation import run_policy
+from dojo_env.learning.replay_buffer import NStepDictReplayBuffer
+from dojo_env.learning.settings import Training
 
 
 def short_task(row: str) -> dict[str, Any]:
@@ -76,7 +76,7 @@ def test_settings_that_fewer_rows_share_win(monkeypatch: pytest.MonkeyPatch) -> 
         ("two-way", "DQN"): {"steps": 2, "hyperparameters": {"batch_size": 2, "n_steps": 4}},
         ("two-way", "DQN-MV"): {"steps": 3, "hyperparameters": {"batch_size": 3}},
     }
-    monkeypatch.setattr("learning.rows.OWN_SETTINGS", own)
+    monkeypatch.setattr("dojo_env.benchmark.rows.OWN_SETTINGS", own)
     found = {row: find_training(row, "two-way") for row in ("PPO-MV", "DQN-F", "DQN-MV")}
     assert {row: (each.steps, each.min_green) for row, each in found.items()} == {
         "PPO-MV": (1, 7), "DQN-F": (2, 7), "DQN-MV": (3, 7)

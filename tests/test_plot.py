@@ -12,7 +12,7 @@ from commands import make_row, run_tool
 from dojo_env.metrics import SIX
 
 pytest.importorskip("stable_baselines3")
-kept = pytest.importorskip("learning.kept")
+kept = pytest.importorskip("dojo_env.benchmark.kept_rows")
 plot = pytest.importorskip("plot")
 
 ROWS = ("MaxPressure", "Cycle")

@@ -17,18 +17,18 @@ import pytest
 from commands import TOOLS, run_tool, start_tool, wait_for_file
 from conftest import command_environment
 from gymnasium import spaces
+from train import add_arguments, choose_folder, main, read_arguments, read_pairs
 
 from dojo_env.errors import ConfigError
-from learning.settings import Training
-from train import add_arguments, choose_folder, main, read_arguments, read_pairs
+from dojo_env.learning.settings import Training
 
 if TYPE_CHECKING:
     from stable_baselines3.common.vec_env import VecEnv
 
 torch = pytest.importorskip("torch")
 pytest.importorskip("stable_baselines3")
-environments = pytest.importorskip("learning.environments")
-models = pytest.importorskip("learning.models")
+environments = pytest.importorskip("dojo_env.learning.environments")
+models = pytest.importorskip("dojo_env.learning.algorithms")
 
 QUICK = {
     "ppo": ["--scenario", "two-way", "--algorithm", "ppo", "--set", "n_steps=24", "batch_size=24"],
@@ -166,9 +166,9 @@ def act_at_random(running: "VecEnv", number: int) -> list[float]:
 def test_processes_start_with_what_takes_long_to_import() -> None:
     script = """
 import multiprocessing
-from learning.environments import open_environments
-from learning.processes import LOADED_ONCE
-from learning.settings import Training
+from dojo_env.learning.environments import open_environments
+from dojo_env.learning.episode_processes import LOADED_ONCE
+from dojo_env.learning.settings import Training
 
 if __name__ == "__main__":
     open_environments(Training(algorithm="a2c", processes=1, seconds=60)).close()

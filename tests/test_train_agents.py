@@ -12,7 +12,7 @@ import dojo_env
 
 torch = pytest.importorskip("torch")
 pytest.importorskip("stable_baselines3")
-agents = pytest.importorskip("learning.agents")
+agents = pytest.importorskip("dojo_env.learning.joint_signals")
 
 SIZE = ["--scenario", "cologne3", "--processes", "1", "--seconds", "120", "--steps", "72", "--every", "1",
         "--set", "n_steps=24", "batch_size=24"]  # fmt: skip

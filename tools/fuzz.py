@@ -213,7 +213,7 @@ def _make_policy(folder: Path) -> Path:
     """Make weights such as a training keeps, sealed as it seals them."""
     import torch
 
-    from learning.tensor_files import save
+    from dojo_env.learning.tensor_files import save
 
     torch.set_num_threads(1)
     path = folder / "policy.pt"
@@ -310,7 +310,7 @@ def _replay(folder: Path, _chance: random.Random) -> int:
 
 def _load_policy(folder: Path, _chance: random.Random) -> int:
     """Load weights: whatever is damaged in them must be noticed."""
-    from learning.tensor_files import load
+    from dojo_env.learning.tensor_files import load
 
     try:
         load(folder / "policy.pt")

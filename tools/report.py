@@ -10,18 +10,18 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from statistics import fmean, median
 
+from dojo_env.benchmark.kept_rows import KeptRow, read_kept
+from dojo_env.benchmark.rows import OWN_SETTINGS, ROWS, SCENARIOS
+from dojo_env.benchmark.tables import write_tables
 from dojo_env.config import SignalConfig
+from dojo_env.learning.result_files import Published, read_published
+from dojo_env.learning.settings import ALGORITHMS, INTERVAL, REWARD, RunFileError, Training
 from dojo_env.metrics import SIX
 from dojo_maps.command import Parser, run_command
 from dojo_maps.input_files import read_bytes
 from dojo_maps.interruption import begin
 from dojo_maps.whole_file import write_text
-from learning.kept import KeptRow, read_kept
-from learning.outcomes import Published, read_published
-from learning.rows import OWN_SETTINGS, ROWS, SCENARIOS
-from learning.settings import ALGORITHMS, INTERVAL, REWARD, RunFileError, Training
 from plot import TITLES, WINDOW, draw_all
-from result_table import write_tables
 
 RIVAL = "MaxPressure"
 """What a policy must beat to be worth its training: a rule that knows all vehicles."""

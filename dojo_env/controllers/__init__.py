@@ -37,7 +37,9 @@ def make_controller(name: str) -> Controller:
     """
     if name not in _MAKERS:
         raise ConfigError(f"controller {name!r}: expected one of {', '.join(CONTROLLERS)}")
-    return _MAKERS[name]()
+    controller = _MAKERS[name]()
+    controller.name = name
+    return controller
 
 
 __all__ = ["CONTROLLERS", "Controller", "make_controller"]
