@@ -40,10 +40,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
     Args:
         arguments: None for the process's own.
     """
-    return run_command("dojo-env", _parser, arguments)
+    return run_command("dojo-env", build_parser, arguments)
 
 
-def _parser() -> argparse.ArgumentParser:
+def build_parser() -> argparse.ArgumentParser:
+    """Declare the commands and what each takes."""
     parser = Parser(
         prog="dojo-env", description="Traffic signal control on converted maps, with SUMO's traffic."
     )

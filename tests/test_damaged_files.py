@@ -347,13 +347,15 @@ def kept(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder with weights, a checkpoint and settings of a training."""
     torch = pytest.importorskip("torch")
     pytest.importorskip("stable_baselines3")
-    from learning import settings, tensor_files  # noqa: PLC0415
+    from dojo_env.learning import settings, tensor_files  # noqa: PLC0415
 
     folder = tmp_path_factory.mktemp("run")
     weights = {"layer": torch.arange(60, dtype=torch.float32)}
-    tensor_files.save(weights, folder / "policy.pt")
+    tensor_files.save_tensors(weights, folder / "policy.pt")
     parts = dict.fromkeys(("parameters", "counters", "torch", "numpy", "actions", "buffer"))
-    tensor_files.save({**parts, "known": {"rows": [], "best": 1.5}, **weights}, folder / "checkpoint.pt")
+    tensor_files.save_tensors(
+        {**parts, "known": {"rows": [], "best": 1.5}, **weights}, folder / "checkpoint.pt"
+    )
     torch.save(weights, folder / "old.pt")
     settings.write_training(settings.Training(scenario="two-way"), folder / "training.json")
     old = {"training": {"scenario": "two-way"}, "versions": {}}
@@ -362,11 +364,11 @@ def kept(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def reader_of(name: str) -> Callable[[Path], Any]:
-    from learning import models, settings, tensor_files  # noqa: PLC0415
+    from dojo_env.learning import checkpoints, settings, tensor_files  # noqa: PLC0415
 
     if name.endswith(".json"):
         return settings.read_training
-    return models.read_checkpoint if name == "checkpoint.pt" else tensor_files.load
+    return checkpoints.read_checkpoint if name == "checkpoint.pt" else tensor_files.load_tensors
 
 
 @pytest.mark.parametrize("name", ["policy.pt", "checkpoint.pt", "training.json"])

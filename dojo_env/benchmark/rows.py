@@ -97,9 +97,8 @@ def read_row(path: Path) -> Row:
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise RunFileError(path, f"not TOML ({error})") from error
     if unknown := known.keys() - _KEYS:
-        raise RunFileError(
-            path, f"unknown: {', '.join(sorted(unknown))}; known are {', '.join(sorted(_KEYS))}"
-        )
+        told, expected = (", ".join(sorted(each)) for each in (unknown, _KEYS))
+        raise RunFileError(path, f"{told}: unknown; known are {expected}")
     name, controller = known.get("name"), known.get("controller")
     if not isinstance(name, str) or not _NAME.fullmatch(name):
         raise RunFileError(path, f"name = {name!r}: expected letters, digits, spaces and any of _ * . -")

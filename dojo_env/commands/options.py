@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 from dojo_env.camera_presets import CAMERA_PRESETS, PAPER
 from dojo_env.clusters import LOCAL
+from dojo_maps.progress import say
 
 if TYPE_CHECKING:
     from dojo_env.controllers import Controller
@@ -42,8 +43,12 @@ def read_sensing(options: argparse.Namespace) -> dict[str, Any]:
     return {name: value for name, value in wanted.items() if value}
 
 
-def find_controller(name: str) -> "Controller":
+def find_controller(name: str, scenario: str) -> "Controller":
     """Find who controls the signals: a controller by its name, or a policy that `dojo-env train` kept.
+
+    Args:
+        name: of the controller; or a run's folder, or its `policy.pt`.
+        scenario: that it will control; it is said where a policy was trained on another.
 
     Raises:
         ConfigError: there is none of that name.
@@ -56,7 +61,10 @@ def find_controller(name: str) -> "Controller":
         return make_controller(name)
     from dojo_env.learning.policy_controller import PolicyController
 
-    return PolicyController(path)
+    policy = PolicyController(path)
+    if Path(policy.trained_on).stem != Path(scenario).stem:
+        say(f"dojo-env: warning: {name}: trained on {policy.trained_on}, and this is {scenario}")
+    return policy
 
 
 def read_yellow(text: str) -> float | str:

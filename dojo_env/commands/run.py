@@ -72,7 +72,7 @@ def _run(options: argparse.Namespace) -> int:
             print(f"seed {figures['seed']}: travel time {figures['travel_time']:.2f} s", file=sys.stderr)
 
     figures = run_controller(
-        find_controller(options.controller),
+        find_controller(options.controller, options.scenario),
         options.seeds,
         on_episode=tell,
         on_stage=Progress(quiet=options.quiet),

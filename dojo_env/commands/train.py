@@ -107,7 +107,7 @@ def read_training(options: argparse.Namespace) -> Any:
     known = {field.name: getattr(options, field.name, None) for field in dataclasses.fields(Training)}
     given = {name: value for name, value in known.items() if value is not None}
     for name in {"reward", "hyperparameters"} & set(given):
-        given[name] = _read_pairs(given[name])
+        given[name] = read_pairs(given[name])
     if options.size:
         given["height"], given["width"] = options.size
     if options.row is None:
@@ -153,7 +153,7 @@ def _read_size(text: str) -> tuple[int, int]:
     return height, width
 
 
-def _read_pairs(pairs: list[str]) -> dict[str, Any]:
+def read_pairs(pairs: list[str]) -> dict[str, Any]:
     """Read `name=value`, values as JSON."""
     found = {}
     for pair in pairs:

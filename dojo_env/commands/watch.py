@@ -33,7 +33,7 @@ def _watch(options: argparse.Namespace) -> int:
     if not 0 <= options.port < 1 << 16:
         raise ConfigError("--port: expected a number from 0 to 65535")
     watch(
-        find_controller(options.controller),
+        find_controller(options.controller, options.scenario),
         seed=options.seed,
         port=options.port,
         browser=not options.no_browser,

@@ -13,7 +13,7 @@ from stable_baselines3.common.policies import BasePolicy
 
 from dojo_env.learning.independent_learners import Independent, Policies
 from dojo_env.learning.settings import RunFileError
-from dojo_env.learning.tensor_files import load, save
+from dojo_env.learning.tensor_files import load_tensors, save_tensors
 
 _COUNTERS = (
     "num_timesteps",
@@ -30,7 +30,7 @@ _BUFFERED = ("observations", "next_observations", "actions", "rewards", "dones",
 
 def save_policy(policy: BasePolicy | Policies, path: Path) -> None:
     """Write the weights alone."""
-    save(policy.state_dict(), path)
+    save_tensors(policy.state_dict(), path)
 
 
 def load_policy(policy: BasePolicy | Policies, path: Path) -> None:
@@ -40,7 +40,7 @@ def load_policy(policy: BasePolicy | Policies, path: Path) -> None:
         RunFileError: they are no weights, or those of another policy.
     """
     try:
-        policy.load_state_dict(load(path))
+        policy.load_state_dict(load_tensors(path))
     except (RuntimeError, TypeError, AttributeError) as error:
         problem = " ".join(str(error).split())[:300]
         raise RunFileError(
@@ -51,7 +51,9 @@ def load_policy(policy: BasePolicy | Policies, path: Path) -> None:
 def save_checkpoint(model: BaseAlgorithm | Independent, path: Path, known: dict[str, Any]) -> None:
     """Write all that the next update depends on, between two episodes; and what the caller knows."""
     first, *others = model.models if isinstance(model, Independent) else [model]
-    save({**_read_state(first), "others": [_read_state(other) for other in others], "known": known}, path)
+    save_tensors(
+        {**_read_state(first), "others": [_read_state(other) for other in others], "known": known}, path
+    )
 
 
 def _read_state(model: BaseAlgorithm) -> dict[str, Any]:
@@ -71,7 +73,7 @@ def read_checkpoint(path: Path) -> dict[str, Any]:
     Raises:
         RunFileError: it is none.
     """
-    state = load(path)
+    state = load_tensors(path)
     if not isinstance(state, dict) or not state.keys() >= _STATE or not are_known(state.get("known")):
         raise RunFileError(path, "not a checkpoint; start anew in another folder")
     return state

@@ -23,6 +23,9 @@ class PolicyController(Controller):
     """Acts by a policy that `dojo-env train` kept; it fits the junctions that it was trained for.
 
     Weights are loaded where the first episode begins: that may be another process.
+
+    Attributes:
+        trained_on: the scenario of its training.
     """
 
     def __init__(self, path: Path) -> None:
@@ -39,6 +42,7 @@ class PolicyController(Controller):
         known = self._training.environment
         super().__init__({name: value for name, value in known.items() if name not in _ABOUT_THE_RUN})
         self.name = f"{self._training.algorithm} from {self._training.observation}"
+        self.trained_on = self._training.scenario
         self._policy: Any = None
         self._encoder: Any = None
         self._stack: Stack | None = None

@@ -25,7 +25,7 @@ _LARGEST = 1 << 40
 _PIECE = 1 << 20
 
 
-def save(state: Any, path: Path) -> None:
+def save_tensors(state: Any, path: Path) -> None:
     """Write tensors and plain values, whole or not at all.
 
     Raises:
@@ -42,7 +42,7 @@ def save(state: Any, path: Path) -> None:
             file.write(_SEAL + digest)
 
 
-def load(path: Path) -> Any:
+def load_tensors(path: Path) -> Any:
     """Read tensors and plain values, and no code.
 
     Tensors stay in the file until they are used: a buffer that fits memory once need not fit it twice.

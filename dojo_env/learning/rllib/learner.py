@@ -21,7 +21,7 @@ from dojo_env.learning.process_setup import prepare_process
 from dojo_env.learning.progress import Curve
 from dojo_env.learning.rllib.settings import ENVIRONMENT, FIGURES, build_config
 from dojo_env.learning.settings import CHECKPOINT, RunFileError, Training
-from dojo_env.learning.tensor_files import load, save
+from dojo_env.learning.tensor_files import load_tensors, save_tensors
 from dojo_maps.progress import say
 
 
@@ -89,7 +89,9 @@ def _tell_runners(algorithm: Algorithm, before: int, tell: Callable[[str], None]
 def save_checkpoint(learner: Learner, path: Path, known: dict[str, Any]) -> None:
     """Write what the next update depends on, replay and the runners' random states aside."""
     optimizers = [optimizer.state_dict() for _, optimizer in learner.get_optimizers_for_module()]
-    save({"module": learner.module[DEFAULT_MODULE_ID].state_dict(), "optimizers": optimizers, **known}, path)
+    save_tensors(
+        {"module": learner.module[DEFAULT_MODULE_ID].state_dict(), "optimizers": optimizers, **known}, path
+    )
 
 
 def read_checkpoint(path: Path) -> dict[str, Any]:
@@ -98,7 +100,7 @@ def read_checkpoint(path: Path) -> dict[str, Any]:
     Raises:
         RunFileError: it is none.
     """
-    state = load(path)
+    state = load_tensors(path)
     if not isinstance(state, dict) or not {"module", "optimizers", "steps"} <= state.keys():
         raise RunFileError(path, "not from a cluster; go on without --ray, or name another --out")
     if not isinstance(state["steps"], int) or not are_known(state.get("known")):
