@@ -46,8 +46,7 @@ def test_policy_for_one_signal_is_refused_where_there_are_several(tmp_path: Path
     for scenario, words in (("cologne3", "there are 3"), ("ingolstadt1", "weights of another policy")):
         done = run_env("run", "--scenario", scenario, "--controller", folder, "--seconds", 60)
         assert done.returncode == (2 if scenario == "cologne3" else 3), done.stderr
-        assert words in done.stderr
-        assert len(done.stderr.strip().splitlines()) == 1, done.stderr
+        assert words in done.stderr.strip().splitlines()[-1]
     done = run_env("run", "--scenario", "cologne1", "--controller", folder, "--seconds", 60)
     assert "trained on two-way" in done.stderr  # Which has as many lanes and phases.
     done = run_env("run", "--scenario", "two-way", "--controller", tmp_path / "none.pt")
