@@ -1,7 +1,5 @@
 """What happens between updates: figures of each round of episodes, the best policy, checkpoints."""
 
-import time
-from collections import deque
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -13,6 +11,7 @@ from torch.optim.swa_utils import AveragedModel
 
 from dojo_env.learning.checkpoints import save_checkpoint, save_policy
 from dojo_env.learning.evaluation import evaluate
+from dojo_env.learning.pace import Pace
 from dojo_env.learning.settings import CHECKPOINT, CURVE, POLICY, Training
 from dojo_env.metrics import SIX
 from dojo_maps.progress import say
@@ -21,33 +20,6 @@ from dojo_maps.whole_file import write_table
 CHOSEN_BY = "travel_time_all"
 """The figure that chooses the best policy: unfinished trips and those that wait outside count, too."""
 COLUMNS = ("steps", "part", "reward", *SIX, CHOSEN_BY)
-_TOLD_EVERY = 10.0
-"""Seconds between two lines of progress."""
-
-
-class Pace:
-    """How fast a run is, and when it will end; a line now and then."""
-
-    def __init__(self, total: int, tell: Callable[[str], None]) -> None:
-        """Take the run's steps, and what takes the lines."""
-        self._total, self._tell = total, tell
-        self._seen: deque[tuple[float, int]] = deque(maxlen=10)
-        self._last = time.monotonic()
-
-    def note(self, steps: int) -> None:
-        """Note how far the run is; says so if nothing was said for a while."""
-        if not self._seen or steps - self._seen[-1][1] >= self._total / 1000:
-            self._seen.append((time.monotonic(), steps))
-        if time.monotonic() - self._last > _TOLD_EVERY:
-            self.say(steps)
-
-    def say(self, steps: int, words: str = "") -> None:
-        """Say how far the run is."""
-        self._last = time.monotonic()
-        (begun, before), (now, after) = (self._seen[0], self._seen[-1]) if self._seen else ((0, 0), (0, 0))
-        pace = (after - before) / (now - begun) if now > begun else 0.0
-        left = f", {pace:.0f} steps/s, {max(self._total - steps, 0) / pace / 60:.0f} min left" if pace else ""
-        self._tell(f"{steps:>9,} of {self._total:,} steps{words}{left}")
 
 
 class Curve:
