@@ -53,7 +53,7 @@ EXPLAINED = {
     "tools/bench_validate.py": {"loads"},
     "dojo_env/commands/train.py": {"loads"},
     "dojo_env/benchmark/rows.py": {"loads"},
-    "tools/fuzz.py": {"read_bytes", "read_text", "open", "load"},
+    "tools/fuzz.py": {"read_bytes", "read_text", "open"},
     "tools/random_damage.py": {"load", "loads"},
     "tools/survey_networks.py": {"loads", "read_text"},
     # Films: regular files of known kinds, or a stream that a user names.

@@ -60,6 +60,5 @@ def test_one_agent_for_several_signals_is_refused_before_any_work(tmp_path: Path
         learners = ["--agents", "shared"] if arguments else []
         done = train("--scenario", "cologne3", *arguments, *learners, "--out", tmp_path / "a")
         assert done.returncode == 2
-        assert words in done.stderr
-        assert len(done.stderr.strip().splitlines()) == 1, done.stderr
+        assert words in done.stderr.strip().splitlines()[-1]
     assert not (tmp_path / "a").exists()

@@ -47,7 +47,7 @@ def find_controller(name: str, scenario: str) -> "Controller":
     """Find who controls the signals: a controller by its name, or a policy that `dojo-env train` kept.
 
     Args:
-        name: of the controller; or a run's folder, or its `policy.pt`.
+        name: of the controller; or a run's folder, or the policy in it.
         scenario: that it will control; it is said where a policy was trained on another.
 
     Raises:
@@ -57,6 +57,12 @@ def find_controller(name: str, scenario: str) -> "Controller":
     from dojo_env.controllers import CONTROLLERS, make_controller
 
     path = Path(name)
+    if path.is_dir() and (path / "policy.npz").is_file():
+        path /= "policy.npz"
+    if path.suffix == ".npz":
+        from dojo_env.controllers.phase_competition import PhaseCompetition
+
+        return PhaseCompetition(path)
     if name in CONTROLLERS or not (path.suffix == ".pt" or path.is_dir()):
         return make_controller(name)
     from dojo_env.learning.policy_controller import PolicyController

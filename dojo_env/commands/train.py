@@ -3,6 +3,8 @@
 import argparse
 import dataclasses
 import json
+import os
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -25,6 +27,12 @@ def add_train(commands: Commands) -> None:
     )
     train.add_argument(
         "--row", metavar="ROW", help="begin with the settings of a row of the benchmark, or of a .toml file"
+    )
+    train.add_argument(
+        "--junctions",
+        nargs="*",
+        metavar="NAME",
+        help="one policy for any junction, from those of scenarios or files (default: all packaged)",
     )
     train.add_argument("--algorithm", choices=list(ALGORITHMS), help="(default: ppo)")
     train.add_argument("--observation", choices=OBSERVATIONS, help="(default: features)")
@@ -68,6 +76,11 @@ def add_train(commands: Commands) -> None:
 
 
 def _train(options: argparse.Namespace) -> int:
+    return _train_universal(options) if options.junctions is not None else _train_row(options)
+
+
+def _train_row(options: argparse.Namespace) -> int:
+    """Train a policy for one scenario."""
     from dojo_env.learning.scenario_check import check_scenario
 
     training = read_training(options)
@@ -93,6 +106,53 @@ def _train(options: argparse.Namespace) -> int:
         train(training, folder, resume=options.resume, tensorboard=options.tensorboard, tell=tell)
     print(folder)
     return 0
+
+
+def _train_universal(options: argparse.Namespace) -> int:
+    """Train a policy for any junction."""
+    from dojo_env.learning.universal.settings import check_folder
+    from dojo_env.scenario import PACKAGED
+
+    training = read_universal(options, tuple(PACKAGED))
+    folder = options.out or Path("runs", f"universal-seed{training.seed}")
+    tell = say_nothing if options.quiet else say
+    check_folder(training, folder, resume=options.resume)
+    tell(f"{folder}: one policy for any junction, from {', '.join(training.scenarios)}")
+    from dojo_env.learning.universal.training import open_nodes, open_processes, train
+
+    interruption.explain(_RESUME)
+    count = options.processes or os.cpu_count() or 1
+    with open_nodes(options.ray, count) if options.ray else open_processes(count) as run_all:
+        train(training, folder, run_all, resume=options.resume, tell=tell)
+    print(folder)
+    return 0
+
+
+def read_universal(options: argparse.Namespace, packaged: Sequence[str]) -> Any:
+    """Turn arguments into settings of a universal policy's training.
+
+    Args:
+        options: the command's.
+        packaged: the scenarios that are meant where none is named.
+
+    Raises:
+        ConfigError: a value cannot work, or is of a policy for one scenario.
+    """
+    from dojo_env.learning.universal.settings import UniversalTraining
+
+    others = ("scenario", "row", "algorithm", "observation", "encoder", "steps", "reward", "size", "agents",
+              "conditions", "patches", "shared_views", "background_subtraction", "averaged_weights",
+              "min_green")  # fmt: skip
+    if wrong := [name for name in others if getattr(options, name) is not None]:
+        raise ConfigError(f"--{wrong[0].replace('_', '-')} is for one scenario; leave it or --junctions out")
+    settings = read_pairs(options.hyperparameters or [])
+    known = {field.name for field in dataclasses.fields(UniversalTraining)} - {"scenarios", "seed"}
+    if unknown := settings.keys() - known:
+        raise ConfigError(f"--set {', '.join(sorted(unknown))}: known are {', '.join(sorted(known))}")
+    for name, value in (("seed", options.seed), ("longest", options.seconds), ("every", options.every)):
+        if value is not None:
+            settings[name] = value
+    return UniversalTraining(scenarios=tuple(options.junctions or packaged), **settings)
 
 
 def read_training(options: argparse.Namespace) -> Any:
