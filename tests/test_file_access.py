@@ -36,7 +36,7 @@ EXPLAINED = {
     # What netconvert has just written into a scratch folder.
     "dojo_maps/repair/splicing.py": {"fromstring"},
     "dojo_maps/sources/netconvert.py": {"read_bytes"},
-    "dojo_maps/sources/osm/pipeline.py": {"read_bytes", "read_text"},
+    "dojo_maps/sources/osm/network/netconvert_run.py": {"read_bytes", "read_text"},
     # What is written, not read; what a process of ours says; what a user types; a web server's answer.
     "dojo_env/commands/watch_video.py": {"open"},
     "dojo_env/sumo_files.py": {"fdopen"},

@@ -4,29 +4,28 @@ import heapq
 import itertools
 import math
 from collections import defaultdict
+from collections.abc import Sequence
 from collections.abc import Set as AbstractSet
 from dataclasses import replace
 
 import numpy as np
 import shapely
 
-from dojo_maps.sources.osm.graph.road_graph import RoadGraph
-
-_LEVEL = 5.0
-"""Metres from one level to the next, as a truck needs under a bridge."""
-_GRADE, _STEEP = 0.06, 0.15
-"""Of ramps, and at most, where a ramp ends before it passes under a bridge or above a tunnel."""
-_APART = 15.0
-"""Metres from where a road leaves a bridge or tunnel, within which it does not pass under or above it."""
+from dojo_maps.sources.osm.graph.road_graph import RoadGraph, free_number
 
 
-def compute_heights(graph: RoadGraph) -> dict[int, float]:
+def compute_heights(graph: RoadGraph) -> tuple[RoadGraph, dict[int, float]]:
     """Give each node that is not on the ground its height, metres.
 
-    Bridges and tunnels are level; from their ends the roads lead to the ground at a grade of 6 %, or as
+    Bridges and tunnels are level; from their ends the roads lead to the ground at a gentle grade, or as
     steep as it takes to pass under a bridge or above a deeper tunnel, where they get another node.
+
+    Returns:
+        The roads with these nodes; and the heights.
     """
-    low, deep = _nodes_under_bridges(graph), _nodes_above_tunnels(graph)
+    rules = graph.rules.heights
+    graph, low = _add_nodes_under_bridges(graph)
+    graph, deep = _add_nodes_above_tunnels(graph)
     beside: dict[int, list[tuple[int, float]]] = defaultdict(list)
     fixed: dict[int, float] = {}
     for name in sorted(graph.sections):
@@ -36,7 +35,7 @@ def compute_heights(graph: RoadGraph) -> dict[int, float]:
             beside[one].append((other, apart))
             beside[other].append((one, apart))
         for node in section.nodes if section.road.layer else ():
-            height = _LEVEL * section.road.layer
+            height = rules.level * section.road.layer
             fixed[node] = max(fixed.get(node, height), height, key=abs)
     heights: dict[int, float] = {}
     queue = [(-abs(height), node, height) for node, height in fixed.items()]
@@ -47,12 +46,12 @@ def compute_heights(graph: RoadGraph) -> dict[int, float]:
             continue
         heights[node] = round(height, 2)
         for other, apart in beside[node]:
-            left = abs(height) - _GRADE * apart
+            left = abs(height) - rules.grade * apart
             if left > 0 and other not in heights:
                 heapq.heappush(queue, (-left, other, math.copysign(left, height)))
-    _level(heights, beside, dict.fromkeys(low, 0.0), fixed, 1)
-    _level(heights, beside, deep, fixed, -1)
-    return heights
+    _level(heights, beside, dict.fromkeys(low, 0.0), fixed, 1, rules.steepest)
+    _level(heights, beside, deep, fixed, -1, rules.steepest)
+    return graph, heights
 
 
 def _level(
@@ -61,6 +60,7 @@ def _level(
     most: dict[int, float],
     fixed: dict[int, float],
     sign: int,
+    steepest: float,
 ) -> None:
     """Bring nodes as near to the ground as they must be, and those around them as far as it takes.
 
@@ -70,6 +70,7 @@ def _level(
         most: metres that nodes may be away from the ground.
         fixed: heights of bridges and tunnels, which are not left.
         sign: 1 above the ground, -1 below.
+        steepest: rise over length, at most.
     """
     queue = [(metres, node) for node, metres in sorted(most.items())]
     heapq.heapify(queue)
@@ -82,23 +83,25 @@ def _level(
         seen.add(node)
         heights[node] = round(sign * least, 2)
         for other, apart in beside[node]:
-            heapq.heappush(queue, (least + _STEEP * apart, other))
+            heapq.heappush(queue, (least + steepest * apart, other))
 
 
-def _nodes_under_bridges(graph: RoadGraph) -> set[int]:
+def _add_nodes_under_bridges(graph: RoadGraph) -> tuple[RoadGraph, list[int]]:
     """Give roads on the ground a node where they pass under a bridge."""
     on_ground = {name for name, section in graph.sections.items() if not section.road.layer}
     bridges = {name for name, section in graph.sections.items() if section.road.layer > 0}
-    passing = _passing(graph, on_ground, bridges)
-    return {_insert(graph, name, place) for name, _, place in passing}
+    return _insert(graph, [(name, place) for name, _, place in _passing(graph, on_ground, bridges)])
 
 
-def _nodes_above_tunnels(graph: RoadGraph) -> dict[int, float]:
+def _add_nodes_above_tunnels(graph: RoadGraph) -> tuple[RoadGraph, dict[int, float]]:
     """Give tunnels a node where they pass above deeper ones; and how deep they may be there."""
     layers = {name: section.road.layer for name, section in graph.sections.items() if section.road.layer < 0}
     passing = _passing(graph, layers.keys(), layers.keys())
     above = [(name, place) for name, other, place in passing if layers[name] > layers[other]]
-    return {_insert(graph, name, place): -_LEVEL * layers[name] for name, place in above}
+    graph, nodes = _insert(graph, above)
+    return graph, {
+        node: -graph.rules.heights.level * layers[name] for node, (name, _) in zip(nodes, above, strict=True)
+    }
 
 
 def _passing(
@@ -114,19 +117,28 @@ def _passing(
         for hit in sorted(tree.query(line, predicate="crosses")):
             shared = set(graph.sections[name].nodes) & set(graph.sections[known[hit]].nodes)
             for x, y in shapely.get_coordinates(line.intersection(lines[hit])).tolist():
-                if all(math.dist((x, y), graph.places[node]) > _APART for node in shared):
+                if all(
+                    math.dist((x, y), graph.places[node]) > graph.rules.heights.parting for node in shared
+                ):
                     found.append((name, known[hit], (x, y)))
     return found
 
 
-def _insert(graph: RoadGraph, name: str, place: tuple[float, float]) -> int:
-    """Give a section a node at a place on its line."""
-    section = graph.sections[name]
-    line = graph.line(section)
-    pieces = [shapely.LineString(piece) for piece in itertools.pairwise(line)]
-    index = int(np.argmin([piece.distance(shapely.Point(place)) for piece in pieces]))
-    node = graph.add_node(place)
-    nodes = (*section.nodes[: index + 1], node, *section.nodes[index + 1 :])
-    ways = (*section.ways[: index + 1], *section.ways[index:])
-    graph.sections[name] = replace(section, nodes=nodes, ways=ways)
-    return node
+def _insert(
+    graph: RoadGraph, found: Sequence[tuple[str, tuple[float, float]]]
+) -> tuple[RoadGraph, list[int]]:
+    """Give sections nodes at places on their lines; list these nodes."""
+    sections, places = dict(graph.sections), dict(graph.places)
+    inserted = []
+    for name, place in found:
+        section = sections[name]
+        line = np.array([places[node] for node in section.nodes])
+        pieces = [shapely.LineString(piece) for piece in itertools.pairwise(line)]
+        index = int(np.argmin([piece.distance(shapely.Point(place)) for piece in pieces]))
+        node = free_number(places)
+        places[node] = place
+        nodes = (*section.nodes[: index + 1], node, *section.nodes[index + 1 :])
+        ways = (*section.ways[: index + 1], *section.ways[index:])
+        sections[name] = replace(section, nodes=nodes, ways=ways)
+        inserted.append(node)
+    return replace(graph, sections=sections, places=places), inserted

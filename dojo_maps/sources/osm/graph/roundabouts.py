@@ -14,35 +14,20 @@ import shapely
 from dojo_maps.geometry.polylines import Floats
 from dojo_maps.sources.osm.graph.road_graph import RoadGraph, Section
 
-_LARGEST = 60.0
-"""Metres across, of a ring that nothing but its shape makes a roundabout."""
-_ROUND = 0.88
-"""Its area, as a share of the circle's of its length; a square has 0.79."""
-_MOST_PARTS = 16
-_ROOM = 6.5
-"""Metres of ring to keep between the mouths of two arms, with their rounded corners."""
-_WALK = 2.5
-"""Metres of pavement on each side of an arm."""
-_WIDER = 4.0
-"""Metres by which a ring's radius grows at most."""
-_HOPELESS = 8.0
-"""Metres that a radius would have to grow from which a ring stays as it is: arms mapped as two lines each."""
-_FADES = 12.0
-"""Metres out from a ring over which its arms give way to it."""
 
-
-def recognise_rings(graph: RoadGraph) -> None:
+def recognise_rings(graph: RoadGraph) -> RoadGraph:
     """Take one-way roads that close to a circle, in the sense of traffic, for an untagged roundabout."""
     leaving: dict[int, list[Section]] = defaultdict(list)
     for _, section in sorted(graph.sections.items()):
         if section.road.oneway and not section.road.roundabout and section.start != section.end:
             leaving[section.start].append(section)
-    for section in [section for sections in leaving.values() for section in sections]:
+    sections = dict(graph.sections)
+    for section in [section for parts in leaving.values() for section in parts]:
         ring = _turn_back(graph, leaving, section)
         if ring and _is_circle(graph, ring):
             for part in ring:
-                road = replace(part.road, roundabout=True)
-                graph.sections[part.id] = replace(graph.sections[part.id], road=road)
+                sections[part.id] = replace(part, road=replace(part.road, roundabout=True))
+    return replace(graph, sections=sections)
 
 
 def _turn_back(graph: RoadGraph, leaving: dict[int, list[Section]], first: Section) -> list[Section]:
@@ -51,7 +36,7 @@ def _turn_back(graph: RoadGraph, leaving: dict[int, list[Section]], first: Secti
     ring = [first]
     while ring[-1].end != first.start:
         onward = leaving[ring[-1].end]
-        if not onward or len(ring) == _MOST_PARTS:
+        if not onward or len(ring) == graph.rules.roundabouts.most_parts:
             return []
         arriving = graph.line(ring[-1])[-2:]
         ring.append(max(onward, key=lambda s: (side * _turn(arriving, graph.line(s)[:2]), s.id)))
@@ -68,15 +53,19 @@ def _is_circle(graph: RoadGraph, ring: list[Section]) -> bool:
     line = np.concatenate([graph.line(section)[:-1] for section in ring])
     if len(line) < 4:
         return False
-    shape = shapely.Polygon(line)
+    shape, rules = shapely.Polygon(line), graph.rules.roundabouts
     turns_right = shapely.is_ccw(shape.exterior) != graph.left_hand
     across = max(np.ptp(line, axis=0))
-    return bool(turns_right and across <= _LARGEST and 4 * math.pi * shape.area > _ROUND * shape.length**2)
+    return bool(
+        turns_right
+        and across <= rules.largest
+        and 4 * math.pi * shape.area > rules.roundness * shape.length**2
+    )
 
 
-def widen_rings(graph: RoadGraph) -> None:
+def widen_rings(graph: RoadGraph) -> RoadGraph:
     """Move the nodes of roundabouts outward where their arms lie too close together."""
-    ends = graph.ends()
+    ends, rules = graph.ends(), graph.rules.roundabouts
     for ring in find_rings(graph):
         nodes = sorted({node for section in ring for node in section.nodes})
         x, y = (sum(graph.places[node][axis] for node in nodes) / len(nodes) for axis in (0, 1))
@@ -84,19 +73,22 @@ def widen_rings(graph: RoadGraph) -> None:
         wanted = max(
             sum(_mouth(graph, ends[vertex]) for vertex in (section.start, section.end))
             / graph.length(section)
-            + _ROOM / graph.length(section)
+            + rules.between_arms / graph.length(section)
             for section in ring
         )
         missing = (wanted - 1.0) * radius
-        if not 0.0 < missing <= _HOPELESS:
+        if not 0.0 < missing <= rules.hopeless_growth:
             continue
-        wider = min(missing, _WIDER)
+        wider = min(missing, rules.most_growth)
         arms = {name for node in nodes for name in ends.get(node, ())}
+        places = dict(graph.places)
         for node in {node for name in arms for node in graph.sections[name].nodes}:
-            a, b = graph.places[node]
+            a, b = places[node]
             apart = max(math.dist((a, b), (x, y)), 0.1)
-            push = wider * min(max(1.0 - (apart - radius) / _FADES, 0.0), 1.0) / apart
-            graph.places[node] = (round(a + (a - x) * push, 3), round(b + (b - y) * push, 3))
+            push = wider * min(max(1.0 - (apart - radius) / rules.fading, 0.0), 1.0) / apart
+            places[node] = (round(a + (a - x) * push, 3), round(b + (b - y) * push, 3))
+        graph = replace(graph, places=places)
+    return graph
 
 
 def find_rings(graph: RoadGraph) -> list[list[Section]]:
@@ -120,5 +112,6 @@ def find_rings(graph: RoadGraph) -> list[list[Section]]:
 
 def _mouth(graph: RoadGraph, names: list[str]) -> float:
     """Give half the width of the widest arm at a vertex, with its pavement; 0 where there is none."""
+    pavement = graph.rules.roundabouts.pavement
     roads = [graph.sections[name].road for name in names]
-    return max((road.drives / 2 + _WALK for road in roads if not road.roundabout), default=0.0)
+    return max((road.drives / 2 + pavement for road in roads if not road.roundabout), default=0.0)

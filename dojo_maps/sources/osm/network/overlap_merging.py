@@ -10,33 +10,30 @@ import shapely
 
 from dojo_maps.description import LaneKind, RoadMap
 from dojo_maps.geometry.polylines import Floats
-from dojo_maps.sources.osm.completeness.lane_strips import strips
+from dojo_maps.sources.osm.graph.edge_id import EdgeId
 from dojo_maps.sources.osm.layout.arms import Layout
+from dojo_maps.sources.osm.network.lane_strips import strips
 from dojo_maps.sources.osm.plain.plain_xml import Plain
-
-_LONGEST = 60.0
-"""Metres of a road that vanishes in its junction."""
-_LEAST_OVERLAP = 10.0
-"""Square metres, as the check of lanes that lie on each other has it."""
-_BORDER = 2.0
+from dojo_maps.sources.osm.rules import NetworkRules
 
 
 def lying_on_neighbours(road_map: RoadMap, layout: Layout, plain: Plain) -> list[tuple[int, int]]:
     """Find the ends of short sections that still lie on another road of their junction when built."""
-    graph = layout.graph
+    graph, rules = layout.graph, layout.rules.network
     found = set()
-    for one, other in _overlapping(road_map):
-        sections = [plain.sections[name] for name in (one, other) if name in plain.sections]
+    for one, other in _overlapping(road_map, rules):
+        edges = [EdgeId.read(name) for name in (one, other)]
+        sections = [plain.sections[edge] for edge in edges if edge in plain.sections]
         if len(sections) < 2 or sections[0].road.layer != sections[1].road.layer:
             continue
         drawn = [section for section in sections if not section.road.roundabout]
         short = min(drawn, key=lambda section: (graph.length(section), section.id), default=None)
-        if short is not None and graph.length(short) <= _LONGEST:
+        if short is not None and graph.length(short) <= rules.longest_merged:
             found.add((min(short.start, short.end), max(short.start, short.end)))
     return sorted(found)
 
 
-def _overlapping(road_map: RoadMap) -> Iterator[tuple[str, str]]:
+def _overlapping(road_map: RoadMap, rules: NetworkRules) -> Iterator[tuple[str, str]]:
     """Pair the roads that meet at a junction and lie on each other beyond it, not counting directions."""
     ground = strips(road_map, (LaneKind.DRIVING, LaneKind.BUS))
     names = sorted(ground)
@@ -47,12 +44,12 @@ def _overlapping(road_map: RoadMap) -> Iterator[tuple[str, str]]:
         common = ends[names[a]] & ends[names[b]]
         if a >= b or len(common) != 1:
             continue
-        border = _surround(outlines[common.pop()])
-        if shapes[a].intersection(shapes[b]).difference(border).area > _LEAST_OVERLAP:
+        border = _surround(outlines[common.pop()], rules.junction_border)
+        if shapes[a].intersection(shapes[b]).difference(border).area > rules.least_overlap:
             yield names[a], names[b]
 
 
-def _surround(outline: Floats) -> shapely.Geometry:
+def _surround(outline: Floats, metres: float) -> shapely.Geometry:
     """Give a junction's ground and what lies near it, where its roads may touch."""
     area = shapely.make_valid(shapely.Polygon(outline)) if len(outline) > 2 else shapely.Point()
-    return shapely.union(area, shapely.multipoints(outline)).buffer(_BORDER)
+    return shapely.union(area, shapely.multipoints(outline)).buffer(metres)

@@ -1,17 +1,17 @@
-"""Where an extract says that people cross a road: crossing nodes, and crossing ways over a road."""
+"""Where people cross a road, as it is mapped: crossing nodes, and crossing ways over a road."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
 import shapely
 
-from dojo_maps.sources.osm.graph.road_graph import RoadGraph
-from dojo_maps.sources.osm.read.data import OsmData, Tags
+from dojo_maps.sources.osm.graph.road_graph import Footway, RoadGraph
+from dojo_maps.sources.osm.read.data import Tags
+from dojo_maps.sources.osm.read.foot_tags import is_crossing_way
 
 _FOR_WALKERS = ("pedestrian_crossing", "pedestrian", "crossing")
 """Kinds of signals that stop traffic for people who cross."""
-_SAME = 5.0
-"""Metres between two crossings of one section that are one."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -37,27 +37,22 @@ class MappedCrossing:
     marked: bool
 
 
-def find_crossings(data: OsmData, graph: RoadGraph) -> list[MappedCrossing]:
+def find_crossings(graph: RoadGraph) -> list[MappedCrossing]:
     """Find each crossing of a road, once for each section that it crosses, in the order of sections."""
-    on_way = {
-        node: way for way, found in data.ways.items() if _is_crossing_way(found.tags) for node in found.nodes
-    }
-    found = _at_nodes(data, graph, on_way)
-    found += _across(data, graph, {crossing.node for crossing in found})
+    ways = [footway for footway in graph.footways if is_crossing_way(footway.tags)]
+    found = _at_nodes(graph, {node: way for way in ways for node in way.nodes})
+    found += _across(graph, ways, {crossing.node for crossing in found})
     found.sort(key=lambda c: (c.section, c.along, c.kind, c.element))
     kept: list[MappedCrossing] = []
+    same = graph.rules.crossings.same
     for crossing in found:
         last = kept[-1] if kept else None
-        if last and last.section == crossing.section and crossing.along - last.along < _SAME:
+        if last and last.section == crossing.section and crossing.along - last.along < same:
             if crossing.signalised and not last.signalised:
                 kept[-1] = crossing
             continue
         kept.append(crossing)
     return kept
-
-
-def _is_crossing_way(tags: Tags) -> bool:
-    return "crossing" in (tags.get("footway"), tags.get("path")) and tags.get("crossing") != "no"
 
 
 def _is_crossing_node(tags: Tags) -> bool:
@@ -66,22 +61,22 @@ def _is_crossing_node(tags: Tags) -> bool:
     return named and tags.get("crossing") != "no" and "railway" not in tags
 
 
-def _at_nodes(data: OsmData, graph: RoadGraph, on_way: dict[int, int]) -> list[MappedCrossing]:
+def _at_nodes(graph: RoadGraph, on_way: dict[int, Footway]) -> list[MappedCrossing]:
     """Take crossings at nodes of sections; one at a vertex belongs to the first section there."""
     found = []
     for node, places in sorted(graph.positions().items()):
-        tags = data.nodes[node].tags if node in data.nodes else {}
+        tags = graph.tags.get(node, {})
         named = _is_crossing_node(tags)
         if not (named or (node in on_way and tags.get("crossing") != "no")):
             continue
         if not named:
-            tags = {**data.ways[on_way[node]].tags, **tags}
+            tags = {**on_way[node].tags, **tags}
         section, index = min(places)
         line = graph.line(graph.sections[section])[: index + 1]
         found.append(
             MappedCrossing(
                 kind="node" if named else "way",
-                element=node if named else on_way[node],
+                element=node if named else on_way[node].way,
                 node=node,
                 place=graph.places[node],
                 section=section,
@@ -93,16 +88,15 @@ def _at_nodes(data: OsmData, graph: RoadGraph, on_way: dict[int, int]) -> list[M
     return found
 
 
-def _across(data: OsmData, graph: RoadGraph, known: set[int]) -> list[MappedCrossing]:
+def _across(graph: RoadGraph, ways: Iterable[Footway], known: set[int]) -> list[MappedCrossing]:
     """Take crossing ways that run over a section without a common node, on the ground."""
-    names = sorted(graph.sections)
+    names, same = sorted(graph.sections), graph.rules.crossings.same
     lines = [shapely.LineString(graph.line(graph.sections[name])) for name in names]
     tree = shapely.STRtree(lines)
     found = []
-    for way, crossing in data.ways.items():
-        on_ground = _is_crossing_way(crossing.tags) and crossing.tags.get("bridge", "no") == "no"
-        path = graph.way_line(data, crossing) if on_ground else None
-        if path is None:
+    for crossing in ways:
+        path = crossing.line
+        if path is None or crossing.tags.get("bridge", "no") != "no":
             continue
         for hit in sorted(tree.query(path, predicate="intersects")):
             section = graph.sections[names[hit]]
@@ -112,12 +106,12 @@ def _across(data: OsmData, graph: RoadGraph, known: set[int]) -> list[MappedCros
             along = float(lines[hit].project(point))
             places = graph.line(section)
             nearest = int(np.argmin(np.hypot(*(places - (point.x, point.y)).T)))
-            if section.nodes[nearest] in known and np.hypot(*(places[nearest] - (point.x, point.y))) < _SAME:
+            if section.nodes[nearest] in known and np.hypot(*(places[nearest] - (point.x, point.y))) < same:
                 continue
             found.append(
                 MappedCrossing(
                     kind="way",
-                    element=way,
+                    element=crossing.way,
                     node=section.nodes[nearest],
                     place=(float(point.x), float(point.y)),
                     section=names[hit],
