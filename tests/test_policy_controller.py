@@ -18,6 +18,7 @@ KINDS = {
 }  # fmt: skip
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize("kind", KINDS)
 def test_policy_gives_its_figures_as_a_controller(kind: str, tmp_path: Path) -> None:
     folder, size = tmp_path / "run", [f"--{name}={value}" for name, value in SHORT.items()]

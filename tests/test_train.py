@@ -56,6 +56,7 @@ def interrupt(folder: Path, *arguments: object) -> None:
     running.communicate()
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize("kind", QUICK)
 def test_interrupted_run_goes_on_to_the_same_result(kind: str, tmp_path: Path) -> None:
     if kind == "encoded":
