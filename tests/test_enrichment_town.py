@@ -126,11 +126,55 @@ def test_what_is_generated_says_so_and_has_names_of_its_own(town: tuple[RoadMap,
         assert len({thing.id for thing in things}) == len(things)
 
 
-def test_forecourts_have_no_holes_and_keep_the_sidewalks(town: tuple[RoadMap, RoadMap]) -> None:
+def test_forecourts_have_no_holes_and_sidewalks_give_way_to_bays_only(town: tuple[RoadMap, RoadMap]) -> None:
     bare, built = town
-    assert built.sidewalks[: len(bare.sidewalks)] == bare.sidewalks
-    paved = [shapely.Polygon(walk.polygon[:, :2]) for walk in built.sidewalks[len(bare.sidewalks) :]]
-    assert all(shape.is_valid and shape.area > 1.0 for shape in paved)
+    bays = shapely.union_all(_outlines(_props(built, "parking")))
+    kept = {walk.id: walk for walk in built.sidewalks}
+    for walk in bare.sidewalks:
+        before, after = (shapely.Polygon(each.polygon[:, :2]) for each in (walk, kept[walk.id]))
+        if not before.buffer(0).intersects(bays):
+            assert kept[walk.id] is walk
+        assert after.is_valid
+    paved = [walk for walk in built.sidewalks if "forecourt" in walk.id]
+    assert all(shapely.Polygon(walk.polygon[:, :2]).is_valid and not walk.holes for walk in paved)
+
+
+def _pavement(road_map: RoadMap) -> shapely.Geometry:
+    rings = [(thing.polygon, thing.holes) for thing in road_map.sidewalks]
+    rings += [(thing.polygon, ()) for thing in road_map.walking_areas]
+    return shapely.union_all(
+        [shapely.Polygon(ring[:, :2], [hole[:, :2] for hole in holes]).buffer(0) for ring, holes in rings]
+    )
+
+
+def test_cars_are_parked_in_bays_and_in_nobodys_way(town: tuple[RoadMap, RoadMap]) -> None:
+    _, built = town
+    cars, bays = _outlines(_props(built, "parked_car")), _outlines(_props(built, "parking"))
+    assert len(cars) >= (0 if built.name == "ingolstadt1" else 20)
+    assert shapely.union_all(cars).area == pytest.approx(shapely.area(cars).sum(), abs=1e-6)
+    assert shapely.covered_by(cars, shapely.union_all(bays).buffer(1e-3)).all()
+    assert shapely.intersection(shapely.union_all(bays), _pavement(built)).area < 0.05
+    junctions = [shapely.Polygon(j.polygon[:, :2]) for j in built.junctions if len(j.polygon) > 2]
+    crossings = [shapely.Polygon(crossing.polygon[:, :2]) for crossing in built.crossings]
+    posts = _feet([prop for prop in built.props if prop.position is not None])
+    for others, distance in (
+        (_driven(built), 0.05),
+        (shapely.union_all(junctions), 10.0),
+        (shapely.union_all(crossings), 4.0),
+        (shapely.union_all(_outlines(_props(built, "building"))), 1.5),
+        (shapely.union_all(posts), 0.5),
+    ):
+        assert shapely.distance(cars, others).min(initial=100.0) > distance
+
+
+def test_pavement_leads_around_every_bay(town: tuple[RoadMap, RoadMap]) -> None:
+    _, built = town
+    walks = {walk.id: shapely.Polygon(walk.polygon[:, :2]) for walk in built.sidewalks if walk.road}
+    for bay in _props(built, "parking"):
+        there, back = np.split(bay.polygon[:, :2], 2)
+        behind = shapely.LineString(back + 1.0 * (back - there[::-1]) / 2.2)
+        own = [shape for name, shape in walks.items() if name.split(":")[1] == dict(bay.tags)["road"]]
+        assert shapely.union_all(own).buffer(1e-3).covers(behind)
 
 
 def test_a_source_that_tells_of_houses_gets_lamps_only() -> None:

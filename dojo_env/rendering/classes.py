@@ -50,6 +50,7 @@ class Surface(IntEnum):
 LAYERS = {
     "terrain": (Semantic.TERRAIN, Surface.GRASS, (104, 128, 78)),
     "road": (Semantic.ROAD, Surface.ASPHALT, (92, 91, 89)),
+    "road/parking": (Semantic.ROAD, Surface.ASPHALT, (104, 103, 101)),
     "junction": (Semantic.ROAD, Surface.ASPHALT, (90, 89, 87)),
     "rail": (Semantic.RAIL, Surface.BALLAST, (112, 101, 90)),
     "sidewalk": (Semantic.SIDEWALK, Surface.PAVING, (168, 164, 156)),

@@ -65,6 +65,20 @@ class Roadside:
         poles = [prop.position[:2] for prop in road_map.props if prop.position is not None]
         self._posts = [shapely.points(np.array(poles).reshape(-1, 2))]
 
+    @property
+    def walls(self) -> Shapes:
+        """Outlines of the houses."""
+        return self._walls.geometries
+
+    @property
+    def posts(self) -> Shapes:
+        """Where posts stand so far."""
+        return np.concatenate(self._posts)
+
+    def keep_off(self, ground: Shapes) -> None:
+        """Let nothing that is put from now on stand on some ground (n,)."""
+        self._driven = shapely.STRtree(np.concatenate([self._driven.geometries, ground]))
+
     def put_lamps(self) -> tuple[Prop, ...]:
         """Put street lamps behind the kerb, about every 30 m; their arms reach over the carriageway."""
         spots, headings = [np.empty((0, 2))], [np.empty(0)]
@@ -160,7 +174,7 @@ class Roadside:
         open_ground = shapely.union_all([*gates, *self._near.sights, *self._crossings.geometries])
         line = shapely.difference(shapely.intersection(edge, before), open_ground)
         hedges = shapely.difference(
-            shapely.buffer(line, _HEDGE_HALF, cap_style="flat"), shapely.union_all(self._near.driven)
+            shapely.buffer(line, _HEDGE_HALF, cap_style="flat"), shapely.union_all(self._driven.geometries)
         )
         parts = flat_polygons(np.array([shapely.set_precision(hedges, GRID)]), larger_than=1.0)[0]
         return tuple(

@@ -1,9 +1,15 @@
-"""The town around the streets of a map, generated from the map alone: houses, lamps, signs, trees, hedges."""
+"""The town around the streets of a map, generated from the map alone.
+
+Houses, street lamps, signs, parking bays with cars in them, trees and hedges.
+"""
 
 from dataclasses import replace
 
+import shapely
+
 from dojo_maps.description import RoadMap
 from dojo_maps.enrichment.houses import generate_forecourts, generate_houses
+from dojo_maps.enrichment.parking import PARKING, PAVEMENT_BEHIND, generate_parking
 from dojo_maps.enrichment.roadside import Roadside
 from dojo_maps.enrichment.surroundings import prop_shapes
 from dojo_maps.enrichment.vicinity import look_around
@@ -26,9 +32,13 @@ def build_town(road_map: RoadMap) -> RoadMap:
         return replace(road_map, props=road_map.props + props)
     rows = prop_shapes(tuple(house for house in houses if ("building", "apartments") in house.tags))
     gardens = prop_shapes(tuple(house for house in houses if ("building", "house") in house.tags))
-    props += roadside.put_signs() + roadside.plant_trees() + roadside.plant_hedges(gardens)
+    props += roadside.put_signs()
+    parking, sidewalks = generate_parking(near, road_map.sidewalks, roadside.walls, roadside.posts)
+    bays = prop_shapes(tuple(prop for prop in parking if prop.kind == PARKING))
+    roadside.keep_off(shapely.buffer(bays, PAVEMENT_BEHIND, join_style="mitre"))
+    props += parking + roadside.plant_trees() + roadside.plant_hedges(gardens)
     return replace(
         road_map,
-        sidewalks=road_map.sidewalks + generate_forecourts(near, rows),
+        sidewalks=sidewalks + generate_forecourts(near, rows, bays),
         props=road_map.props + props,
     )

@@ -30,6 +30,7 @@ COLOURS = {
     "tree/hedge": (62, 98, 50),
     "tree/trunk": (98, 78, 60),
     "road": (74, 77, 82),
+    "road/parking": (92, 92, 94),
     "junction": (78, 81, 86),
     "rail": (112, 101, 90),
     "rail/track": (150, 152, 156),
