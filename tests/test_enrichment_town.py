@@ -177,6 +177,34 @@ def test_pavement_leads_around_every_bay(town: tuple[RoadMap, RoadMap]) -> None:
         assert shapely.union_all(own).buffer(1e-3).covers(behind)
 
 
+def test_shelters_stand_on_the_pavement_and_face_the_street(town: tuple[RoadMap, RoadMap]) -> None:
+    _, built = town
+    shelters = _props(built, "shelter")
+    cars, driven = shapely.union_all(_outlines(_props(built, "parked_car"))), _driven(built)
+    for shelter in shelters:
+        heading = heading_of(shelter)
+        ahead = np.array([np.cos(heading), np.sin(heading)])
+        place = np.array(shelter.position[:2])
+        ground = shapely.LineString(
+            [place - 1.7 * ahead[::-1] * [-1, 1], place + 1.7 * ahead[::-1] * [-1, 1]]
+        )
+        assert driven.distance(ground.buffer(0.6, cap_style="flat")) > 0.3
+        assert driven.distance(shapely.Point(place + 1.5 * ahead)) == 0.0
+        assert cars.distance(ground) > 7.0 or cars.is_empty
+    assert shelters or built.name == "cologne1"
+
+
+def test_stops_that_a_source_tells_of_get_shelters_beside_their_street() -> None:
+    bare = _furnished("cologne1")
+    (invented,) = _props(build_town(bare), "shelter")
+    x, y = np.array(invented.position[:2]) + 3.0 * np.array([np.cos(heading_of(invented)), 0.0])
+    stop = Prop(id="stop", kind="bus_stop", height=0.0, position=(float(x), float(y), 0.0))
+    source = replace(bare.source, kind="osm")
+    (shelter,) = _props(build_town(replace(bare, source=source, props=(*bare.props, stop))), "shelter")
+    assert np.hypot(*(np.array(shelter.position[:2]) - [x, y])) < 4.0
+    assert heading_of(shelter) == pytest.approx(heading_of(invented), abs=0.1)
+
+
 def test_a_source_that_tells_of_houses_gets_lamps_only() -> None:
     bare = _furnished("cologne1")
     told = build_town(replace(bare, source=replace(bare.source, kind="osm")))

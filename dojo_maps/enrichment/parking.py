@@ -80,7 +80,7 @@ class Places:
 
 
 def generate_parking(
-    near: Vicinity, sidewalks: Sequence[Sidewalk], walls: Shapes, posts: Shapes
+    near: Vicinity, sidewalks: Sequence[Sidewalk], walls: Shapes, taken: Shapes
 ) -> tuple[tuple[Prop, ...], tuple[Sidewalk, ...]]:
     """Lay bays along the streets of a vicinity, and park cars in them.
 
@@ -88,14 +88,14 @@ def generate_parking(
         near: the vicinity.
         sidewalks: the map's; generated ones give way to bays.
         walls: (n,) outlines of houses, map frame.
-        posts: (m,) points where lamps and signs stand.
+        taken: (m,) where something else stands, such as lamps and signs.
 
     Returns:
         Bays, then cars, and the sidewalks.
     """
     beside = {walk.road for walk in sidewalks if walk.origin is Origin.GENERATED}
     found = [places for lane in near.road_map.lanes if lane.road in beside for places in _beside(near, lane)]
-    rooms = _find_room(found, near, walls, posts)
+    rooms = _find_room(found, near, walls, taken)
     runs = [(room, *run) for room in rooms for run in room.runs()]
     if not runs:
         return (), tuple(sidewalks)
@@ -129,7 +129,7 @@ def _beside(near: Vicinity, lane: Lane) -> Iterator[Places]:
     )
 
 
-def _find_room(found: Sequence[Places], near: Vicinity, walls: Shapes, posts: Shapes) -> list[Places]:
+def _find_room(found: Sequence[Places], near: Vicinity, walls: Shapes, taken: Shapes) -> list[Places]:
     """Keep the places on ground that nothing else needs; of two on the same ground, the first."""
     if not found:
         return []
@@ -148,7 +148,7 @@ def _find_room(found: Sequence[Places], near: Vicinity, walls: Shapes, posts: Sh
         (crossings, _FROM_CROSSINGS),
         (walked, 0.0),
         (walls, _FROM_WALLS),
-        (posts, _FROM_POSTS),
+        (taken, _FROM_POSTS),
     ):
         free[shapely.STRtree(shapes).query(ground, "dwithin", distance=distance)[0]] = False
     one, other = shapely.STRtree(ground).query(shapely.buffer(ground, -0.1), "intersects")

@@ -1,4 +1,4 @@
-"""What stands and lies around the roads of an extract: buildings, trees, water and green areas, as props.
+"""What is around the roads of an extract: buildings, trees, bus stops, water and green areas, as props.
 
 Heights come from tags, else from the number of floors, else from the kind of building.
 """
@@ -17,8 +17,10 @@ from dojo_maps.sources.osm.read.data import OsmData, Tags
 from dojo_maps.sources.osm.read.lengths import read_length
 from dojo_maps.sources.osm.surroundings.areas import MapShapes, areas_of, polygons_of, without_overlaps
 
-MOST = {"building": 4_000, "tree": 2_500, "water": 500, "green": 1_500}
+MOST = {"building": 4_000, "tree": 2_500, "bus_stop": 300, "water": 500, "green": 1_500}
 """Things of each kind that are kept; the nearest to a signal, or to the map's middle, come first."""
+_PLACED = ("tree", "bus_stop")
+"""Kinds that have a place, and no outline."""
 _MARGIN = 25.0
 """Metres around the roads within which things are kept."""
 _FLOOR, _ROOF = 3.2, 1.0
@@ -73,8 +75,8 @@ def read_context(data: OsmData, road_map: RoadMap) -> tuple[tuple[Prop, ...], tu
         road_map: the map, with its projection.
 
     Returns:
-        Buildings and areas, which do not overlap others of their kind, then trees; and a note for each kind
-        that there is too much of.
+        Buildings, trees, bus stops and areas, which do not overlap others of their kind; and a note for each
+        kind that there is too much of.
     """
     if road_map.projection.proj is None:
         return (), ()
@@ -86,7 +88,7 @@ def read_context(data: OsmData, road_map: RoadMap) -> tuple[tuple[Prop, ...], tu
         if len(things) > most:
             issues.append(_left_out(kind, len(things), road_map))
         kept = things[:most]
-        props += _tree_props(kept) if kind == "tree" else _area_props(kept, kind)
+        props += _placed_props(kept, kind) if kind in _PLACED else _area_props(kept, kind)
     return tuple(props), tuple(issues)
 
 
@@ -104,8 +106,8 @@ class _Finder:
         shapely.prepare(self._frame)
 
     def find(self, kind: str) -> Iterator[_Thing]:
-        if kind == "tree":
-            yield from self._trees()
+        if kind in _PLACED:
+            yield from self._trees() if kind == "tree" else self._stops()
             return
         for element, number, tags in self._areas():
             if not _is_kind(kind, tags):
@@ -147,13 +149,22 @@ class _Finder:
                 for k, place in enumerate(_spread(self._shapes.line(way))):
                     yield from self._tree(f"way/{number}/{k}", way.tags, place)
 
+    def _stops(self) -> Iterator[_Thing]:
+        for node, found in self._data.nodes.items():
+            tags = found.tags
+            if tags.get("highway") == "bus_stop" and tags.get("shelter") != "no":
+                place = self._shapes.place(node)
+                if place is not None:
+                    yield from self._placed("bus_stop", f"node/{node}", tags, place, 0.0)
+
     def _tree(self, name: str, tags: Tags, place: Floats) -> Iterator[_Thing]:
+        yield from self._placed("tree", name, tags, place, tree_height(tags))
+
+    def _placed(self, kind: str, name: str, tags: Tags, place: Floats, height: float) -> Iterator[_Thing]:
         spot = shapely.Point(place)
         if self._frame.contains(spot):
             distance = round(float(shapely.distance(spot, self._focus)), 3)
-            yield _Thing(
-                kind="tree", id=name, tags=tags, height=tree_height(tags), shape=spot, distance=distance
-            )
+            yield _Thing(kind=kind, id=name, tags=tags, height=height, shape=spot, distance=distance)
 
 
 def building_height(tags: Tags) -> float:
@@ -222,11 +233,11 @@ def _area_props(things: list[_Thing], kind: str) -> Iterator[Prop]:
             )
 
 
-def _tree_props(things: Iterable[_Thing]) -> Iterator[Prop]:
+def _placed_props(things: Iterable[_Thing], kind: str) -> Iterator[Prop]:
     for thing in things:
         position = (round(thing.shape.x, 3), round(thing.shape.y, 3), 0.0)
         yield Prop(
-            id=thing.id, kind="tree", height=round(thing.height, 2), position=position, tags=_tags(thing.tags)
+            id=thing.id, kind=kind, height=round(thing.height, 2), position=position, tags=_tags(thing.tags)
         )
 
 
