@@ -161,8 +161,12 @@ def _find_room(found: Sequence[Places], near: Vicinity, walls: Shapes, taken: Sh
 
 
 def _polygons(found: Sequence[Places], near: float, far: float) -> Shapes:
-    rings = [places.band(k, k + 1, near, far) for places in found for k in range(len(places.free))]
-    polygons: Shapes = shapely.polygons(np.array(rings))
+    rings = []
+    for places in found:
+        inner, outer = np.split(places.band(0, len(places.free), near, far), 2)
+        outer = outer[::-1]
+        rings.append(np.stack([inner[:-1], inner[1:], outer[1:], outer[:-1]], axis=1))
+    polygons: Shapes = shapely.polygons(np.concatenate(rings))
     return polygons
 
 
@@ -180,23 +184,25 @@ def _led_around(
     sidewalks: Sequence[Sidewalk], runs: Sequence[tuple[Places, int, int]], bays: Shapes, around: Shapes
 ) -> Iterator[Sidewalk]:
     """Cut bays out of generated pavement, and lead that of their own street around them."""
-    tree = shapely.STRtree(bays)
+    generated = [w for w in sidewalks if w.origin is Origin.GENERATED and len(w.polygon) > 2]
+    own = areas([walk.polygon for walk in generated])
+    number, bay = shapely.STRtree(bays).query(own, "intersects")
+    crossed = {generated[k].id: (own[k], bay[number == k]) for k in np.unique(number).tolist()}
     roads = np.array([room.lane.road for room, _, _ in runs])
     for walk in sidewalks:
-        own = areas([walk.polygon])
-        cut = tree.query(own[0], "intersects") if len(own) else []
-        if walk.origin is Origin.NETWORK or not len(cut):
+        if walk.id not in crossed:
             yield walk
             continue
-        led = shapely.union_all([own[0], *around[cut[roads[cut] == walk.road]]], grid_size=GRID)
+        shape, cut = crossed[walk.id]
+        led = shapely.union_all([shape, *around[cut[roads[cut] == walk.road]]], grid_size=GRID)
         left = shapely.difference(led, shapely.union_all(bays[cut]), grid_size=GRID)
-        lines = next(room.lane.shape for room, _, _ in (runs[k] for k in cut))
+        line = runs[cut[0]][0].lane.shape
         for k, part in enumerate(flat_polygons(np.array([left]), larger_than=1.0)[0]):
             yield replace(
                 walk,
-                id=f"{walk.id}:{k}" if k else walk.id,
-                polygon=lift(shapely.get_coordinates(part.exterior)[:-1], lines),
-                holes=tuple(lift(shapely.get_coordinates(hole)[:-1], lines) for hole in part.interiors),
+                id=f"{walk.id}+{k}" if k else walk.id,
+                polygon=lift(shapely.get_coordinates(part.exterior)[:-1], line),
+                holes=tuple(lift(shapely.get_coordinates(hole)[:-1], line) for hole in part.interiors),
             )
 
 

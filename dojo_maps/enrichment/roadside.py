@@ -210,9 +210,9 @@ class Roadside:
         gates = shapely.buffer(shapely.shortest_line(shapely.centroid(gardens), edge), 1.2)
         open_ground = shapely.union_all([*gates, *self._near.sights, *self._crossings.geometries])
         line = shapely.difference(shapely.intersection(edge, before), open_ground)
-        hedges = shapely.difference(
-            shapely.buffer(line, _HEDGE_HALF, cap_style="flat"), shapely.union_all(self._driven.geometries)
-        )
+        hedges = shapely.buffer(line, _HEDGE_HALF, cap_style="flat")
+        near = self._driven.geometries[self._driven.query(hedges, "intersects")]
+        hedges = shapely.difference(hedges, shapely.union_all(near))
         parts = flat_polygons(np.array([shapely.set_precision(hedges, GRID)]), larger_than=1.0)[0]
         return tuple(
             Prop(

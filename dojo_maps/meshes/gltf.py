@@ -95,6 +95,11 @@ _CREASE = np.cos(np.radians(30.0))
 _TOPS_FIRST = 1000.0
 """How much more than its walls the top of pavement counts for the normals of its edge."""
 
+_LEAFY = ("tree", "tree/leaves")
+"""Meshes that are smooth all over."""
+_NORMALS = 2048
+"""More than the steps of a part of a normal, by which corners are told apart."""
+
 _VERTICES, _INDICES = 34962, 34963
 """glTF's numbers for what a buffer view holds."""
 _TYPES = {np.uint16: 5123, np.uint32: 5125, np.float32: 5126}
@@ -213,19 +218,23 @@ def _shade(mesh: Mesh) -> tuple[Floats, Ints, Floats]:
     a, b, c = np.moveaxis(mesh.vertices[mesh.faces], 1, 0)
     across = np.cross(b - a, c - a)
     corners, facing = mesh.faces.ravel(), _unit(across)
-    if mesh.layer in _JOINED:
-        groups = corners
-        across *= np.where(facing[:, 2:] > _CREASE, _TOPS_FIRST, 1.0)
-    elif mesh.name == "tree":
-        groups = corners
-    else:
-        groups = _smooth_groups(mesh.faces, facing)
-    sums = np.zeros((len(corners), 3))
-    np.add.at(sums, groups, np.repeat(across, 3, axis=0))
-    normals = _unit(sums)[groups]
-    keys = np.column_stack([corners, np.round(normals * 1000.0)])
-    _, first, places = np.unique(keys, axis=0, return_index=True, return_inverse=True)
+    if mesh.layer in _JOINED or mesh.name in _LEAFY:
+        if mesh.layer in _JOINED:
+            across *= np.where(facing[:, 2:] > _CREASE, _TOPS_FIRST, 1.0)
+        return mesh.vertices, mesh.faces, _unit(_sums(corners, across, len(mesh.vertices)))
+    groups = _smooth_groups(mesh.faces, facing)
+    normals = _unit(_sums(groups, across, len(corners)))[groups]
+    keys = corners
+    for axis in range(3):
+        keys = keys * _NORMALS + np.round((normals[:, axis] + 1.0) * 1000.0).astype(np.int64)
+    _, first, places = np.unique(keys, return_index=True, return_inverse=True)
     return mesh.vertices[corners[first]], places.reshape(-1, 3), normals[first]
+
+
+def _sums(groups: Ints, across: Floats, count: int) -> Floats:
+    """Add up what the faces (m, 3) give to the groups (3 m,) of their corners: (count, 3)."""
+    given = np.repeat(across, 3, axis=0)
+    return np.column_stack([np.bincount(groups, weights=axis, minlength=count) for axis in given.T])
 
 
 def _unit(vectors: Floats) -> Floats:
