@@ -20,8 +20,8 @@ from dojo_maps.cli import main
 from dojo_maps.conversion import convert
 from dojo_maps.description import Phase
 from dojo_maps.sources.netconvert import NetconvertError, NetconvertResult, run_netconvert
-from dojo_maps.sources.osm import pipeline as osm_network
 from dojo_maps.sources.osm import read_osm
+from dojo_maps.sources.osm.network import netconvert_run
 from dojo_maps.sources.osm.read.country import drives_left, has_far_side_signals
 
 CONTROLLERS = {
@@ -325,7 +325,7 @@ def test_import_leaves_out_what_netconvert_fails_on(
             raise NetconvertError("netconvert crashed (SIGSEGV); it gave no reason")
         return run_netconvert(arguments, folder=folder, timeout=timeout)
 
-    monkeypatch.setattr(osm_network, "run_netconvert", crash)
+    monkeypatch.setattr(netconvert_run, "run_netconvert", crash)
     _, report = convert(str(cross().write(tmp_path / "a.osm")), tmp_path / "a.dojo")
     issues = [issue for issue in report["issues"] if issue["check"] == "osm.netconvert_failed"]
     assert len(issues) == attempts
@@ -338,7 +338,7 @@ def test_import_says_so_when_netconvert_fails_whatever_is_left_out(
     def crash(arguments: list[str], **_: Any) -> NetconvertResult:
         raise NetconvertError("netconvert crashed (SIGSEGV); it gave no reason")
 
-    monkeypatch.setattr(osm_network, "run_netconvert", crash)
+    monkeypatch.setattr(netconvert_run, "run_netconvert", crash)
     path = cross().write(tmp_path / "a.osm")
     assert main(["import-osm", str(path), "-o", str(tmp_path / "a.dojo")]) == 4
     assert "SIGSEGV" in capsys.readouterr().err

@@ -38,6 +38,7 @@ _LOSSES = (
     ("IMP018", "osm.road_lost", "Mapped roads are built whole", WARNING, "10 m of each class"),
     ("IMP021", "osm.junction_too_large", "Junctions pave no ground beside their roads", WARNING, "50 m²"),
     ("IMP020", "osm.road_closed", "No barrier stands on a road", NOTE, "none"),
+    ("IMP022", "osm.not_converged", "Junctions are settled after some attempts", WARNING, "8 attempts"),
     ("IMP019", "osm.not_imported", "All ways with traffic are imported", NOTE, "none left out"),
 )
 """What an import counts while it builds a network: code, id, title, severity and limit."""

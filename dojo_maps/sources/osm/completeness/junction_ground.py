@@ -5,15 +5,13 @@ import shapely
 from dojo_maps.issue import Element, Issue
 from dojo_maps.sources.osm.completeness.losses import loss
 from dojo_maps.sources.osm.junctions.grouping import around_road
-from dojo_maps.sources.osm.pipeline import OsmNetwork
-
-MOST_FAR = 50.0
-"""Square metres of a junction that may lie far from all roads."""
+from dojo_maps.sources.osm.network.osm_network import OsmNetwork
 
 
 def check_junction_ground(network: OsmNetwork) -> list[Issue]:
     """Measure the ground of each junction that is more than 6 m from the mapped carriageways."""
     graph = network.layout.graph
+    most = graph.rules.completeness.junction_void
     roads = [around_road(graph, section) for _, section in sorted(graph.sections.items())]
     tree = shapely.STRtree(roads)
     node_of = {name: node for node, name in network.plain.nodes.items()}
@@ -24,7 +22,7 @@ def check_junction_ground(network: OsmNetwork) -> list[Issue]:
         ground = shapely.make_valid(shapely.Polygon(junction.polygon[:, :2]))
         near = shapely.union_all([roads[k] for k in sorted(tree.query(ground))])
         far = ground.difference(near)
-        if far.area > MOST_FAR:
+        if far.area > most:
             place = far.representative_point()
             issues.append(
                 loss(
@@ -33,7 +31,7 @@ def check_junction_ground(network: OsmNetwork) -> list[Issue]:
                     ("node", node_of[junction.id]), (place.x, place.y),
                     "draw the junction's shape in netedit, or split it",
                     near=Element(kind="junction", id=junction.id),
-                    measured=round(far.area, 1), limit=MOST_FAR,
+                    measured=round(far.area, 1), limit=most,
                 )
             )  # fmt: skip
     return issues

@@ -11,23 +11,18 @@ from collections.abc import Sequence
 from dojo_maps.sources.osm.graph.road_graph import Section
 from dojo_maps.sources.osm.graph.sign_direction import sign_direction
 from dojo_maps.sources.osm.layout.arms import Arm, Layout
-from dojo_maps.sources.osm.plain.movements import directed
-from dojo_maps.sources.osm.read.data import OsmData
 from dojo_maps.sources.osm.read.way_tags import KINDS
 
 SIGNED_PRIORITY = 1
 """Of an approach with a sign; other roads have more."""
-_WITHIN = 40.0
-"""Metres before a junction within which a sign is for it."""
 _STOP, _GIVE_WAY = "stop", "give_way"
 
 
 class RightOfWay:
     """The signs at the junctions of a layout."""
 
-    def __init__(self, data: OsmData, layout: Layout) -> None:
+    def __init__(self, layout: Layout) -> None:
         self._layout = layout
-        self._data = data
         self._signs: dict[Arm, str] = {}
         self._all_way: set[int] = set()
         self._mini: set[int] = set()
@@ -58,34 +53,32 @@ class RightOfWay:
         return self._minor[junction] if self._rank(arm) < max(ranks) else None
 
     def _rank(self, arm: Arm) -> int:
-        return KINDS[self._layout.graph.sections[arm[0]].road.kind]
+        return KINDS[self._layout.graph.sections[arm.section].road.kind]
 
     def _arrives(self, arm: Arm) -> bool:
-        return bool(directed(self._layout.graph.sections[arm[0]], into_end=arm[1]))
+        return bool(self._layout.arriving(arm))
 
     def _read_approach(self, section: Section) -> None:
-        places = self._layout.graph.places
-        steps = [math.dist(places[a], places[b]) for a, b in itertools.pairwise(section.nodes)]
+        graph = self._layout.graph
+        steps = [math.dist(graph.places[a], graph.places[b]) for a, b in itertools.pairwise(section.nodes)]
         for index, node in enumerate(section.nodes[1:-1], 1):
-            found = self._data.nodes.get(node)
-            sign = found.tags.get("highway") if found else None
-            if found is None or sign not in (_STOP, _GIVE_WAY):
+            sign = graph.tags.get(node, {}).get("highway")
+            if sign not in (_STOP, _GIVE_WAY):
                 continue
             before, after = sum(steps[:index]), sum(steps[index:])
-            said = sign_direction(self._data, section, node)
+            said = sign_direction(graph, section, node)
             at_end = after < before if said == 0 else said > 0
-            if (after if at_end else before) <= _WITHIN and self._arrives((section.id, at_end)):
-                self._signs[section.id, at_end] = str(sign)
+            arm, farthest = Arm(section.id, at_end), graph.rules.movements.sign_before_junction
+            if (after if at_end else before) <= farthest and self._arrives(arm):
+                self._signs[arm] = sign
 
     def _read_junction(self, vertex: int) -> None:
-        found = self._data.nodes.get(vertex)
+        tags = self._layout.graph.tags.get(vertex, {})
         junction = self._layout.junctions.of[vertex]
-        kind = found.tags.get("highway") if found else None
-        if found is None or kind is None:
-            return
+        kind = tags.get("highway")
         if kind == "mini_roundabout":
             self._mini.add(junction)
-        elif kind == _STOP and found.tags.get("stop") == "all":
+        elif kind == _STOP and tags.get("stop") == "all":
             self._all_way.add(junction)
         elif kind in (_STOP, _GIVE_WAY):
             self._minor[junction] = kind
