@@ -18,6 +18,7 @@ from dojo_maps.geometry.pieces import build_pieces, lane_strips
 from dojo_maps.input_files import read_bytes
 from dojo_maps.meshes.buildings import raise_outlines
 from dojo_maps.meshes.mesh import is_watertight
+from dojo_maps.meshes.surroundings import surrounding_meshes
 from dojo_maps.sources.files import find_network
 from dojo_maps.sources.sumo_net import read_network
 
@@ -256,3 +257,28 @@ def test_a_gable_roof_is_closed_and_encloses_what_it_should() -> None:
 def test_heading_of_is_east_where_the_tag_is_no_heading(text: str) -> None:
     prop = Prop(id="a", kind="lamp", height=8.0, position=(0.0, 0.0, 0.0), tags=(("heading", text),))
     assert heading_of(prop) == 0.0
+
+
+def test_conifers_alone_have_crowns_and_no_leaves() -> None:
+    bare = _furnished("cologne1")
+    x, y = bare.origin
+    fir = Prop(id="fir", kind="tree", height=9.0, position=(x, y, 0.0), tags=(("leaf_type", "needleleaved"),))
+    (crown, trunk) = surrounding_meshes(replace(bare, props=(fir,)))
+    assert (crown.name, trunk.name) == ("tree", "tree/trunk")
+    assert is_watertight(crown)
+    assert crown.vertices[:, 2].max() == pytest.approx(9.0)
+
+
+def test_a_crown_stays_within_its_room_whatever_the_species() -> None:
+    bare = _furnished("cologne1")
+    trees = [
+        Prop(id=f"{k}", kind="tree", height=10.0, position=(bare.origin[0] + 70.0 * k, bare.origin[1], 0.0))
+        for k in range(12)
+    ]
+    crowns, leaves, _ = surrounding_meshes(replace(bare, props=tuple(trees)))
+    for mesh in (crowns, leaves):
+        for k, name in enumerate(mesh.ids):
+            places = mesh.vertices[np.unique(mesh.faces[mesh.sources == k])]
+            away = np.hypot(places[:, 0] - 70.0 * int(name), places[:, 1])
+            assert away.max() < 1.25 * 0.32 * 1.15 * 10.0
+            assert 1.0 < places[:, 2].min() < places[:, 2].max() < 10.6

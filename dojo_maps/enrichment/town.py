@@ -39,9 +39,8 @@ def build_town(road_map: RoadMap) -> RoadMap:
     rows = prop_shapes(tuple(house for house in houses if ("building", "apartments") in house.tags))
     gardens = prop_shapes(tuple(house for house in houses if ("building", "house") in house.tags))
     props += roadside.put_signs()
-    buses = shapely.buffer(
-        shapely.points([shelter.position[:2] for shelter in shelters if shelter.position]), _BUS
-    )
+    stands = np.array([shelter.position[:2] for shelter in shelters if shelter.position]).reshape(-1, 2)
+    buses = shapely.buffer(shapely.points(stands), _BUS)
     taken = np.concatenate([roadside.posts, buses])
     parking, sidewalks = generate_parking(near, road_map.sidewalks, roadside.walls, taken)
     bays = prop_shapes(tuple(prop for prop in parking if prop.kind == PARKING))

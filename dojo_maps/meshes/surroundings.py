@@ -31,8 +31,9 @@ def surrounding_meshes(road_map: RoadMap) -> Iterator[Mesh]:
             yield raise_outlines(name, outlined[kind], shift)
     for kind, shapes in _PLACED.items():
         for name, shape in shapes.items():
-            if placed[kind]:
-                yield join(name, ((prop.id, *shape(prop, shift)) for prop in placed[kind]))
+            mesh = join(name, ((prop.id, *shape(prop, shift)) for prop in placed[kind]))
+            if len(mesh.faces):  # Conifers have no sprays of leaves.
+                yield mesh
 
 
 @cache
