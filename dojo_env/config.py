@@ -184,6 +184,7 @@ class SensingConfig:
         smooth: anti-alias what moves, too.
         show_links: draw each link's path in the colour it shows.
         look: `street`, or `plain` to draw road users faster and more simply.
+        parked: cars stand parked where the map has room for them.
     """
 
     conditions: Conditions | Mapping[str, tuple[float, float]] = field(default_factory=Conditions)
@@ -195,6 +196,7 @@ class SensingConfig:
     smooth: bool = False
     show_links: bool = False
     look: str = "street"
+    parked: bool = True
 
     def __post_init__(self) -> None:
         """Refuse what cannot be."""
@@ -273,7 +275,7 @@ _GROUPS = {
 _PLACES = {f.name: group for group, cls in _GROUPS.items() for f in fields(cls)}
 _SUMO_RL = ("single_agent", "add_system_info", "add_per_agent_info", "virtual_display", "reward_weights")
 """Keywords of SUMO-RL's that mean nothing here."""
-_OTHERS = ("scenario", "net_file", "route_file", "observation", "observation_class", "reward_fn")
+_OTHERS = ("scenario", "net_file", "route_file", "routes", "observation", "observation_class", "reward_fn")
 
 
 def build_config(
@@ -281,19 +283,30 @@ def build_config(
     scenario: str | Path | Scenario | None = None,
     net_file: str | Path | None = None,
     route_file: Any = None,
+    routes: Any = None,
     **keywords: Any,
 ) -> EnvConfig:
     """Sort keywords into the groups they belong to; a group itself may be given under its name, too.
 
+    Args:
+        scenario: what to simulate, by name or path; with routes of its own, or such as are named here.
+        net_file: a network in place of the scenario's.
+        route_file: route files in place of the scenario's, as one path, several, or SUMO's list with commas.
+        routes: the same, by the name that a `Scenario` has for it.
+        keywords: settings.
+
     Raises:
         ConfigError: a keyword is unknown, a value cannot work, or two contradict each other.
     """
+    if routes is not None and route_file is not None:
+        raise ConfigError("routes and route_file are two names of the same; leave one out")
+    route_file = routes if route_file is None else route_file
     if scenario is None:
         if net_file is None or route_file is None:
             raise ConfigError("name a scenario, such as scenario='cologne1', or net_file and route_file")
         found = with_files(Scenario(map=Path(net_file)), route_file=route_file)
     else:
-        found = with_files(find_scenario(scenario), net_file=net_file, route_file=route_file)
+        found = with_files(find_scenario(scenario, routes=route_file), net_file=net_file)
     if "observation_class" in keywords:
         keywords["observation"] = keywords.pop("observation_class")
     top = {name: keywords.pop(name) for name in ("observation", "reward_fn") if name in keywords}

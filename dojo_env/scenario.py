@@ -4,6 +4,7 @@ A network that is not yet a bundle is converted on first use, into a cache of th
 """
 
 import importlib.util
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -13,10 +14,11 @@ from dojo_env.demand import write_two_way_demand
 from dojo_env.elements import read_elements
 from dojo_env.errors import ConfigError, ScenarioError
 from dojo_env.notes import say_once
-from dojo_env.scenario_folders import find_start, first_departure, is_other_project_s
+from dojo_env.scenario_folders import NETWORKS, find_start, first_departure, is_other_project_s
 from dojo_env.sumo_options import ROOTS, Configuration, read_configuration
-from dojo_maps.bundle import DEMAND, Bundle, open_bundle
+from dojo_maps.bundle import DEMAND, DESCRIPTION, NETWORK, REPORT, Bundle, open_bundle
 from dojo_maps.input_files import is_there
+from dojo_maps.safe_json import read_json
 from dojo_maps.signals.programs import read_seconds
 
 Files = str | Path | Sequence[str | Path]
@@ -137,16 +139,21 @@ _LATE = 600.0
 """Seconds; whose first vehicle departs later begins in the minute in which it does."""
 
 
-def find_scenario(value: str | Path | Scenario) -> Scenario:
+def find_scenario(value: str | Path | Scenario, *, routes: Files | None = None) -> Scenario:
     """Find a scenario.
 
     Args:
         value: a scenario; a packaged one's name; or the path of a .sumocfg, of a bundle that holds its
             demand, of RESCO's or LibSignal's folder, or of CityFlow's files.
+        routes: files to drive in place of its own; a bundle or a network alone will do then.
 
     Raises:
         ConfigError: there is none of that name, or the path alone names no demand.
     """
+    if routes is not None:
+        path = Path(value) if isinstance(value, str | Path) else None
+        alone = path is not None and ((path / DESCRIPTION).is_file() or path.name.endswith(NETWORKS))
+        return _with_routes(Scenario(map=path) if path and alone else find_scenario(value), _paths(routes))
     if isinstance(value, Scenario):
         return value
     if str(value) in PACKAGED:
@@ -155,12 +162,14 @@ def find_scenario(value: str | Path | Scenario) -> Scenario:
     if _is_configuration(path):
         return _read_sumocfg(path)
     if is_there(path / DEMAND):
-        return Scenario(map=path, routes=(path / DEMAND,), end=float(_DURATION))
+        begin, end = _read_times(path / REPORT)
+        return Scenario(map=path, routes=(path / DEMAND,), begin=begin, end=end)
     if is_there(path) and is_other_project_s(path):
         return _read_folder(path)
     if is_there(path):
         raise ConfigError(
-            f"{path}: a map alone has no demand; give scenario=Scenario(map={str(path)!r}, routes=...)"
+            f"{path}: a map alone has no demand; dojo-maps demand writes some, and routes= or --routes names "
+            "route files"
         )
     known = ", ".join(PACKAGED)
     raise ConfigError(f"scenario {str(value)!r} is not known; give a .sumocfg, a Scenario, or one of {known}")
@@ -219,6 +228,53 @@ def with_files(
     """Replace a scenario's network or routes."""
     changed = scenario if net_file is None else replace(scenario, map=Path(net_file))
     return changed if route_file is None else replace(changed, routes=_paths(route_file))
+
+
+def _with_routes(scenario: Scenario, routes: tuple[Path, ...]) -> Scenario:
+    """Replace a scenario's routes; where they belong to another time of the day, it begins with them."""
+    changed = replace(scenario, routes=routes)
+    _check_roads(changed)
+    first = min((first_departure(path) for path in routes), default=scenario.begin)
+    if scenario.begin <= first < scenario.begin + _LATE:
+        return changed
+    begin = first // 60 * 60 if first >= _LATE else 0.0
+    say_once(f"{routes[0].name}: begins at {begin:g} s, as its first vehicle departs at {first:g} s")
+    return replace(changed, begin=begin, end=scenario.end and begin + scenario.end - scenario.begin)
+
+
+def _check_roads(scenario: Scenario) -> None:
+    """Refuse routes of another map."""
+    network = scenario.map / NETWORK if scenario.map.is_dir() else scenario.map
+    roads: set[str] = set()
+    if network.name.endswith(NETWORKS):
+        read_elements(network, lambda name, of: roads.add(of.get("id", "")) if name == "edge" else None)
+
+    def visit(name: str, attributes: dict[str, str]) -> None:
+        named = attributes.get("edges", "").split() if name in {"route", "walk"} else []
+        if name in {"trip", "flow", "walk", "personTrip"}:
+            named += [attributes[end] for end in ("from", "to") if end in attributes]
+        for road in named:
+            if road not in roads:
+                raise ScenarioError(
+                    path,
+                    f"leads over {road!r}, which {scenario.name} does not have; give routes of its own",
+                )
+
+    for path in scenario.routes if roads else ():
+        read_elements(path, visit)
+
+
+def _read_times(report: Path) -> tuple[float, float]:
+    """Read when the demand of a bundle begins and ends, seconds; an hour from 0 on where it is not told."""
+    value = read_json(report, error=ScenarioError) if is_there(report) else {}
+    demand = value.get("demand") if isinstance(value, dict) else None
+    times = [demand.get(name) for name in ("begin", "end")] if isinstance(demand, dict) else [None, None]
+    if times == [None, None]:
+        return 0.0, float(_DURATION)
+    begin, end = (float(time) if isinstance(time, int | float) else math.nan for time in times)
+    if not 0 <= begin < end < math.inf:
+        raise ScenarioError(report, f"its demand begins at {times[0]!r} and ends at {times[1]!r}, no seconds")
+    return begin, end
 
 
 def _paths(files: Files) -> tuple[Path, ...]:

@@ -19,7 +19,8 @@ from dojo_maps.safe_xml import Attributes
 from dojo_maps.signals.programs import read_seconds
 
 _CONFIGURATIONS = (".sumocfg", ".sumocfg.xml")
-_NETWORKS = (".net.xml", ".net.xml.gz")
+NETWORKS = (".net.xml", ".net.xml.gz")
+"""What the names of SUMO networks end in."""
 _ROUTES = (".rou.xml", ".rou.xml.gz")
 
 
@@ -28,7 +29,7 @@ def is_other_project_s(path: Path) -> bool:
     if (path / DESCRIPTION).exists():
         return False  # A bundle, which lacks demand.
     if path.is_dir():
-        return bool(_list(path, _CONFIGURATIONS) or _list(path, _NETWORKS)) or _is_cityflow(path)
+        return bool(_list(path, _CONFIGURATIONS) or _list(path, NETWORKS)) or _is_cityflow(path)
     return _is_cityflow(path)
 
 
@@ -48,7 +49,7 @@ def find_start(path: Path) -> tuple[Path, tuple[Path, ...]]:
     if path.is_dir():
         if configurations := _list(path, _CONFIGURATIONS):
             return _only(path, configurations, "SUMO configuration"), ()
-        if networks := _list(path, _NETWORKS):
+        if networks := _list(path, NETWORKS):
             return _only(path, networks, "SUMO network"), (_first_routes(path),)
     else:
         named = _read_settings(path)
@@ -79,7 +80,7 @@ def _read_settings(path: Path) -> tuple[Path, tuple[Path, ...]] | None:
     """Read which of SUMO's files LibSignal's settings name; None where they name CityFlow's."""
     value = read_json(path, error=ScenarioError)
     network = value.get("roadnetFile") if isinstance(value, dict) else None
-    if not isinstance(network, str) or not network.endswith(_NETWORKS):
+    if not isinstance(network, str) or not network.endswith(NETWORKS):
         return None
     folder = value.get("dir") if isinstance(value.get("dir"), str) else ""
     configuration, flows = value.get("combined_file"), value.get("flowFile")

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from dojo_maps.cli_area import add_area_options, find_source, join_signed
+from dojo_maps.cli_demand import add_demand, read_volume
 from dojo_maps.command import Parser, add_command, run_command
 from dojo_maps.progress import Progress
 
@@ -47,10 +48,12 @@ def _parser() -> argparse.ArgumentParser:
     import_osm.add_argument(
         "--demand",
         metavar="VEH_PER_HOUR",
-        type=_volume,
+        type=read_volume,
         help="vehicles in all (default: what the junctions can take; 0 for none)",
     )
     _add_bundle_options(import_osm)
+
+    add_demand(commands)
 
     keep = add_command(commands, "keep", _keep, "keep what was changed in netedit for the next import")
     keep.add_argument("bundle", metavar="BUNDLE", type=Path)
@@ -112,6 +115,17 @@ def _add_bundle_options(parser: argparse.ArgumentParser) -> None:
         help="take OpenStreetMap's conditional tags as they are at, say, 'Mo 08:00' (default: left out)",
     )
     parser.add_argument(
+        "--drive",
+        choices=("left", "right"),
+        help="the side that OpenStreetMap data's traffic keeps to (default: the country's)",
+    )
+    parser.add_argument(
+        "--terrain",
+        metavar="FILE.tif",
+        type=Path,
+        help="a GeoTIFF of elevations that the streets of OpenStreetMap data follow",
+    )
+    parser.add_argument(
         "--export", nargs="+", action="extend", default=[], choices=EXPORT_NAMES, help="also write"
     )
     parser.add_argument("--jobs", metavar="N", type=_positive, help="threads to use (default: one per core)")
@@ -122,13 +136,6 @@ def _positive(text: str) -> int:
     value = int(text)
     if value < 1:
         raise argparse.ArgumentTypeError("expected a number above 0")
-    return value
-
-
-def _volume(text: str) -> float:
-    value = float(text)
-    if not 0 <= value <= 1e6:
-        raise argparse.ArgumentTypeError("expected a number of vehicles per hour, 0 or more")
     return value
 
 
@@ -145,6 +152,8 @@ def _convert(options: argparse.Namespace) -> int:
         far_side_signals=options.far_side_signals,
         demand=getattr(options, "demand", 0.0),
         at=options.at,
+        drive=options.drive,
+        terrain=options.terrain,
     )
     written, report = convert(options.source, options.output, wanted, on_stage=Progress(quiet=options.quiet))
     road_map, counts = written.road_map, report["counts"]
@@ -156,7 +165,9 @@ def _convert(options: argparse.Namespace) -> int:
         f"{len(road_map.signals)} signals, {len(road_map.crossings)} crossings"
     )
     if "demand" in report:
-        print("demand: {vehicles} vehicles and {walkers} walkers in an hour".format(**report["demand"]))
+        cycling = ", {bicycles} bicycles" if report["demand"]["bicycles"] else ""
+        words = "demand: {vehicles} vehicles and {walkers} walkers" + cycling + " in an hour"
+        print(words.format(**report["demand"]))
     failed = {name: state for name, state in report.get("exports", {}).items() if state != "written"}
     for name, state in failed.items():
         print(f"dojo-maps: export {name} {state}; the rest is written", file=sys.stderr)

@@ -3,14 +3,14 @@
 import hashlib
 import os
 import shutil
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import ExitStack
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 from dojo_maps import bundle
-from dojo_maps.demand import write_demand
+from dojo_maps.demand import DemandOptions, as_json, write_demand
 from dojo_maps.description import RoadMap
 from dojo_maps.drawing import draw
 from dojo_maps.edits import reapply_edits
@@ -29,13 +29,15 @@ from dojo_maps.sources.cityflow import CityFlowNetwork
 from dojo_maps.sources.cityflow_files import find_files, is_cityflow
 from dojo_maps.sources.enrich_net import enrich_network
 from dojo_maps.sources.files import find_network
+from dojo_maps.sources.geotiff import read_elevations
 from dojo_maps.sources.opendrive import OpenDriveNetwork
 from dojo_maps.sources.osm import is_osm, read_osm
 from dojo_maps.sources.osm.completeness.losses import tell_unread_conditions
 from dojo_maps.sources.osm.completeness.score import score_network
+from dojo_maps.sources.osm.network.osm_network import OsmNetwork
 from dojo_maps.sources.osm.pipeline import build_network
 from dojo_maps.sources.osm.read.conditions import UnreadCondition, apply_conditions, read_moment
-from dojo_maps.sources.osm.read.country import has_far_side_signals
+from dojo_maps.sources.osm.read.country import read_country
 from dojo_maps.sources.osm.read.data import OsmData
 from dojo_maps.sources.osm.surroundings.props import read_context
 from dojo_maps.sources.sumo_net import read_network
@@ -59,6 +61,8 @@ class ConvertOptions:
         demand: vehicles per hour to write beside the map, None for what its junctions can take, 0 for none.
         at: a moment of the week, such as `Mo 08:00`, at which OpenStreetMap's conditional tags are taken;
             None leaves them out and says so.
+        drive: left or right, the side that traffic keeps to on OpenStreetMap data; None for its country's.
+        terrain: a GeoTIFF of elevations that the streets of OpenStreetMap data follow.
     """
 
     generated: bool = True
@@ -69,6 +73,8 @@ class ConvertOptions:
     far_side_signals: bool | None = None
     demand: float | None = 0.0
     at: str | None = None
+    drive: Literal["left", "right"] | None = None
+    terrain: Path | None = None
 
 
 def convert(
@@ -100,6 +106,10 @@ def convert(
     path, name = find_network(source)
     folder = Path(folder) if folder is not None else Path(f"{name}.dojo")
     bundle.check_replaceable(folder)
+    if options.drive not in (None, "left", "right"):
+        raise UsageError(f"--drive {options.drive}: expected left or right")
+    if not is_osm(path) and (options.drive, options.terrain) != (None, None):
+        raise UsageError("--drive and --terrain are for OpenStreetMap data; other networks say it themselves")
     if options.enrich_net and is_osm(path):
         raise UsageError(
             "--enrich-net is for SUMO networks; an import has sidewalks and crossings of its own"
@@ -116,9 +126,15 @@ def _convert(
     on_stage("Reading")
     changes, quality, base, routes, far_side = None, None, None, "", False
     if is_osm(path):
-        extract = read_osm(path)
-        far_side = has_far_side_signals(extract)
-        base, described, issues, quality = _import_osm(extract, path, name, options.at, on_stage)
+        extract, unread = _read_extract(path, options.at)
+        country = read_country(extract, options.drive)
+        far_side = country.far_side_signals
+        raster = None if options.terrain is None else read_elevations(options.terrain)
+        on_stage("Building the network")
+        network = build_network(
+            extract, path=path, name=name, sha256=sha256_of(path), country=country, raster=raster
+        )
+        base, described, issues, quality = _import_osm(extract, network, unread, options.at)
         data, lost = reapply_edits(base, folder, (*described.origin, 0.0))
         if data is not base:
             edited, _ = read_network(data, path=path, name=name, sha256=described.source.sha256)
@@ -183,16 +199,17 @@ def _import_other(
     return None, ""
 
 
+def _read_extract(path: Path, at: str | None) -> tuple[OsmData, list[UnreadCondition]]:
+    """Read an OpenStreetMap extract as it is at a moment; and the conditions that are not understood."""
+    moment = None if at is None else read_moment(at)
+    extract = read_osm(path)
+    return (extract, []) if moment is None else apply_conditions(extract, moment)
+
+
 def _import_osm(
-    extract: OsmData, path: Path, name: str, at: str | None, on_stage: Callable[[str], None]
+    extract: OsmData, network: OsmNetwork, unread: Sequence[UnreadCondition], at: str | None
 ) -> tuple[bytes, RoadMap, tuple[Issue, ...], dict[str, Any]]:
-    """Build the network of an OpenStreetMap extract and measure it against the extract."""
-    unread: list[UnreadCondition] = []
-    if at is not None:
-        extract, unread = apply_conditions(extract, read_moment(at))
-    sha256 = sha256_of(path)
-    on_stage("Building the network")
-    network = build_network(extract, path=path, name=name, sha256=sha256)
+    """Measure the network of an OpenStreetMap extract against the extract, and add what lies beside it."""
     quality, losses = score_network(extract, network)
     losses += tell_unread_conditions(extract, network, unread)
     quality |= {"at": at} if at is not None else {}
@@ -204,8 +221,9 @@ def _import_osm(
 
 def _add_demand(folder: Path, road_map: RoadMap, volume: float | None) -> dict[str, Any]:
     """Write traffic beside the network, where there is a junction that it can cross."""
-    demand = write_demand(road_map, folder / bundle.NETWORK, folder / bundle.DEMAND, volume=volume)
-    return {} if demand is None else {"demand": asdict(demand)}
+    options = DemandOptions(volume=volume)
+    demand = write_demand(road_map, folder / bundle.NETWORK, folder / bundle.DEMAND, options)
+    return {} if demand is None else {"demand": as_json(demand)}
 
 
 def _export(

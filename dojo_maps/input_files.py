@@ -127,7 +127,7 @@ def read_table(
         SourceError: of the class `error`: as `read_pieces`; no UTF-8, or a row lacks one of `columns`.
     """
     try:
-        text = read_bytes(path, error=error).decode("utf-8")
+        text = read_bytes(path, error=error).decode("utf-8-sig")
         rows = list(csv.DictReader(text.splitlines()))
     except (UnicodeDecodeError, csv.Error) as problem:
         raise error(path, f"not a table of comma-separated values ({problem})") from problem

@@ -8,6 +8,7 @@ import os
 import shutil
 import signal
 import subprocess
+import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -27,14 +28,7 @@ def find_program(name: str) -> Path:
         ToolMissingError: it is in none of them.
     """
     file = f"{name}.exe" if os.name == "nt" else name
-    homes = []
-    # Importing sumo itself would set environment variables for the whole process.
-    spec = importlib.util.find_spec("sumo")
-    if spec is not None and spec.submodule_search_locations:
-        homes.append(Path(spec.submodule_search_locations[0]))
-    if os.environ.get("SUMO_HOME"):
-        homes.append(Path(os.environ["SUMO_HOME"]))
-    for home in homes:
+    for home in _find_homes():
         program = home / "bin" / file
         if program.is_file() and os.access(program, os.X_OK):
             return program
@@ -42,6 +36,29 @@ def find_program(name: str) -> Path:
     if found is None:
         raise ToolMissingError(f"{name} is not installed; it is part of SUMO: pip install eclipse-sumo")
     return Path(found)
+
+
+def find_tool(name: str) -> Path:
+    """Find one of SUMO's tools, which are Python's: in the package eclipse-sumo, then under $SUMO_HOME.
+
+    Args:
+        name: of the file, such as `routeSampler.py`.
+
+    Raises:
+        ToolMissingError: it is in neither.
+    """
+    for home in _find_homes():
+        if (home / "tools" / name).is_file():
+            return home / "tools" / name
+    raise ToolMissingError(f"{name} is not installed; it is one of SUMO's tools: pip install eclipse-sumo")
+
+
+def _find_homes() -> list[Path]:
+    # Importing sumo itself would set environment variables for the whole process.
+    spec = importlib.util.find_spec("sumo")
+    found = spec.submodule_search_locations if spec is not None else None
+    homes = [Path(found[0])] if found else []
+    return homes + ([Path(os.environ["SUMO_HOME"])] if os.environ.get("SUMO_HOME") else [])
 
 
 def sumo_environment(program: Path) -> dict[str, str]:
@@ -62,7 +79,7 @@ def running_program(
     """Run a program of SUMO in a process group of its own, which ends with the context at the latest.
 
     Args:
-        program: as `find_program` finds it.
+        program: as `find_program` or `find_tool` finds it; Python runs a tool.
         arguments: its options, as on a command line.
         folder: where it runs; relative paths in the options start here.
         diagnostics: where its standard error goes: a file, or `subprocess.PIPE`.
@@ -84,9 +101,10 @@ def running_program(
 def _start(
     program: Path, arguments: Sequence[str], folder: Path | None, diagnostics: int | IO[bytes]
 ) -> "subprocess.Popen[bytes]":
+    python = [sys.executable] if program.suffix == ".py" else []
     try:
         return subprocess.Popen(  # noqa: S603 (no shell; the program is SUMO's own)
-            [str(program), *arguments],
+            [*python, str(program), *arguments],
             cwd=folder,
             env=sumo_environment(program),
             stdin=subprocess.DEVNULL,

@@ -17,7 +17,7 @@ from test_sources_osm import helsinki
 from dojo_env.errors import ConfigError
 from dojo_maps.bundle import Bundle
 from dojo_maps.conversion import ConvertOptions, convert
-from dojo_maps.demand import write_demand
+from dojo_maps.demand import DemandOptions, write_demand
 from dojo_maps.demand.movements import find_routes
 from dojo_maps.demand.volumes import SATURATION, fill_routes
 from dojo_maps.sources.netconvert import find_netconvert
@@ -47,6 +47,7 @@ def simulate(bundle: Bundle, folder: Path, seed: int = 3) -> Hour:
         *(sumo, "-n", bundle.network, "-r", bundle.folder / "demand.rou.xml", "--end", "3600"),
         *("--seed", seed, "--statistic-output", statistics, "--summary", summary, "--no-step-log"),
         *("--xml-validation", "never", "--max-depart-delay", "-1", "--duration-log.statistics"),
+        *("--time-to-teleport", "120"),
     ]
     done = subprocess.run([str(part) for part in command], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
@@ -140,7 +141,7 @@ def test_demand_is_the_same_for_a_seed_and_differs_between_seeds(tmp_path: Path)
     bundle, _ = convert("cologne1", tmp_path / "cologne1.dojo", WITH_DEMAND)
     files = [tmp_path / f"{k}.rou.xml" for k in range(3)]
     for path, seed in zip(files, (0, 0, 1), strict=True):
-        write_demand(bundle.road_map, bundle.network, path, seed=seed)
+        write_demand(bundle.road_map, bundle.network, path, DemandOptions(seed=seed))
     texts = [path.read_text() for path in files]
     assert texts[0] == texts[1] == (bundle.folder / "demand.rou.xml").read_text()
     assert texts[0] != texts[2]

@@ -216,3 +216,68 @@ def test_green_conflict_is_an_error_where_the_ways_of_foes_meet() -> None:
     still = issues_of(replace(unsafe, connections=apart), "signals.green_conflict")
     assert {issue.severity for issue in still} == {"warning"}
     assert all("do not meet" in issue.message for issue in still)
+
+
+def in_turns(grid: RoadMap, *, together: bool) -> RoadMap:
+    """Let one signal control A0 and B0, with green for all links of both, or of one after the other."""
+    size = {name: sum(c.signal == name for c in grid.connections) for name in ("A0", "B0")}
+    shift = {"A0": 0, "B0": size["A0"]}
+    connections = tuple(
+        replace(c, signal="A0", link_index=(c.link_index or 0) + shift[c.signal]) if c.signal in shift else c
+        for c in grid.connections
+    )
+    signal = next(signal for signal in grid.signals if signal.id == "A0")
+    other = next(signal for signal in grid.signals if signal.id == "B0")
+    states = ["G" * size["A0"] + ("G" if together else "r") * size["B0"], "r" * size["A0"] + "G" * size["B0"]]
+    phases = tuple(replace(signal.programs[0].phases[0], duration=20.0, state=state) for state in states)
+    whole = replace(
+        signal,
+        junctions=("A0", "B0"),
+        links=(*signal.links, *(replace(x, index=x.index + shift["B0"]) for x in other.links)),
+        programs=(replace(signal.programs[0], phases=phases),),
+    )
+    rest = [each for each in grid.signals if each.id not in shift]
+    lanes = tuple(replace(x, length=6.0) if x.road == "A0B0" else x for x in grid.lanes)
+    return replace(grid, lanes=lanes, connections=connections, signals=(*rest, whole))
+
+
+def test_no_room_names_the_lane_that_is_filled_and_never_emptied_meanwhile(grid: RoadMap) -> None:
+    assert not issues_of(in_turns(grid, together=True), "signals.no_room")
+    found = issues_of(in_turns(grid, together=False), "signals.no_room")
+    lanes = {lane.id for lane in grid.lanes if lane.road == "A0B0"}
+    assert {issue.elements[0].id for issue in found} <= lanes
+    assert len(found) == sum(c.to_lane in lanes for c in grid.connections)
+    assert {issue.measured for issue in found} == {6.0}
+
+
+def test_walk_before_green_names_the_crossing_before_a_stop_line() -> None:
+    road_map = read("hiking")
+    check = "pedestrians.walk_before_green"
+    assert not issues_of(road_map, check)
+    crossing = next(c for c in road_map.crossings if c.signal is not None)
+    roads = {lane.id: lane.road for lane in road_map.lanes}
+    signal = next(signal for signal in road_map.signals if signal.id == crossing.signal)
+    size = len(signal.programs[0].phases[0].state)
+
+    def shown(letter: str, road: str) -> list[Issue]:
+        """Show walkers G and the vehicles of a road a letter, and all others red."""
+        driving = {
+            c.link_index for c in road_map.connections if c.signal == signal.id and roads[c.from_lane] == road
+        }
+        state = "".join(
+            letter if k in driving else "G" if k == crossing.link_index else "r" for k in range(size)
+        )
+        first, *others = signal.programs[0].phases
+        program = replace(signal.programs[0], phases=(replace(first, duration=11.0, state=state), *others))
+        changed = replace(signal, programs=(program,))
+        return issues_of(
+            replace(road_map, signals=tuple(changed if s is signal else s for s in road_map.signals)), check
+        )
+
+    controlled = {roads[c.from_lane] for c in road_map.connections if c.signal == signal.id}
+    own = next(road for road in crossing.roads if road in controlled)
+    found = shown("g", own)
+    assert [(issue.elements[0].id, issue.measured) for issue in found] == [(crossing.id, 11.0)]
+    assert not shown("r", own)
+    for road in controlled - {own}:
+        assert not shown("g", road)

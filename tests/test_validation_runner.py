@@ -35,13 +35,11 @@ TETRAHEDRON = np.array([(0, 2, 1), (0, 1, 3), (1, 2, 3), (2, 0, 3)])
 CODES = {
     *(f"GEO{k:03}" for k in range(1, 20)),
     *(f"TOP{k:03}" for k in range(1, 17)),
-    *(f"SIG{k:03}" for k in range(1, 20)),
-    *(f"PED{k:03}" for k in range(1, 10)),
+    *(f"SIG{k:03}" for k in range(1, 21)),
+    *(f"PED{k:03}" for k in range(1, 11)),
     *(f"SUM{k:03}" for k in range(1, 3)),
     *(f"OSM{k:03}" for k in range(1, 14)),
-    *(f"IMP{k:03}" for k in range(1, 22)),
-    "IMP024",
-    "IMP027",
+    *(f"IMP{k:03}" for k in (*range(1, 23), *range(24, 28))),
 }
 
 

@@ -85,7 +85,7 @@ def test_nobody_waits_on_a_crossing_of_the_network(
     converted: Callable[..., Conversion], tmp_path: Path
 ) -> None:
     bundle, routes = read_bundle(converted("right_hand").folder), tmp_path / "traffic.rou.xml"
-    write_demand(bundle.road_map, bundle.network, routes, volume=None)
+    write_demand(bundle.road_map, bundle.network, routes)
     _, waiting = watch_red(dojo_env.Scenario(map=bundle.folder, routes=routes), 300)
     assert len(waiting) > 15
     assert not any(each.on_crossing for each in waiting)

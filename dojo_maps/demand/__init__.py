@@ -1,55 +1,214 @@
-"""Traffic for a first run on a map that comes without any: every movement used, no junction jammed or empty.
+"""Traffic for a first run on a map that comes without any, or such as was counted there.
 
 Described roads go in, a SUMO route file comes out: `movements` finds the ways through signals and routes
 over them, `volumes` fills them up to a share of what lanes and greens let through, `walkers` sends people
-over the crossings, `route_file` draws departures and writes.
+over the crossings, `route_file` draws departures and writes. Where there are `counts`, `sampling` chooses
+the vehicles that meet them.
 """
 
+from collections import Counter, defaultdict
 from dataclasses import dataclass
+from itertools import chain
 from pathlib import Path
+from typing import Any
 
-from dojo_maps.demand.movements import find_routes
-from dojo_maps.demand.route_file import write_route_file
-from dojo_maps.demand.volumes import fill_routes
-from dojo_maps.demand.walkers import find_walks
+import numpy as np
+
+from dojo_maps.demand.counts import GOOD_GEH, WALKERS, Count, CountMet, compare
+from dojo_maps.demand.movements import CYCLISTS, Route, find_rides, find_routes
+from dojo_maps.demand.route_file import Stroll, Trip, draw_strolls, draw_trips, write_route_file
+from dojo_maps.demand.sampling import model_counts, sample_trips
+from dojo_maps.demand.volumes import compute_saturation, fill_routes
+from dojo_maps.demand.walkers import Walk, find_walks
 from dojo_maps.description import RoadMap
+from dojo_maps.errors import DojoError
 
-DURATION = 3600
-"""Seconds over which departures are spread."""
+_RIDES = 10.0
+"""Cyclists per hour on a movement."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DemandOptions:
+    """What traffic to write.
+
+    Attributes:
+        volume: vehicles per hour in all, bicycles aside; None for as many as use 60 % of the scarcest lanes'
+            capacity.
+        bicycles: per hour in all; None for some where they have lanes of their own.
+        walkers: people on foot per hour in all; None for some on each crossing.
+        counts: to be met; who was not counted is then there only where a number is given.
+        seed: the same one gives the same file.
+        begin: seconds, when the first may depart.
+        end: seconds, when nobody departs any more.
+    """
+
+    volume: float | None = None
+    bicycles: float | None = None
+    walkers: float | None = None
+    counts: tuple[Count, ...] = ()
+    seed: int = 0
+    begin: float = 0.0
+    end: float = 3600.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Demand:
-    """What was written: vehicles and walkers in the first hour, and how full the fullest lane gets.
+    """What was written.
 
-    `saturation` is the volume of the fullest lane as a share of its capacity.
+    Attributes:
+        begin: seconds.
+        end: seconds.
+        vehicles: how many, bicycles aside.
+        bicycles: how many.
+        walkers: how many people on foot.
+        saturation: the volume of the fullest lane as a share of its capacity.
+        counts: each with what the demand makes of it.
     """
 
+    begin: float
+    end: float
     vehicles: int
+    bicycles: int
     walkers: int
     saturation: float
+    counts: tuple[CountMet, ...] = ()
 
 
 def write_demand(
-    road_map: RoadMap, network: Path, path: Path, *, volume: float | None = None, seed: int = 0
+    road_map: RoadMap, network: Path, path: Path, options: DemandOptions | None = None
 ) -> Demand | None:
-    """Write an hour of traffic for a map.
+    """Write traffic for a map.
 
     Args:
         road_map: with signals, or at least with junctions.
         network: the SUMO network that it describes.
         path: the route file to write.
-        volume: vehicles per hour in all; None for as many as use 60 % of the scarcest lanes' capacity.
-        seed: the same one gives the same file.
+        options: what traffic; None for an hour of what the junctions can take.
 
     Returns:
-        What was written; None, and nothing written, where no car or bus can cross a junction.
+        What was written; None, and nothing written, where no car or bus can cross a junction, or nobody was
+        counted.
+
+    Raises:
+        DojoError: the counts cannot be met, as nobody can walk where people were counted.
     """
+    options = options or DemandOptions()
+    chance = np.random.default_rng(options.seed)
+    walks = find_walks(road_map, network)
+    if options.counts:
+        trips, strolls = _counted(road_map, walks, options, chance)
+    else:
+        trips = _drawn(road_map, options, chance)
+        strolls = []
+    if not trips and not strolls:
+        return None
+    trips += _cyclists(road_map, options, chance)
+    strolls += _strollers(walks, options, chance)
+    write_route_file(trips, strolls, path)
+    bicycles = sum(trip.vehicle_class == CYCLISTS for trip in trips)
+    return Demand(
+        begin=options.begin,
+        end=options.end,
+        vehicles=len(trips) - bicycles,
+        bicycles=bicycles,
+        walkers=len(strolls),
+        saturation=_saturation(road_map, trips, options),
+        counts=_met(options.counts, trips, strolls),
+    )
+
+
+def as_json(demand: Demand) -> dict[str, Any]:
+    """Describe a demand as JSON values, as reports have it."""
+    names = ("begin", "end", "vehicles", "bicycles", "walkers", "saturation")
+    described: dict[str, Any] = {name: getattr(demand, name) for name in names}
+    if demand.counts:
+        described["counts"] = [_count_as_json(met) for met in demand.counts]
+        described["geh_below_5"] = share_met(demand)
+    return described
+
+
+def share_met(demand: Demand) -> float:
+    """Tell the share of the counts whose GEH is below 5."""
+    return sum(met.geh < GOOD_GEH for met in demand.counts) / len(demand.counts)
+
+
+def _count_as_json(met: CountMet) -> dict[str, Any]:
+    count = met.count
+    return {
+        "from_edge": count.from_edge,
+        "to_edge": count.to_edge or None,
+        "class": count.vehicle_class,
+        "begin": count.begin,
+        "end": count.end,
+        "count": count.count,
+        "modelled": met.modelled,
+        "geh": round(met.geh, 2),
+    }
+
+
+def _drawn(road_map: RoadMap, options: DemandOptions, chance: np.random.Generator) -> list[Trip]:
+    """Draw vehicles for each movement."""
     routes = find_routes(road_map)
     if not routes:
-        return None
-    rates, saturation = fill_routes(road_map, routes, total=volume)
-    vehicles, walkers = write_route_file(
-        routes, rates, find_walks(road_map, network), path, seed=seed, duration=DURATION
-    )
-    return Demand(vehicles=vehicles, walkers=walkers, saturation=saturation)
+        return []
+    rates, _ = fill_routes(road_map, routes, total=options.volume)
+    return list(draw_trips(routes, rates, chance, begin=options.begin, end=options.end))
+
+
+def _cyclists(road_map: RoadMap, options: DemandOptions, chance: np.random.Generator) -> list[Trip]:
+    if options.bicycles == 0 or (options.bicycles is None and options.counts):
+        return []
+    rides = find_rides(road_map, own_lanes=options.bicycles is None)
+    each = _RIDES if options.bicycles is None else options.bicycles / max(len(rides), 1)
+    rates = np.full(len(rides), each)
+    return list(draw_trips(rides, rates, chance, begin=options.begin, end=options.end))
+
+
+def _strollers(walks: tuple[Walk, ...], options: DemandOptions, chance: np.random.Generator) -> list[Stroll]:
+    if options.walkers is None and options.counts:
+        return []
+    total = sum(walk.rate for walk in walks)
+    factor = 1.0 if options.walkers is None or not total else options.walkers / total
+    hours = (options.end - options.begin) / 3600
+    counts = [round(walk.rate * factor * hours) for walk in walks]
+    return list(draw_strolls(walks, counts, chance, begin=options.begin, end=options.end))
+
+
+def _counted(
+    road_map: RoadMap, walks: tuple[Walk, ...], options: DemandOptions, chance: np.random.Generator
+) -> tuple[list[Trip], list[Stroll]]:
+    """Choose vehicles, class by class, and people that meet the counts."""
+    by_class: dict[str, list[Count]] = defaultdict(list)
+    for count in options.counts:
+        by_class[count.vehicle_class].append(count)
+    strolls = [stroll for count in by_class.pop(WALKERS, []) for stroll in _walk_over(walks, count, chance)]
+    sampled = (sample_trips(road_map, counts, seed=options.seed) for counts in by_class.values())
+    return list(chain.from_iterable(sampled)), strolls
+
+
+def _walk_over(walks: tuple[Walk, ...], count: Count, chance: np.random.Generator) -> list[Stroll]:
+    """Send as many people over a crossing as were counted, half of them each way."""
+    ways = [number for number, walk in enumerate(walks) if walk.crossing == count.from_edge]
+    if not ways:
+        raise DojoError(f"crossing {count.from_edge!r}: no sidewalks lead to both of its ends; leave it out")
+    shares = [0] * len(walks)
+    for k, way in enumerate(ways):
+        shares[way] = (count.count + k) // len(ways)
+    return list(draw_strolls(walks, shares, chance, begin=count.begin, end=count.end))
+
+
+def _saturation(road_map: RoadMap, trips: list[Trip], options: DemandOptions) -> float:
+    hours = (options.end - options.begin) / 3600
+    numbers = Counter((trip.roads, trip.vehicle_class) for trip in trips if trip.vehicle_class != CYCLISTS)
+    routes = [
+        Route(roads=roads, movement=(roads[0], roads[-1]), vehicle_class=name, direction="")
+        for roads, name in numbers
+    ]
+    return compute_saturation(road_map, routes, np.array(list(numbers.values())) / hours)
+
+
+def _met(counts: tuple[Count, ...], trips: list[Trip], strolls: list[Stroll]) -> tuple[CountMet, ...]:
+    steps = [
+        Trip(depart=stroll.depart, roads=(stroll.walk.crossing,), vehicle_class=WALKERS) for stroll in strolls
+    ]
+    return compare(counts, model_counts(counts, [*trips, *steps]))

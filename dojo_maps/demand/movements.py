@@ -2,16 +2,21 @@
 
 import heapq
 from collections import defaultdict
+from collections.abc import Iterator
 from dataclasses import dataclass
 
-from dojo_maps.description import Connection, RoadMap
+from dojo_maps.description import Connection, LaneKind, RoadMap
 from dojo_maps.index import MapIndex
 
 CLASSES = ("passenger", "bus")
 """Who drives a movement: cars, or buses where cars may not."""
-TURNAROUND = "t"
+CYCLISTS = "bicycle"
+TURNAROUNDS = ("t", "T")
+"""SUMO's letters for them, where traffic keeps right and left."""
 _LONGEST = 2_000.0
 """Metres from a junction to where a route may begin or end."""
+_FARTHEST = 2 * _LONGEST
+"""Metres that a route across the map may have."""
 
 Arc = tuple[str, str]
 """A road and the next one."""
@@ -46,16 +51,35 @@ def find_routes(road_map: RoadMap) -> tuple[Route, ...]:
 
     Turnarounds are left out: hardly anybody turns around at a signal, and it holds up all others.
     """
-    nets = {name: _Net(road_map, name) for name in CLASSES}
+    return _find_routes(road_map, CLASSES)
+
+
+def find_rides(road_map: RoadMap, *, own_lanes: bool) -> tuple[Route, ...]:
+    """Make a route for each such movement that bicycles may make.
+
+    Args:
+        road_map: with signals, or at least with junctions.
+        own_lanes: only for movements out of roads that have a lane for bicycles alone; among cars, cyclists
+            hold them up.
+    """
+    rides = _find_routes(road_map, (CYCLISTS,))
+    roads = {lane.road for lane in road_map.lanes if lane.kind is LaneKind.BICYCLE}
+    return tuple(ride for ride in rides if ride.movement[0] in roads or not own_lanes)
+
+
+def _find_routes(road_map: RoadMap, classes: tuple[str, ...]) -> tuple[Route, ...]:
+    nets = {name: RoadNet(road_map, name) for name in classes}
     wanted: dict[Arc, Connection] = {}
     lane_road = {lane.id: lane.road for lane in road_map.lanes}
     for connection in road_map.connections:
-        if connection.direction != TURNAROUND and (connection.signal is not None or not road_map.signals):
+        if connection.direction not in TURNAROUNDS and (
+            connection.signal is not None or not road_map.signals
+        ):
             arc = (lane_road[connection.from_lane], lane_road[connection.to_lane])
             wanted.setdefault(arc, connection)
     routes = []
     for arc, connection in wanted.items():
-        name = next((name for name in CLASSES if arc in nets[name].arcs), None)
+        name = next((name for name in classes if arc in nets[name].arcs), None)
         if name is not None:
             roads = nets[name].through(arc)
             routes.append(
@@ -64,15 +88,20 @@ def find_routes(road_map: RoadMap) -> tuple[Route, ...]:
     return tuple(routes)
 
 
-class _Net:
-    """The roads as one class of vehicles can follow each other, without turnarounds."""
+class RoadNet:
+    """The roads as one class of vehicles can follow each other, without turnarounds.
+
+    Attributes:
+        arcs: each road with each next one.
+    """
 
     def __init__(self, road_map: RoadMap, vehicle_class: str) -> None:
+        """Take the roads with lanes that are open to a class, by SUMO's word for it."""
         open_lanes = {lane.id: lane.road for lane in road_map.lanes if vehicle_class in lane.allow}
         self.arcs = {
             (open_lanes[c.from_lane], open_lanes[c.to_lane])
             for c in road_map.connections
-            if c.from_lane in open_lanes and c.to_lane in open_lanes and c.direction != TURNAROUND
+            if c.from_lane in open_lanes and c.to_lane in open_lanes and c.direction not in TURNAROUNDS
         }
         self._before: dict[str, list[str]] = defaultdict(list)
         self._after: dict[str, list[str]] = defaultdict(list)
@@ -95,6 +124,26 @@ class _Net:
         seen |= {self._ends[road] for road in back} | {self._ends[road][::-1] for road in back}
         ahead = self._search(arc[1], self._after, self._to_exit, seen - {self._ends[arc[1]]})
         return (*reversed(back), *ahead)
+
+    def across(self) -> Iterator[tuple[str, ...]]:
+        """Lead the shortest route from each edge of the map to each other one that is not too far."""
+        for start in sorted(self._after.keys() - self._before.keys()):
+            came, reached = self._spread(start)
+            yield from (tuple(_trace(came, road)) for road in reached if not self._after.get(road))
+
+    def _spread(self, start: str) -> tuple[dict[str, str | None], list[str]]:
+        """Reach all roads from one, nearest first. Source: Dijkstra, 1959."""
+        queue: list[tuple[float, str, str]] = [(0.0, start, "")]
+        came: dict[str, str | None] = {}
+        while queue:
+            length, road, before = heapq.heappop(queue)
+            if road in came:
+                continue
+            came[road] = before or None
+            for other in self._after.get(road, ()):
+                if other not in came and length < _FARTHEST:
+                    heapq.heappush(queue, (length + self._length[other], other, road))
+        return came, list(came)
 
     def _distances(self, following: Streets, followed: Streets) -> dict[str, float]:
         """Measure from each road to the nearest that nothing follows; only those that lead to one."""
@@ -132,6 +181,7 @@ class _Net:
 
 
 def _trace(came: dict[str, str | None], road: str) -> list[str]:
+    """List the roads from where a search began to one that it came to."""
     path = [road]
     while (previous := came[path[-1]]) is not None:
         path.append(previous)

@@ -1,6 +1,8 @@
-"""Draw departures by chance, from a seed, and write them as a SUMO route file."""
+"""Draw departures by chance, and write who departs as a SUMO route file."""
 
-from collections.abc import Iterator, Sequence
+from collections import Counter
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from xml.sax.saxutils import quoteattr
 
@@ -11,75 +13,106 @@ from dojo_maps.demand.walkers import Walk
 from dojo_maps.geometry.polylines import Floats
 from dojo_maps.whole_file import replaced
 
-_FEWEST = 3
-"""Vehicles on a route in an hour, so that every movement is used."""
-_TYPES = (
-    '<vType id="car" vClass="passenger"/>',
-    '<vType id="bus" vClass="bus"/>',
-    '<vType id="walker" vClass="pedestrian"/>',
-)
-
-_Departure = tuple[float, str]
+_TYPES = {"passenger": "car"}
+"""What types are called, where not after the class of their vehicles."""
 
 
-def write_route_file(
-    routes: Sequence[Route],
-    rates: Floats,
-    walks: Sequence[Walk],
-    path: Path,
-    *,
-    seed: int,
-    duration: int,
-) -> tuple[int, int]:
-    """Write vehicles and walkers in the order of their departures.
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Trip:
+    """A vehicle: when it departs, seconds, the roads that it drives, and SUMO's word for who it is."""
+
+    depart: float
+    roads: tuple[str, ...]
+    vehicle_class: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Stroll:
+    """Somebody on foot: when, seconds, and which of the `walks` of the map, by its number."""
+
+    depart: float
+    walk: Walk
+    number: int
+
+
+def draw_trips(
+    routes: Sequence[Route], rates: Floats, chance: np.random.Generator, *, begin: float, end: float
+) -> Iterator[Trip]:
+    """Let vehicles depart, evenly by chance.
 
     Args:
-        routes: what vehicles drive.
+        routes: what they drive.
         rates: (n,) vehicles per hour of each route.
-        walks: what people walk.
-        path: the file; it appears whole.
-        seed: of the departures.
-        duration: seconds over which they are spread, evenly by chance.
-
-    Returns:
-        How many vehicles and how many walkers.
+        chance: draws the departures.
+        begin: seconds.
+        end: seconds.
     """
-    chance = np.random.default_rng(seed)
-    hours = duration / 3600
-    vehicles: list[_Departure] = []
-    for number, (route, rate) in enumerate(zip(routes, rates, strict=True)):
-        count = max(_FEWEST, round(float(rate) * hours)) if rate > 0 else 0
-        vehicles += _vehicles(number, route, np.sort(chance.random(count)) * duration)
-    walkers: list[_Departure] = []
-    for number, walk in enumerate(walks):
-        walkers += _walkers(number, walk, np.sort(chance.random(round(walk.rate * hours))) * duration)
-    lines = [f"    {line}" for line in _TYPES]
+    hours = (end - begin) / 3600
+    for route, rate in zip(routes, rates, strict=True):
+        wanted = float(rate) * hours
+        count = round(wanted) if wanted >= 1 else int(rate >= 1 or chance.random() < wanted)
+        for depart in _draw(count, chance, begin, end):
+            yield Trip(depart=depart, roads=route.roads, vehicle_class=route.vehicle_class)
+
+
+def draw_strolls(
+    walks: Sequence[Walk], counts: Sequence[int], chance: np.random.Generator, *, begin: float, end: float
+) -> Iterator[Stroll]:
+    """Let people depart, evenly by chance: so many on each walk."""
+    for number, (walk, count) in enumerate(zip(walks, counts, strict=True)):
+        for depart in _draw(count, chance, begin, end):
+            yield Stroll(depart=depart, walk=walk, number=number)
+
+
+def write_route_file(trips: Sequence[Trip], strolls: Iterable[Stroll], path: Path) -> None:
+    """Write vehicles and people in the order of their departures; the file appears whole."""
+    classes = dict.fromkeys(("passenger", "bus", *(trip.vehicle_class for trip in trips)))
+    types = [(_TYPES.get(name, name), name) for name in classes]
+    routes = {key: number for number, key in enumerate(dict.fromkeys(trip.roads for trip in trips))}
+    lines = [f'    <vType id="{id_}" vClass="{name}"/>' for id_, name in (*types, ("walker", "pedestrian"))]
     lines += [
-        f'    <route id="route_{number}" edges={quoteattr(" ".join(route.roads))}/>'
-        for number, route in enumerate(routes)
+        f'    <route id="route_{number}" edges={quoteattr(" ".join(roads))}/>'
+        for roads, number in routes.items()
     ]
-    lines += [f"    {line}" for _, line in sorted(vehicles + walkers)]
+    departures = [(trip.depart, _vehicle(trip, *key)) for trip, key in _numbered(trips, routes)]
+    departures += [(stroll.depart, person) for stroll, person in _people(strolls)]
+    lines += [f"    {line}" for _, line in sorted(departures)]
     with replaced(path) as fresh:
         fresh.write_text("\n".join(["<routes>", *lines, "</routes>", ""]), encoding="utf-8")
-    return len(vehicles), len(walkers)
 
 
-def _vehicles(number: int, route: Route, departures: Floats) -> Iterator[_Departure]:
-    kind = "bus" if route.vehicle_class == "bus" else "car"
-    for k, depart in enumerate(departures):
+def _draw(count: int, chance: np.random.Generator, begin: float, end: float) -> list[float]:
+    times: list[float] = (begin + np.sort(chance.random(count)) * (end - begin)).tolist()
+    return times
+
+
+def _numbered(
+    trips: Iterable[Trip], routes: dict[tuple[str, ...], int]
+) -> Iterator[tuple[Trip, tuple[int, int]]]:
+    """Give each trip the number of its route, and its own among those."""
+    used: Counter[int] = Counter()
+    for trip in trips:
+        number = routes[trip.roads]
+        yield trip, (number, used[number])
+        used[number] += 1
+
+
+def _vehicle(trip: Trip, route: int, number: int) -> str:
+    kind = _TYPES.get(trip.vehicle_class, trip.vehicle_class)
+    return (
+        f'<vehicle id="v{route}.{number}" type="{kind}" route="route_{route}" depart="{trip.depart:.2f}" '
+        'departLane="best" departSpeed="max"/>'
+    )
+
+
+def _people(strolls: Iterable[Stroll]) -> Iterator[tuple[Stroll, str]]:
+    used: Counter[int] = Counter()
+    for stroll in strolls:
+        walk, number = stroll.walk, stroll.number
         yield (
-            float(depart),
-            f'<vehicle id="v{number}.{k}" type="{kind}" route="route_{number}" depart="{depart:.2f}" '
-            'departLane="best" departSpeed="max"/>',
+            stroll,
+            f'<person id="p{number}.{used[number]}" type="walker" depart="{stroll.depart:.2f}" '
+            f'departPos="{walk.start_place:.2f}"><walk from={quoteattr(walk.start)} '
+            f'to={quoteattr(walk.end)} arrivalPos="{walk.end_place:.2f}"/></person>',
         )
-
-
-def _walkers(number: int, walk: Walk, departures: Floats) -> Iterator[_Departure]:
-    start, end = quoteattr(walk.start), quoteattr(walk.end)
-    for k, depart in enumerate(departures):
-        yield (
-            float(depart),
-            f'<person id="p{number}.{k}" type="walker" depart="{depart:.2f}" '
-            f'departPos="{walk.start_place:.2f}"><walk from={start} to={end} '
-            f'arrivalPos="{walk.end_place:.2f}"/></person>',
-        )
+        used[number] += 1

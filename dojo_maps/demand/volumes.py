@@ -1,42 +1,38 @@
 """How many vehicles each route gets: as many as lanes and greens can take, shared out fairly.
 
-Capacity of a lane for one movement is its saturation flow times the share of the cycle that it is green,
-as in the Highway Capacity Manual (7th edition, chapter 19: c = s g / C). A green that yields counts half.
 Movements that share a lane share its time. All routes grow together, each by its weight, until one of its
 lanes has reached the wanted degree of saturation; then it stays and the others grow on (progressive
-filling, which is max-min fair: Bertsekas and Gallager, Data Networks, section 6.5.2).
+filling, which is max-min fair: Bertsekas and Gallager, Data Networks, section 6.5.2). What who yields can
+take depends on the others' volumes, so this is done again with the volumes found, a few times.
 """
 
 from collections import defaultdict
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from dojo_maps.demand.capacities import Capacities
 from dojo_maps.demand.movements import CLASSES, Arc, Route
-from dojo_maps.description import Connection, Program, RoadMap
+from dojo_maps.description import Connection, RoadMap
 from dojo_maps.geometry.polylines import Flags, Floats
 from dojo_maps.index import MapIndex
 
-SATURATION = 0.6
+SATURATION = 0.5
 """Share of its capacity that the scarcest lane of a route is used to. Above 0.85 to 0.9 queues grow without
 end in some cycles (same manual, section on sustained spillback); well below, junctions are empty."""
-SATURATION_FLOW = 1_800.0
-"""Vehicles per hour of green and lane; the manual's base is 1,900 passenger cars."""
-_YIELDING = 0.5
-_LOST = 2.0
-"""Seconds of each green that starting and clearing take."""
-_UNSIGNALLED = {"M": 1_500.0, "o": 1_500.0, "m": 500.0, "=": 600.0, "s": 350.0, "w": 350.0, "a": 350.0}
-"""Vehicles per hour and lane by the state of a link without a signal; give-way and stop from the manual's
-chapter 20 at medium conflicting flow."""
 _ROAD_FLOW = 1_500.0
 _SHORT, _SHORT_FLOW = 100.0, 0.4
 """A road shorter than this, metres, that begins at a signal or at the map's edge cannot keep the next green
 busy: its flow falls by its length to this share. Measured in SUMO: 0.49 at 15 m."""
-_LEAST_CAPACITY = 60.0
 _WEIGHTS = {"s": 1.0, "r": 0.4, "l": 0.4, "R": 0.4, "L": 0.4}
 """Turning traffic is about 15 to 30 % of an approach."""
 _BUSES = 6.0
 """Buses per hour on a movement that only they may make."""
+_FEWEST = 1.0
+"""Vehicles per hour of a movement that no other route passes, even if there is no room for them."""
+_ROUNDS = 6
+_Links = dict[Arc, list[Connection]]
+"""The connections that vehicles take from each road to the next, one per lane."""
 
 
 def fill_routes(
@@ -52,14 +48,35 @@ def fill_routes(
     Returns:
         (n,) vehicles per hour, and the degree of saturation of the fullest lane.
     """
-    usage = _Usage(road_map, routes)
+    model, links = Capacities(road_map), _links_by_arc(road_map, routes)
     weights = np.array([_WEIGHTS.get(route.direction, 0.4) for route in routes])
     fixed = np.array([route.vehicle_class == "bus" for route in routes])
     rates = np.where(fixed, _BUSES, 0.0)
-    rates = _fill(usage, weights, rates, ~fixed)
+    flows: dict[str, float] = {}
+    for _ in range(_ROUNDS):
+        usage = _Usage(road_map, routes, links, model, flows)
+        rates = _fill(usage, weights * usage.capacities(len(routes)), np.where(fixed, _BUSES, 0.0), ~fixed)
+        found = _flows(routes, rates, links)
+        flows = {link: (flow + flows.get(link, flow)) / 2 for link, flow in found.items()}
+    rates = _with_every_movement(routes, rates)
+    usage = _Usage(road_map, routes, links, model, found)
     if total is not None:
         rates *= total / rates.sum()
-    return rates, float(usage.of(rates).max(initial=0.0))
+    return rates, usage.fullest(rates)
+
+
+def _with_every_movement(routes: Sequence[Route], rates: Floats) -> Floats:
+    """See that each movement is used, by its own route where none of the others passes it."""
+    used = {arc for route, rate in zip(routes, rates, strict=True) if rate >= _FEWEST for arc in route.arcs}
+    alone = np.array([route.movement not in used for route in routes])
+    return np.where(alone, np.maximum(rates, _FEWEST), rates)
+
+
+def compute_saturation(road_map: RoadMap, routes: Sequence[Route], rates: Floats) -> float:
+    """Tell the degree of saturation of the fullest lane: (n,) vehicles per hour of each route."""
+    links = _links_by_arc(road_map, routes)
+    flows = _flows(routes, rates, links)
+    return _Usage(road_map, routes, links, Capacities(road_map), flows).fullest(rates)
 
 
 def _fill(usage: "_Usage", weights: Floats, rates: Floats, growing: Flags) -> Floats:
@@ -87,24 +104,44 @@ class _Usage:
         shares: what is taken.
     """
 
-    def __init__(self, road_map: RoadMap, routes: Sequence[Route]) -> None:
-        links = _links_by_arc(road_map, routes)
-        greens = _green_shares(road_map)
+    def __init__(
+        self,
+        road_map: RoadMap,
+        routes: Sequence[Route],
+        links: _Links,
+        model: Capacities,
+        flows: Mapping[str, float],
+    ) -> None:
+        capacities = model.of(flows)
         rows: dict[str, int] = {}
         entries: list[tuple[int, int, float]] = []
-        flows = _road_flows(road_map, {route.roads[0] for route in routes})
+        carried, kept = _road_flows(road_map, {route.roads[0] for route in routes})
         for column, route in enumerate(routes):
             for road in route.roads:
                 row = rows.setdefault(f"road {road}", len(rows))
-                entries.append((row, column, 1.0 / flows[road]))
+                entries.append((row, column, 1.0 / carried[road]))
             for arc in route.arcs:
                 for link in links[arc]:
                     row = rows.setdefault(f"lane {link.from_lane}", len(rows))
-                    entries.append((row, column, 1.0 / (len(links[arc]) * _capacity(link, greens))))
+                    entries.append(
+                        (row, column, 1.0 / (len(links[arc]) * capacities[link.id] * kept[arc[0]]))
+                    )
+            for road, room in model.rooms([links[arc] for arc in route.arcs]):
+                entries.append((rows.setdefault(f"room {road}", len(rows)), column, 1.0 / room))
         self.resources = np.array([row for row, _, _ in entries], dtype=np.intp)
         self.routes = np.array([column for _, column, _ in entries], dtype=np.intp)
         self.shares = np.array([share for _, _, share in entries])
         self._count = len(rows)
+
+    def fullest(self, rates: Floats) -> float:
+        """Tell how far the fullest resource is used."""
+        return float(self.of(rates).max(initial=0.0))
+
+    def capacities(self, count: int) -> Floats:
+        """Tell how many vehicles per hour each route could have alone: (count,)."""
+        scarcest: Floats = np.zeros(count)
+        np.maximum.at(scarcest, self.routes, self.shares)
+        return 1.0 / scarcest
 
     def of(self, rates: Floats) -> Floats:
         """Add up how far each resource is used by routes of some vehicles per hour: (resources,)."""
@@ -113,22 +150,22 @@ class _Usage:
         return used
 
 
-def _road_flows(road_map: RoadMap, entries: set[str]) -> dict[str, float]:
-    """Tell how many vehicles per hour each road can carry."""
+def _road_flows(road_map: RoadMap, entries: set[str]) -> tuple[dict[str, float], dict[str, float]]:
+    """Tell how many vehicles per hour each road can carry, and the share of a green that it keeps busy."""
     lanes = MapIndex(road_map).lanes
     signalled = {junction for signal in road_map.signals for junction in signal.junctions}
-    flows = {}
+    flows, kept = {}, {}
     for road in road_map.roads:
         driven = [lanes[lane] for lane in road.lanes if set(CLASSES) & set(lanes[lane].allow)]
-        flow = _ROAD_FLOW * max(1, len(driven))
         between = road.from_junction in signalled and road.to_junction in signalled
+        kept[road.id] = 1.0
         if driven and (road.id in entries or between):
-            flow *= min(1.0, _SHORT_FLOW + (1 - _SHORT_FLOW) * driven[0].length / _SHORT)
-        flows[road.id] = flow
-    return flows
+            kept[road.id] = min(1.0, _SHORT_FLOW + (1 - _SHORT_FLOW) * driven[0].length / _SHORT)
+        flows[road.id] = _ROAD_FLOW * max(1, len(driven)) * kept[road.id]
+    return flows, kept
 
 
-def _links_by_arc(road_map: RoadMap, routes: Sequence[Route]) -> dict[Arc, list[Connection]]:
+def _links_by_arc(road_map: RoadMap, routes: Sequence[Route]) -> _Links:
     """List the connections that vehicles of a route may take from each road to the next, one per lane."""
     lanes = MapIndex(road_map).lanes
     found: dict[Arc, dict[str, Connection]] = defaultdict(dict)
@@ -140,35 +177,11 @@ def _links_by_arc(road_map: RoadMap, routes: Sequence[Route]) -> dict[Arc, list[
     return {arc: list(links.values()) for arc, links in found.items()}
 
 
-def _capacity(link: Connection, greens: dict[tuple[str, int], float]) -> float:
-    if link.signal is not None and link.link_index is not None:
-        flow = SATURATION_FLOW * greens.get((link.signal, link.link_index), 0.0)
-    else:
-        flow = _UNSIGNALLED.get(link.state, 500.0)
-    return max(flow, _LEAST_CAPACITY)
-
-
-def _green_shares(road_map: RoadMap) -> dict[tuple[str, int], float]:
-    """Tell the effective green of each link as a share of the cycle, from each signal's first program."""
-    shares: dict[tuple[str, int], float] = {}
-    for signal in road_map.signals:
-        if signal.programs:
-            program = signal.programs[0]
-            for link in signal.links:
-                shares[signal.id, link.index] = _green_share(program, link.index)
-    return shares
-
-
-def _green_share(program: Program, index: int) -> float:
-    """Add the greens of a link up: whole where it has the right of way, half where it yields."""
-    cycle = sum(phase.duration for phase in program.phases)
-    letters = [phase.state[index : index + 1] for phase in program.phases]
-    green = sum(
-        phase.duration * {"G": 1.0, "g": _YIELDING, "O": 1.0, "o": _YIELDING}.get(letter, 0.0)
-        for phase, letter in zip(program.phases, letters, strict=True)
-    )
-    starts = sum(
-        letter in ("G", "g") and before not in ("G", "g")
-        for before, letter in zip([letters[-1:], *letters], letters, strict=False)
-    )
-    return max(green - _LOST * starts, 0.0) / cycle if cycle > 0 else 0.0
+def _flows(routes: Sequence[Route], rates: Floats, links: _Links) -> dict[str, float]:
+    """Add up the vehicles per hour on each connection."""
+    flows: dict[str, float] = defaultdict(float)
+    for route, rate in zip(routes, rates.tolist(), strict=True):
+        for arc in route.arcs:
+            for link in links[arc]:
+                flows[link.id] += rate / len(links[arc])
+    return flows

@@ -1,6 +1,7 @@
 """People who walk over every crossing of the network, from a sidewalk on its one side to one on the other."""
 
 from collections import defaultdict
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -12,6 +13,8 @@ _SIGNALLED, _OTHER = 60.0, 20.0
 """Walkers per hour over a crossing."""
 _WALK = 30.0
 """Metres of sidewalk before and after a crossing."""
+_PASSING = 1.28
+"""Metres of sidewalk on which people pass each other: two of SUMO's stripes."""
 _MOST = 4_000.0
 """Walkers per hour on the whole map."""
 
@@ -22,8 +25,13 @@ _Door = tuple[Lane, bool]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Walk:
-    """Two roads with sidewalks and the places on them, metres along each; `rate` in people per hour."""
+    """Two roads with sidewalks and the places on them, metres along each; `rate` in people per hour.
 
+    Attributes:
+        crossing: what it leads over.
+    """
+
+    crossing: str
     start: str
     end: str
     start_place: float
@@ -33,6 +41,9 @@ class Walk:
 
 def find_walks(road_map: RoadMap, network: Path) -> tuple[Walk, ...]:
     """Find a walk each way over each crossing that the network itself has.
+
+    Where two people cannot pass each other on a sidewalk, all walk on it in one direction: in SUMO those who
+    come off it and those who wait to get on it would stand still for minutes.
 
     Args:
         road_map: the description of the network.
@@ -48,10 +59,12 @@ def find_walks(road_map: RoadMap, network: Path) -> tuple[Walk, ...]:
     sidewalks = {lane.road: lane for lane in road_map.lanes if lane.kind is LaneKind.SIDEWALK}
     doors = _doors(joined, sidewalks)
     walks = []
+    starts: dict[str, bool] = {}
     for crossing in crossings:
         sides = [doors[area] for area in sorted(joined.get(crossing.id, ())) if area in doors]
         if len(sides) == 2 and sides[0][0].road != sides[1][0].road:
-            walks += [_walk(*pair, rate=_rate(crossing) / 2) for pair in (sides, sides[::-1])]
+            ways = [pair for pair in (sides, sides[::-1]) if _has_room(pair, starts)]
+            walks += [_walk(crossing, *pair) for pair in ways]
     share = min(1.0, _MOST / max(sum(walk.rate for walk in walks), 1.0))
     return tuple(replace(walk, rate=walk.rate * share) for walk in walks)
 
@@ -71,7 +84,7 @@ def _read_joints(network: Path) -> _Joints:
 
 
 def _doors(joined: _Joints, sidewalks: dict[str, Lane]) -> dict[str, _Door]:
-    """Find the longest sidewalk that opens on each walking area."""
+    """Find the longest sidewalk that opens on each walking area, if it can be one where people pass."""
     doors: dict[str, _Door] = {}
     for area, ends in joined.items():
         lanes = [
@@ -80,21 +93,37 @@ def _doors(joined: _Joints, sidewalks: dict[str, Lane]) -> dict[str, _Door]:
             if end[0] in "<>" and end[1:] in sidewalks
         ]
         if area.startswith(":") and lanes:
-            doors[area] = max(lanes, key=lambda door: door[0].length)
+            doors[area] = max(lanes, key=lambda door: (door[0].width >= _PASSING, door[0].length))
     return doors
 
 
-def _rate(crossing: Crossing) -> float:
-    return _OTHER if crossing.signal is None else _SIGNALLED
+def _has_room(pair: Sequence[_Door], starts: dict[str, bool]) -> bool:
+    """Tell whether walks of a direction meet nobody on a narrow sidewalk; then they decide its direction.
+
+    Walks of one crossing only end there: where more people come together at its mouth they block each other.
+
+    Args:
+        pair: where they start and where they end.
+        starts: by narrow sidewalk, whether walks start there.
+    """
+    (start, _), (end, _) = pair
+    is_narrow = [lane.width < _PASSING for lane in (start, end)]
+    if (is_narrow[0] and not starts.get(start.road, True)) or (is_narrow[1] and end.road in starts):
+        return False
+    starts |= {
+        lane.road: lane is start for lane, narrow in zip((start, end), is_narrow, strict=True) if narrow
+    }
+    return True
 
 
-def _walk(start: _Door, end: _Door, *, rate: float) -> Walk:
+def _walk(crossing: Crossing, start: _Door, end: _Door) -> Walk:
     return Walk(
+        crossing=crossing.id,
         start=start[0].road,
         end=end[0].road,
         start_place=_place(*start),
         end_place=_place(*end),
-        rate=rate,
+        rate=(_OTHER if crossing.signal is None else _SIGNALLED) / 2,
     )
 
 

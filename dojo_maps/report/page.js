@@ -262,6 +262,21 @@ for (const check of data.checks) {
 }
 const states = tally(data.checks.map((check) => check.status));
 byId("states").textContent = several(data.checks.length, "check") + ": " + [...states].map(([name, count]) => count + " " + name).join(", ");
+byId("demand").hidden = !data.demand;
+if (data.demand) {
+  const counts = data.demand.counts || [];
+  const met = counts.length ? "; GEH below 5 for " + Math.round(data.demand.geh_below_5 * 100) + " % of " + several(counts.length, "count") : "";
+  byId("traffic").textContent = several(data.demand.vehicles, "vehicle") + ", " + several(data.demand.bicycles, "bicycle") + ", " + several(data.demand.walkers, "walker") + met;
+  const head = make("tr");
+  head.append(...["from, to", "class", "begin", "counted", "modelled", "GEH"].map((name) => make("th", name)));
+  if (counts.length) byId("counts").append(head);
+  for (const count of counts) {
+    const row = make("tr", undefined, count.geh < 5 ? "" : "crashed");
+    row.append(make("td", count.from_edge + (count.to_edge ? " → " + count.to_edge : "")), make("td", count.class),
+      ...[count.begin, count.count, count.modelled, count.geh].map((value) => make("td", String(value), "number")));
+    byId("counts").append(row);
+  }
+}
 byId("excluded").hidden = !data.excluded.length;
 byId("reasons").textContent = several(data.excluded.length, "issue") + " left out";
 for (const issue of data.excluded) byId("left-out").append(make("li", issue.check + ": " + issue.message + ". " + issue.reason));

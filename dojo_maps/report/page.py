@@ -30,6 +30,7 @@ _BODY = """
 <button type="reset">show all</button>
 </form>
 <ol id="list"></ol><p id="none" hidden></p>
+<details id="demand"><summary id="traffic"></summary><table id="counts"></table></details>
 <details id="excluded"><summary id="reasons"></summary><ul id="left-out"></ul></details>
 <details><summary id="states"></summary><table id="checks"></table></details>
 </aside>
@@ -82,6 +83,7 @@ def _page_data(report: Mapping[str, Any], road_map: RoadMap) -> dict[str, Any]:
         "counts": report["counts"],
         "checks": report["checks"],
         "excluded": report.get("excluded", []),
+        "demand": report.get("demand"),
         "origin": list(road_map.origin),
         "bounds": [*low.tolist(), *high.tolist()],
         "areas": [[kind, id_, _centimetres(ring, shift)] for kind, id_, ring in _areas(road_map)],

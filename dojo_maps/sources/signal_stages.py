@@ -33,6 +33,7 @@ class SignalLink:
         far: it turns across the opposite traffic.
         alone: the lane it starts from is for such turns only.
         onto: the road it leads to, where that leads to another junction of the signal; "" elsewhere.
+        over: the roads that those who walk cross.
     """
 
     index: int
@@ -47,6 +48,7 @@ class SignalLink:
     far: bool
     alone: bool
     onto: str = ""
+    over: frozenset[str] = frozenset()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -112,7 +114,7 @@ def _walk(crossing: Crossing) -> SignalLink:
     return SignalLink(
         index=crossing.link_index or 0, road=crossing.id, walks=True, foes=frozenset(), yields_to=frozenset(),
         length=float(along(crossing.shape)[-1]), speed=0.0, heading=0.0, direction="s",
-        far=False, alone=False,
+        far=False, alone=False, over=frozenset(crossing.roads),
     )  # fmt: skip
 
 
@@ -246,8 +248,13 @@ def _may_share(one: SignalLink, other: SignalLink) -> bool:
 
 
 def _lets_walk(link: SignalLink, walk: SignalLink) -> bool:
-    """Tell whether people may walk while a vehicle link has green."""
+    """Tell whether people may walk while a vehicle link has green: where it turns and waits for them.
+
+    Not before its own stop line: it would wait there for all who walk, or stand in their way.
+    """
     if walk.index not in link.foes:
         return True
+    if link.road in walk.over:
+        return False
     turns = link.direction.lower() in ("l", "r") and not (link.far and link.alone)
     return turns and walk.index in link.yields_to

@@ -7,11 +7,13 @@ from functools import partial
 import numpy as np
 import shapely
 
-from dojo_maps.description import LaneKind
+from dojo_maps.description import Crossing, LaneKind, Program
 from dojo_maps.geometry.polylines import Floats
+from dojo_maps.signals.programs import GREEN
 from dojo_maps.validation.check import ERROR, NOTE, WARNING, Check, Finding, Need, check, element
 from dojo_maps.validation.facts import DRIVABLE, Facts, twisted_share
 from dojo_maps.validation.profiles import Limits
+from dojo_maps.validation.programs import SignalFacts, programs_of
 
 _NAMED = 20
 _FAR = 30.0
@@ -310,3 +312,55 @@ GUESSED_CROSSING = Check(
     hint="remove the crossing, or map it",
     needs=Need.IMPORT,
 )
+
+
+@check(
+    id="pedestrians.walk_before_green",
+    code="PED010",
+    title="Nobody walks before a stop line whose vehicles have green",
+    severity=WARNING,
+    limit="0 s of green for both",
+    source="MUTCD 4I.02; RiLSA 2.3.1: who turns waits for those who cross the road that it turns into",
+    hint="let people walk while the road's own vehicles have red",
+)
+def check_walk_before_green(facts: Facts, _limits: Limits) -> Iterator[Finding]:
+    """Find crossings that are green together with a yielding green of the road that they lead over.
+
+    Its vehicles have to wait at the stop line for all who walk, or stand on the crossing while they wait for
+    others; SUMO's come to no end of it.
+    """
+    for signal, program in programs_of(facts):
+        for crossing, (seconds, k, w) in _walked_before(signal, program).items():
+            yield Finding(
+                elements=(*element("crossing", crossing), *signal.elements(k, w)),
+                at=facts.crossings[crossing].shape[0],
+                message=f"in {signal.named(program)} the crossing {crossing} is green for "
+                f"{seconds:g} s together with vehicles before whose stop line it lies",
+                measured=seconds,
+                limit=0.0,
+            )
+
+
+def _walked_before(signal: SignalFacts, program: Program) -> dict[str, tuple[float, int, int]]:
+    """Give crossings the longest time for which they are so, with the letters of vehicles and walkers."""
+    found: dict[str, tuple[float, int, int]] = {}
+    lanes = signal.facts.lanes
+    for conflict in signal.conflicts:
+        ways = ((conflict.one, conflict.indices[0]), (conflict.other, conflict.indices[1]))
+        for (way, k), (walk, w) in (ways, ways[::-1]):
+            if isinstance(way, Crossing) or not isinstance(walk, Crossing):
+                continue
+            if lanes[way.from_lane].road in walk.roads:
+                seconds = _both_green(program, signal.letters(program, k), signal.letters(program, w))
+                if seconds > found.get(walk.id, (0.0,))[0]:
+                    found[walk.id] = (seconds, k, w)
+    return found
+
+
+def _both_green(program: Program, drives: str, walks: str) -> float:
+    """Add up the phases in which vehicles have a yielding green, and walkers theirs."""
+    return sum(
+        phase.duration
+        for phase, drive, walk in zip(program.phases, drives, walks, strict=True)
+        if drive == "g" and walk in GREEN
+    )

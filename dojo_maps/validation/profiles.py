@@ -35,6 +35,7 @@ class Limits:
     road_length: float = 5.0
     signal_road_length: float = 15.0
     connection_length: float = 1.0
+    vehicle_length: float = 7.5
     node_offset: float = 20.0
     crossing_reach: float = 15.0
     pair_length: float = 0.1

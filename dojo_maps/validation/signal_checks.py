@@ -5,11 +5,12 @@ from collections.abc import Iterator
 
 import shapely
 
+from dojo_maps.description import Connection, Lane
 from dojo_maps.signals.programs import GREEN, following
 from dojo_maps.validation.check import ERROR, NOTE, WARNING, Finding, check, element
-from dojo_maps.validation.facts import Facts
+from dojo_maps.validation.facts import DRIVABLE, Facts
 from dojo_maps.validation.profiles import Limits
-from dojo_maps.validation.programs import Conflict, name_ways, programs_of, signals_of
+from dojo_maps.validation.programs import Conflict, SignalFacts, name_ways, programs_of, signals_of
 
 GOES = "GgsoO"
 """Letters with which a vehicle may go, now or after a stop: green, stop first, signals off."""
@@ -205,3 +206,49 @@ def check_missing_yellow(facts: Facts, _limits: Limits) -> Iterator[Finding]:
 
 def _list(values: list[int]) -> str:
     return ", ".join(map(str, values))
+
+
+@check(
+    id="signals.no_room",
+    code="SIG020",
+    title="There is room between stop lines for who must wait there",
+    severity=WARNING,
+    limit="a vehicle, 7.5 m, where no phase lets it over both",
+    source="SUMO's gap and length of a car",
+    hint="let both links have green together, or join the junctions",
+)
+def check_no_room(facts: Facts, limits: Limits) -> Iterator[Finding]:
+    """Find short lanes that a signal fills in phases in which it lets nobody off them."""
+    for signal, program in programs_of(facts):
+        for index, lanes in _entered(signal).items():
+            filled = signal.letters(program, index)
+            for lane in lanes:
+                leaving = [way.link_index for way in facts.leaving[lane.id] if way.signal == signal.signal.id]
+                emptied = [signal.letters(program, other) for other in leaving if other is not None]
+                together = any(
+                    now in GREEN and then in GREEN
+                    for letters in emptied
+                    for now, then in zip(filled, letters, strict=True)
+                )
+                if lane.length < limits.vehicle_length and emptied and not together:
+                    yield Finding(
+                        elements=(*element("lane", lane.id), *signal.elements(index)),
+                        at=lane.shape[-1],
+                        message=f"in {signal.named(program)} link {index} never has green together with the "
+                        f"next stop line, and the lane {lane.id} between them is {lane.length:.1f} m long",
+                        measured=lane.length,
+                        limit=limits.vehicle_length,
+                    )
+
+
+def _entered(signal: SignalFacts) -> dict[int, list[Lane]]:
+    """List the lanes for cars that each vehicle link of a signal leads to."""
+    lanes = signal.facts.lanes
+    return {
+        index: [
+            lanes[way.to_lane]
+            for way in signal.links[index]
+            if isinstance(way, Connection) and lanes[way.to_lane].kind in DRIVABLE
+        ]
+        for index in signal.vehicle
+    }

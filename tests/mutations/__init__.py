@@ -64,6 +64,7 @@ KINDS: tuple[Kind, ...] = (
     lights.move_signal,
     lights.slow_down,
     walks.shorten_clearance,
+    walks.walk_before_green,
     walks.unlink_crossing,
     walks.drop_crossing_target,
     walks.isolate_walking_area,

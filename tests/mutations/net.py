@@ -164,8 +164,9 @@ SHAPES = _checks(
 """What may follow from a lane that lies elsewhere."""
 TIMES = _checks(
     signals="missing_yellow yellow_short all_red always_green rl_form never_green green_conflict cycle "
-    "green_fraction unused_index tls_trivial minor_green_fast state_length crossing_uncontrolled_at_tls",
-    pedestrians="crossing_clearance walk_min",
+    "green_fraction unused_index tls_trivial minor_green_fast state_length crossing_uncontrolled_at_tls "
+    "no_room",
+    pedestrians="crossing_clearance walk_min walk_before_green",
 )
 """What may follow from a signal that shows other things, or to others."""
 WALKS = _checks(

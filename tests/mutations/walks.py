@@ -58,6 +58,31 @@ def _starts_for(net: Net, crossings: list[str], signal: str, before: str, after:
     return False
 
 
+def walk_before_green(net: Net, chance: random.Random) -> Planted:
+    """Let people walk while those who stand before their crossing have a green that yields."""
+    places = []
+    for logic in net.signals():
+        links = net.links(logic.get("id", ""))
+        crossings = {
+            c.get("to", ""): index
+            for index, cs in links.items()
+            for c in cs
+            if net.edges[c.get("to", "")].get("function") == "crossing"
+        }
+        places += [
+            (phase, crossing, walk)
+            for phase in logic.iter("phase")
+            for crossing, walk in crossings.items()
+            for drive, cs in links.items()
+            if phase.get("state", "")[drive] == "g"
+            and any(c.get("from") in net.edges[crossing].get("crossingEdges", "").split() for c in cs)
+        ]
+    phase, crossing, walk = choose(chance, places)
+    state = phase.get("state", "")
+    phase.set("state", f"{state[:walk]}G{state[walk + 1 :]}")
+    return Planted("pedestrians.walk_before_green", ("crossing", crossing), TIMES)
+
+
 def unlink_crossing(net: Net, chance: random.Random) -> Planted:
     signalised = {
         j.get("id") for j in net.root.iter("junction") if j.get("type", "").startswith("traffic_light")

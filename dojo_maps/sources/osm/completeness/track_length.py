@@ -12,18 +12,14 @@ from dojo_maps.description import LaneKind
 from dojo_maps.geometry.pieces import lane_strips
 from dojo_maps.issue import Issue, Severity
 from dojo_maps.sources.osm.completeness.losses import Left, loss, share_of
+from dojo_maps.sources.osm.graph.projection import way_line
 from dojo_maps.sources.osm.graph.tracks import neighbourhood
-from dojo_maps.sources.osm.pipeline import OsmNetwork
-from dojo_maps.sources.osm.read.country import centre_of
+from dojo_maps.sources.osm.network.osm_network import OsmNetwork
 from dojo_maps.sources.osm.read.data import OsmData
 from dojo_maps.sources.osm.read.track_tags import CYCLEWAY, RAIL, TRAM, track_kind
 from dojo_maps.sources.osm.read.way_tags import RoadTags, read_road
 
 _NAMES = {TRAM: "tram", RAIL: "rail", CYCLEWAY: "cycleway"}
-_BESIDE = 2.0
-"""Metres from a built lane within which a track counts as built: a tram in the street is led by its lane."""
-_NOTHING, _LEAST_LOST = 1.0, 10.0
-"""Metres of a track below which nothing of it is lost, and of a kind from which it is a warning."""
 
 
 def measure_tracks(data: OsmData, network: OsmNetwork) -> tuple[dict[str, Any], list[Issue]]:
@@ -32,34 +28,33 @@ def measure_tracks(data: OsmData, network: OsmNetwork) -> tuple[dict[str, Any], 
     Returns:
         Metres kept, of how many, by kind; and an issue for each kind of track that lacks some.
     """
-    graph = network.layout.graph
+    graph, rules = network.layout.graph, network.layout.rules.completeness
     floors = {kind: _floor(network, kind) for kind in _NAMES}
     kept: dict[str, float] = defaultdict(float)
     total: dict[str, float] = defaultdict(float)
     lost: dict[str, Left] = defaultdict(Left)
     far: dict[str, Left] = defaultdict(Left)
     near = neighbourhood(graph)
-    for way in sorted(graph.tracks.ways if graph.tracks is not None else ()):
-        record = data.ways[way]
-        kind, whole = track_kind(record.tags), graph.way_line(data, record)
+    for way, record in sorted(graph.track_ways.items()):
+        kind, whole = track_kind(record.tags), way_line(graph.projection, data, record)
         if kind is None or whole is None:
             continue
         line = whole.intersection(near)
-        if line.length < whole.length - _NOTHING:
+        if line.length < whole.length - rules.road_lost:
             far[kind].add(way, whole.difference(near))
         shapes, tree = floors[kind]
         rest = line.difference(shapely.union_all(shapes[tree.query(line)]))
         total[kind] += line.length
         kept[kind] += line.length - rest.length
-        if rest.length > _NOTHING:
+        if rest.length > rules.road_lost:
             lost[kind].add(way, rest)
     issues = [
         loss(
             "osm.track_lost", f"{left.metres:.0f} m of {kind} are not built, most of them here",
             ("way", left.way), left.place,
             "look whether it vanished in a junction; draw it in netedit if it is missing",
-            severity=Severity.WARNING if left.metres > _LEAST_LOST else Severity.NOTE,
-            measured=round(left.metres, 1), limit=_LEAST_LOST,
+            severity=Severity.WARNING if left.metres > rules.class_lost else Severity.NOTE,
+            measured=round(left.metres, 1), limit=rules.class_lost,
         )
         for kind, left in sorted(lost.items())
     ]  # fmt: skip
@@ -79,7 +74,7 @@ def measure_tracks(data: OsmData, network: OsmNetwork) -> tuple[dict[str, Any], 
         for junction in sorted(network.layout.tracks.closed if network.layout.tracks is not None else ())
     ]  # fmt: skip
     tracks = {_NAMES[kind]: share_of((round(kept[kind]), round(total[kind]))) for kind in sorted(total)}
-    return {"track_metres": tracks, "lane_metres": _measure_lanes(data, network)}, issues
+    return {"track_metres": tracks, "lane_metres": _measure_lanes(network)}, issues
 
 
 def _floor(network: OsmNetwork, kind: str) -> tuple[np.ndarray, shapely.STRtree]:
@@ -96,14 +91,14 @@ def _floor(network: OsmNetwork, kind: str) -> tuple[np.ndarray, shapely.STRtree]
         for junction in road_map.junctions
         if len(junction.polygon) > 2
     ]
-    shapes = shapely.buffer(np.array([*lane_strips(lanes), *junctions], dtype=object), _BESIDE)
+    beside = network.layout.rules.completeness.track_found
+    shapes = shapely.buffer(np.array([*lane_strips(lanes), *junctions], dtype=object), beside)
     return shapes, shapely.STRtree(shapes)
 
 
-def _measure_lanes(data: OsmData, network: OsmNetwork) -> dict[str, Any]:
+def _measure_lanes(network: OsmNetwork) -> dict[str, Any]:
     """Measure the lanes of roads, as tagged and as their sections have them, by who they are for."""
     graph = network.layout.graph
-    lon, lat = centre_of(data)
     tagged: dict[int, Counter[str]] = {}
     kept: dict[str, float] = defaultdict(float)
     total: dict[str, float] = defaultdict(float)
@@ -112,7 +107,7 @@ def _measure_lanes(data: OsmData, network: OsmNetwork) -> dict[str, Any]:
         for way, pair in zip(section.ways, itertools.pairwise(section.nodes), strict=True):
             if way not in tagged:
                 road, _ = read_road(
-                    data.ways[way].tags, lon=lon, lat=lat, left_hand=graph.left_hand, service=True
+                    graph.ways[way].tags, graph.country, service=True, rules=graph.rules.lanes
                 )
                 tagged[way] = Counter() if road is None else _count(road)
             metres = math.dist(*(graph.places[node] for node in pair))

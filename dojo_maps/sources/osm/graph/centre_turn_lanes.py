@@ -7,47 +7,39 @@ from dataclasses import replace
 
 from dojo_maps.sources.osm.graph.road_graph import RoadGraph, Section
 
-_LENGTH = 60.0
-"""Metres of the turn lane before a junction."""
-_LEAST = 20.0
-"""Metres of a street that are left between its turn lanes."""
 
-
-def add_centre_turn_lanes(graph: RoadGraph) -> None:
+def add_centre_turn_lanes(graph: RoadGraph) -> RoadGraph:
     """Give the streets of a graph that have a lane in their middle a turn lane before each junction."""
     ends = graph.ends()
-    for name, section in sorted(graph.sections.items()):
-        if not section.road.centre or section.road.oneway:
-            continue
+    for _, section in sorted(graph.sections.items()):
         busy = [len(ends[vertex]) > 2 for vertex in (section.start, section.end)]
-        for at_end, piece in _before_junctions(graph, name, busy):
-            graph.sections[piece] = _with_turn_lane(graph, graph.sections[piece], at_end=at_end)
+        if section.road.centre and not section.road.oneway and any(busy):
+            graph = _add_before_junctions(graph, section, *busy)
+    return graph
 
 
-def _before_junctions(graph: RoadGraph, name: str, busy: list[bool]) -> list[tuple[bool, str]]:
-    """Split a street before its junctions; which end each piece leads to."""
-    length = graph.length(graph.sections[name])
-    if not any(busy):
-        return []
-    if length < _LENGTH * sum(busy) + _LEAST:
-        return [(busy[1], name)]
-    found = []
-    if busy[1]:
-        graph.split(name, graph.insert_node(name, length - _LENGTH))
-        found.append((True, f"{name}b"))
-        name = f"{name}a"
-    if busy[0]:
-        graph.split(name, graph.insert_node(name, _LENGTH))
-        found.append((False, f"{name}a"))
-    return found
+def _add_before_junctions(graph: RoadGraph, section: Section, at_start: bool, at_end: bool) -> RoadGraph:
+    """Split a street before its junctions, and give the pieces there their turn lanes."""
+    rules, length = graph.rules.centre_lanes, graph.length(section)
+    if length < rules.length * (at_start + at_end) + rules.street_left:
+        return _with_turn_lane(graph, section.id, at_end=at_end)
+    places = [rules.length] * at_start + [length - rules.length] * at_end
+    graph, nodes = graph.add_nodes((section.id, place) for place in places)
+    graph = graph.split_at_nodes({section.id: nodes})
+    last = section.id + "b" * len(places)
+    graph = _with_turn_lane(graph, f"{section.id}a", at_end=False) if at_start else graph
+    return _with_turn_lane(graph, last, at_end=True) if at_end else graph
 
 
-def _with_turn_lane(graph: RoadGraph, section: Section, *, at_end: bool) -> Section:
+def _with_turn_lane(graph: RoadGraph, name: str, *, at_end: bool) -> RoadGraph:
     """Add the lane on the inner side of the traffic that leads to one end."""
+    section = graph.sections[name]
     road = section.road
     if road.centre is None:
-        return section
+        return graph
     lane = replace(road.centre, turns=("right" if graph.left_hand else "left",))
     if at_end:
-        return replace(section, road=replace(road, forward=(*road.forward, lane), centre=None))
-    return replace(section, road=replace(road, backward=(*road.backward, lane), centre=None))
+        road = replace(road, forward=(*road.forward, lane), centre=None)
+    else:
+        road = replace(road, backward=(*road.backward, lane), centre=None)
+    return replace(graph, sections={**graph.sections, name: replace(section, road=road)})

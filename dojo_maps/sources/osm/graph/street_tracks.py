@@ -5,13 +5,13 @@ would drive through each other.
 """
 
 import itertools
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
 import shapely
 
-from dojo_maps.geometry.polylines import Floats
+from dojo_maps.geometry.polylines import Floats, Shapes
 from dojo_maps.sources.osm.graph.road_graph import RoadGraph, Section
 from dojo_maps.sources.osm.read.lane_tags import LaneTags
 from dojo_maps.sources.osm.read.track_tags import TRAM
@@ -19,16 +19,8 @@ from dojo_maps.sources.osm.read.way_tags import RoadTags
 
 _STEP = 4.0
 """Metres from one place on a track that is looked at to the next."""
-_BORDER = 1.2
-"""Metres that a track's middle may lie outside of the carriageway that it runs in: half of a tram."""
-_PARALLEL = 0.92
-"""Least cosine of the angle between them."""
-_GAP = 16.0
-"""Metres without a street between two parts of a track in one street that are one."""
 _LEAST = 2
 """Places in a street that make a part of the track that runs in it."""
-_MIDDLE = 0.9
-"""Metres from the middle of a street within which a two-way track is one for both directions."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -50,18 +42,24 @@ class StreetPart:
 
 
 class Streets:
-    """Finds the streets that tracks run in."""
+    """Finds the streets that tracks run in.
 
-    def __init__(self, graph: RoadGraph, sections: Mapping[str, Section]) -> None:
-        self._graph = graph
-        self._sections = [sections[name] for name in sorted(sections)]
-        self._lines = [shapely.LineString(graph.line(section)) for section in self._sections]
-        halves = [section.road.drives / 2 + _BORDER for section in self._sections]
+    Args:
+        graph: the roads.
+        sections: those of them that count.
+    """
+
+    def __init__(self, graph: RoadGraph, sections: Iterable[Section]) -> None:
+        self._graph, self._rules = graph, graph.rules.tracks
+        self._sections = sorted(sections, key=lambda section: section.id)
+        self._layers = np.array([section.road.layer for section in self._sections], dtype=int)
+        self._lines = np.array([shapely.LineString(graph.line(s)) for s in self._sections], dtype=object)
+        halves = [section.road.drives / 2 + self._rules.in_street for section in self._sections]
         self._strips = shapely.STRtree(shapely.buffer(self._lines, halves, cap_style="flat"))
 
     def parts(self, track: Section) -> list[StreetPart]:
         """List the parts of a track that run in a street, in its direction."""
-        if track.road.kind != TRAM or not self._lines:
+        if track.road.kind != TRAM:
             return []
         line = shapely.LineString(self._graph.line(track))
         count = max(2, int(line.length / _STEP))
@@ -74,24 +72,27 @@ class Streets:
 
     def _nearest(self, line: shapely.LineString, at: Floats, ways: Floats, layer: int) -> dict[int, int]:
         """Find the nearest street along the track at each place, by their numbers."""
-        places = shapely.line_interpolate_point(line, at)
-        found: dict[int, tuple[float, int]] = {}
-        for place, number in self._strips.query(places, predicate="intersects").T.tolist():
-            if self._sections[number].road.layer != layer:
-                continue
-            street = self._lines[number]
-            way = _ways(street, np.array([street.project(places[place])]))[0]
-            if abs(float(way @ ways[place])) >= _PARALLEL:
-                entry = (round(float(street.distance(places[place])), 3), number)
-                found[place] = min(entry, found.get(place, entry))
-        return {place: number for place, (_, number) in found.items()}
+        points = shapely.line_interpolate_point(line, at)
+        place, number = self._strips.query(points, predicate="intersects")
+        level = self._layers[number] == layer
+        place, number = place[level], number[level]
+        streets, points = self._lines[number], points[place]
+        headings = _ways(streets, shapely.line_locate_point(streets, points))
+        beside = np.abs((headings * ways[place]).sum(axis=1)) >= self._rules.street_parallel
+        apart = np.round(shapely.distance(streets, points), 3)
+        order = np.lexsort((number, apart))[::-1]
+        return {int(place[k]): int(number[k]) for k in order if beside[k]}
 
     def _joined(
         self, line: shapely.LineString, runs: list[tuple[int, list[int]]], step: float, ways: Floats
     ) -> Iterator[StreetPart]:
         joined: list[tuple[int, list[int]]] = []
         for number, places in runs:
-            if joined and joined[-1][0] == number and (places[0] - joined[-1][1][-1]) * step <= _GAP:
+            if (
+                joined
+                and joined[-1][0] == number
+                and (places[0] - joined[-1][1][-1]) * step <= self._rules.street_gap
+            ):
                 joined[-1][1].extend(places)
             else:
                 joined.append((number, places))
@@ -100,7 +101,7 @@ class Streets:
                 continue
             street = self._lines[number]
             points = shapely.line_interpolate_point(line, (np.array(places) + 0.5) * step)
-            along = np.array([street.project(point) for point in points])
+            along = shapely.line_locate_point(street, points)
             on_street = shapely.get_coordinates(shapely.line_interpolate_point(street, along))
             heading = _ways(street, along)
             apart = shapely.get_coordinates(points) - on_street
@@ -112,25 +113,28 @@ class Streets:
             )  # fmt: skip
 
 
-def tram_lanes(
-    street: RoadTags, track: RoadTags, part: StreetPart, *, left_hand: bool
-) -> list[tuple[bool, int]]:
+def tram_lanes(graph: RoadGraph, track: Section, part: StreetPart) -> list[tuple[bool, int]]:
     """Choose the lanes of a street that a tram shares: whether forward, and the number from the outermost.
 
     A two-way track in the middle shares both inner lanes; one at a side is taken for that side's direction.
 
+    Args:
+        graph: the roads.
+        track: that the tram runs on.
+        part: of the track, in a street.
+
     Returns:
         None of them where the street lacks a lane in a direction that the track is for.
     """
-    single = track.oneway or abs(part.left) > _MIDDLE
-    ways = [way for way, lanes in ((True, track.forward), (False, track.backward)) if lanes]
-    directions = [way == part.same for way in ways]
+    street = graph.sections[part.street].road
+    single = track.road.oneway or abs(part.left) > graph.rules.tracks.street_middle
+    directions = [forward == part.same for forward in (True, False) if track.lanes_towards(end=forward)]
     offsets = {
         (forward, k): offset
         for forward in (True, False)
-        for k, offset in _offsets(street, forward=forward, left_hand=left_hand)
+        for k, offset in _offsets(street, forward=forward, left_hand=graph.left_hand)
     }
-    if not track.oneway and single and offsets:
+    if not track.road.oneway and single and offsets:
         nearest = min(offsets, key=lambda key: (abs(offsets[key] - part.left), key))
         directions = [nearest[0]]
     chosen = []
@@ -156,9 +160,9 @@ def _offsets(road: RoadTags, *, forward: bool, left_hand: bool) -> Iterator[tupl
         outer -= width
 
 
-def _ways(line: shapely.LineString, at: Floats) -> Floats:
-    """Give the unit vectors along a line at places on it, (n, 2)."""
-    behind = shapely.get_coordinates(shapely.line_interpolate_point(line, np.maximum(at - 1.0, 0.0)))
-    ahead = shapely.get_coordinates(shapely.line_interpolate_point(line, np.minimum(at + 1.0, line.length)))
+def _ways(lines: shapely.LineString | Shapes, at: Floats) -> Floats:
+    """Give the unit vectors along lines, or one line, at places on them, (n, 2)."""
+    ends = np.maximum(at - 1.0, 0.0), np.minimum(at + 1.0, shapely.length(lines))
+    behind, ahead = (shapely.get_coordinates(shapely.line_interpolate_point(lines, end)) for end in ends)
     way = ahead - behind
     return way / np.maximum(np.hypot(*way.T), 1e-9)[:, None]

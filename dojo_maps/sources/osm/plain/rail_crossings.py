@@ -2,35 +2,26 @@
 
 import math
 from collections import defaultdict
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 
 from dojo_maps.geometry.polylines import Floats
 from dojo_maps.sources.osm.layout.arms import Arm, Layout, ray
-from dojo_maps.sources.osm.layout.crossing_arms import CROSSING_WIDTH
 from dojo_maps.sources.osm.layout.track_layout import TrackLayout
 from dojo_maps.sources.osm.read.track_tags import RAIL
 
-_AHEAD = 15.0
-"""Metres from a junction at which it is told which roads lie beside a track."""
 
-Walks = Mapping[str, tuple[float, float]]
-"""Widths of the sidewalks on the left and the right of each road, metres."""
-
-
-def rail_crossings(
-    layout: Layout, tracks: TrackLayout, walks: Walks
-) -> Iterator[tuple[int, list[tuple[str, bool]]]]:
+def rail_crossings(layout: Layout, tracks: TrackLayout) -> Iterator[tuple[int, list[str]]]:
     """Find the tracks that part the pavements of a junction, those side by side together.
 
     Yields:
-        The junction, and the tracks that end there: each with whether its end is meant, not its start.
+        The junction, and the tracks that end there.
     """
-    rails: dict[int, list[tuple[str, bool]]] = defaultdict(list)
+    rails: dict[int, list[Arm]] = defaultdict(list)
     for name in sorted(tracks.built):
         section = tracks.graph.sections[name]
         for at_end, vertex in ((False, section.start), (True, section.end)):
             if section.road.kind == RAIL and tracks.nodes[vertex] in layout.junctions.of:
-                rails[tracks.nodes[vertex]].append((name, at_end))
+                rails[tracks.nodes[vertex]].append(Arm(name, at_end))
     arms = layout.arms()
     for junction, found in sorted(rails.items()):
         middle = _middle(layout, junction)
@@ -38,21 +29,22 @@ def rail_crossings(
         for gap in _gaps(sorted(around)):
             before, after = gap
             between = [
-                track
+                track.section
                 for track in found
                 if 0.0
                 < _turn(before[0], _angle(middle, _track_point(tracks, track)))
                 < _turn(before[0], after[0])
             ]
-            if between and _paved(before[1], walks, left=True) and _paved(after[1], walks, left=False):
+            if between and _paved(layout, before[1], left=True) and _paved(layout, after[1], left=False):
                 yield junction, between
 
 
-def crossing_line(junction: int, names: list[str], *, signalised: bool) -> str:
+def crossing_line(layout: Layout, junction: int, names: list[str]) -> str:
     """Write a crossing; people let trains go first where no signal tells them to."""
     return (
-        f'<crossing node="{junction}" edges="{" ".join(sorted(names))}" width="{CROSSING_WIDTH:.2f}" '
-        f'priority="{str(signalised).lower()}"/>'
+        f'<crossing node="{junction}" edges="{" ".join(sorted(names))}" '
+        f'width="{layout.rules.crossings.width:.2f}" '
+        f'priority="{str(junction in layout.junctions.controllers).lower()}"/>'
     )
 
 
@@ -65,10 +57,9 @@ def _turn(one: float, other: float) -> float:
     return (other - one) % math.tau or math.tau
 
 
-def _paved(arm: Arm, walks: Walks, *, left: bool) -> bool:
+def _paved(layout: Layout, arm: Arm, *, left: bool) -> bool:
     """Tell whether a road has a sidewalk on its left or right, seen from the junction."""
-    name, at_end = arm
-    return bool(walks[name][0 if left != at_end else 1])
+    return bool(layout.sidewalks[arm.section][0 if left != arm.at_end else 1])
 
 
 def _middle(layout: Layout, junction: int) -> tuple[float, float]:
@@ -79,12 +70,12 @@ def _middle(layout: Layout, junction: int) -> tuple[float, float]:
 
 def _far_point(layout: Layout, arm: Arm) -> Floats:
     place, way = ray(layout.graph, arm)
-    return place + way * (layout.cuts.get(arm, 0.0) + _AHEAD)
+    return place + way * (layout.cuts.get(arm, 0.0) + layout.rules.tracks.beside_ahead)
 
 
-def _track_point(tracks: TrackLayout, track: tuple[str, bool]) -> Floats:
+def _track_point(tracks: TrackLayout, track: Arm) -> Floats:
     place, way = ray(tracks.graph, track)
-    return place + way * (tracks.built[track[0]][track[1]] + _AHEAD)
+    return place + way * (tracks.built[track.section][track.at_end] + tracks.graph.rules.tracks.beside_ahead)
 
 
 def _angle(middle: tuple[float, float], point: Floats) -> float:
