@@ -342,6 +342,17 @@ def test_smooth_pictures_are_the_average_of_finer_ones(scene, cameras, snapshot)
     np.testing.assert_array_equal(plain.depth, smooth.depth)
     difference = np.abs(plain.rgb.astype(int) - smooth.rgb.astype(int)).max(axis=2)
     assert 0 < (difference > 8).mean() < 0.1
+    # A camera with as many pixels as there are samples sees the road users that the mean is of.
+    fine = replace(cameras[0], width=3 * cameras[0].width, height=3 * cameras[0].height)
+    samples = Renderer(scene).render(snapshot, [fine], ("rgb", "instance"))[0]
+    blocks = (cameras[0].height, 3, cameras[0].width, 3)
+    users = (samples.instance > 0).reshape(blocks).sum(axis=(1, 3))
+    mean = samples.rgb.reshape(*blocks, 3).mean(axis=(1, 3))
+    covered = users == 9
+    assert covered.sum() > 200
+    assert np.abs(mean - smooth.rgb)[covered].max() < 1
+    partly = (users > 0) & ~covered
+    assert np.abs(mean - smooth.rgb)[partly].mean() < 8
 
 
 def test_bent_lens_moves_every_output_alike(scene, cameras, snapshot):

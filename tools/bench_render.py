@@ -2,10 +2,14 @@
 
     pip install 'traffic-dojo[bench]'
     python tools/bench_render.py [--quick]
+    python tools/bench_render.py --imaging
 
 All draw the same frames of 356 x 256 pixels on one core in one run. `cologne1` at rush hour is real traffic
 from SUMO; the other rows place vehicles along the lanes around a signal. `dense` is cologne1 with thousands
 of blocks around it: twenty times as many static triangles. The last lines say which goals hold.
+
+`--imaging` tells instead what each thing that conditions and cameras do to a picture of 640 x 448 pixels
+costs, in milliseconds of processor time.
 """
 
 import argparse
@@ -24,14 +28,18 @@ import numpy as np
 
 from bench_panda import PandaWorld
 from dojo_env.camera import Camera
-from dojo_env.config import EnvConfig
+from dojo_env.conditions import Conditions
+from dojo_env.config import EnvConfig, SensingConfig
+from dojo_env.imaging import IMAGING_PRESETS, Imaging
 from dojo_env.rendering.bullet import BulletWorld
 from dojo_env.rendering.renderer import Renderer
 from dojo_env.rendering.scene import Scene, build_scene
 from dojo_env.scenario import find_scenario, open_map
+from dojo_env.sensors.eyes import Eyes
 from dojo_env.sensors.placement import place_cameras
 from dojo_env.simulation import Simulation
 from dojo_env.snapshot import Snapshot
+from dojo_maps.bundle import Bundle
 from dojo_maps.errors import ToolMissingError
 
 RUSH_HOUR = {"cologne1": 35, "cologne8": 35}
@@ -102,16 +110,56 @@ def densify(scene: Scene, times: int) -> Scene:
     )
 
 
-def milliseconds(draw: Callable[[], object], budget: float) -> float:
+def milliseconds(
+    draw: Callable[[], object], budget: float, clock: Callable[[], float] = time.perf_counter
+) -> float:
     """Time one call: the median over as many as fit a budget of seconds, five at least."""
     draw()
     taken: list[float] = []
     end = time.perf_counter() + budget
     while len(taken) < 5 or time.perf_counter() < end:
-        start = time.perf_counter()
+        start = clock()
         draw()
-        taken.append(time.perf_counter() - start)
+        taken.append(clock() - start)
     return 1000 * statistics.median(taken)
+
+
+SPOILT = {
+    **{f"rain={k}": Conditions(rain=k) for k in (0.3, 0.9)},
+    "noise=4": Conditions(noise=4.0), "blur=0.6": Conditions(blur=0.6), "dirt=0.5": Conditions(dirt=0.5),
+    "drops=0.5": Conditions(drops=0.5), "sway_deg=0.1": Conditions(sway_deg=0.1),
+    "dropped=1": Conditions(dropped=1.0),
+    "auto_exposure=1": Imaging(auto_exposure=1.0), "vignetting=0.3": Imaging(vignetting=0.3),
+    "glare=0.5": Imaging(glare=0.5), "shot_noise=2, read_noise=0.3": Imaging(shot_noise=2.0, read_noise=0.3),
+    "jpeg_quality=75": Imaging(jpeg_quality=75), "h264_kbps=1000": Imaging(h264_kbps=1000.0),
+    "shutter_s=0.01, readout_s=0.016": Imaging(shutter_s=0.01, readout_s=0.016),
+    **{name: body for name, body in IMAGING_PRESETS.items() if name != "ideal"},
+}  # fmt: skip
+"""What may be done to a picture, each alone, and all that a camera does."""
+
+
+def report_imaging(bundle: Bundle, snapshot: Snapshot, camera: Camera) -> None:
+    """Print what each artefact costs beside the perfect picture."""
+    camera = replace(camera, width=640, height=448)
+    times = iter(range(10**9))
+
+    def cost(conditions: Conditions, imaging: Imaging, hung: Camera = camera) -> float:
+        eyes = Eyes(bundle, SensingConfig(conditions=conditions, imaging=imaging))
+        eyes.reset(1)
+        return milliseconds(
+            lambda: eyes.look(replace(snapshot, time=float(next(times))), [hung]), 1.5, time.process_time
+        )
+
+    def tell(name: str, taken: float) -> None:
+        print(f"{name:<33}{taken:7.2f} ms{taken - perfect:+8.2f} ms", flush=True)
+
+    perfect = cost(Conditions(), Imaging())
+    tell("perfect", perfect)
+    bent = replace(camera, distortion=(-0.2, 0.03, 0.0, 0.0))
+    tell("distortion", cost(Conditions(), Imaging(), bent))
+    for name, what in SPOILT.items():
+        is_state = isinstance(what, Conditions)
+        tell(name, cost(what if is_state else Conditions(), Imaging() if is_state else what))
 
 
 def several(cameras: Sequence[Camera], count: int) -> tuple[Camera, ...]:
@@ -157,7 +205,8 @@ if sys.argv[1:]:
     import pathlib
     from dojo_env.rendering.renderer import Renderer
     from dojo_env.rendering.scene import build_scene
-    from dojo_env.sensors.placement import place_cameras
+    from dojo_env.sensors.eyes import Eyes
+from dojo_env.sensors.placement import place_cameras
     from dojo_env.snapshot import Snapshot
     from dojo_maps.bundle import read_bundle
     scene = build_scene(read_bundle(sys.argv[1]))
@@ -207,7 +256,9 @@ def main() -> None:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("--quick", action="store_true", help="fewer rows, less time for each")
-    quick = parser.parse_args().quick
+    parser.add_argument("--imaging", action="store_true", help="what cameras and weather do to pictures")
+    options = parser.parse_args()
+    quick = options.quick
     if hasattr(os, "sched_setaffinity"):
         os.sched_setaffinity(0, {min(os.sched_getaffinity(0))})
     budget = 0.5 if quick else 2.0
@@ -219,6 +270,9 @@ def main() -> None:
         cameras = place_cameras(scene, signal.id)
         centre = np.mean([head.position for head in signal.heads], axis=0)[:2]
         real = rush_hour(name, centre, RUSH_HOUR[name])
+        if options.imaging:
+            report_imaging(bundle, real, cameras[0])
+            return
         goal = goal or compare(f"{name}, rush hour", scene, real, cameras, budget)
         for cameras_wanted in (1, 4, 5, 16):
             for vehicles in (35,) if quick else (0, 35, 100, 200):

@@ -2,16 +2,18 @@
 
 import re
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from functools import lru_cache
 from json import dumps
 from pathlib import Path
 from typing import Any
+from zlib import crc32
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from dojo_env.camera import Camera
 from dojo_env.config import EnvConfig, SensingConfig, build_config
 from dojo_env.controllers import make_controller
 from dojo_env.datasets.cameras import choose_cameras
@@ -20,7 +22,7 @@ from dojo_env.datasets.episodes import Sample, Sampling, simulate
 from dojo_env.datasets.formats import FORMATS
 from dojo_env.datasets.labelling import OUTPUTS, Instant, Thresholds, Tracks, Ways, without_users
 from dojo_env.datasets.labels import PictureLabels
-from dojo_env.datasets.settings import DatasetSettings, Job
+from dojo_env.datasets.settings import CAMERA, DatasetSettings, Job, divide_among
 from dojo_env.datasets.weather import draw_conditions
 from dojo_env.errors import ConfigError
 from dojo_env.forks import call_in_fork
@@ -94,8 +96,17 @@ class Stage:
         self.eyes = Eyes(bundle, SensingConfig(smooth=settings.smooth))
         signals = self.world.signals
         self.cameras = choose_cameras(settings.cameras, self.eyes.scene, signals, settings.size)
+        self._divided: Mapping[str, Sequence[Camera]] = {}
+        if settings.split_by == CAMERA:
+            random = np.random.default_rng([settings.seed, crc32(scenario.encode())])
+            mixed = [self.cameras[k] for k in random.permutation(len(self.cameras))]
+            self._divided = divide_among(settings, mixed, "cameras")
         self.ways = Ways(bundle.road_map)
         self.name = self.world.config.scenario.name
+
+    def list_cameras(self, split: str) -> tuple[Camera, ...]:
+        """List the cameras that take the pictures of a split."""
+        return tuple(self._divided.get(split, self.cameras))
 
 
 @lru_cache(maxsize=_WORLDS_KEPT)
@@ -127,12 +138,13 @@ def take_pictures(settings: DatasetSettings, job: Job, tree: Path) -> Iterator[P
     imaging = settings.imaging[int(random.integers(len(settings.imaging)))]
     stage.eyes.config = SensingConfig(conditions=conditions, imaging=imaging, smooth=settings.smooth)
     stage.eyes.reset(int(random.integers(2**31)))
+    cameras = stage.list_cameras(job.split)
     shooting = _Shooting(settings, job, tree, stage, controller)
     for run in range(_MOST_RUNS):
         before = shooting.taken
         sampling = _plan_sampling(settings, stage, int(random.integers(2**31)), job.pictures - before)
         samples = call_in_fork(
-            simulate, open_scenario(settings, job.scenario, controller), controller, stage.cameras, sampling
+            simulate, open_scenario(settings, job.scenario, controller), controller, cameras, sampling
         )
         for sample in samples:
             yield from shooting.shoot(sample, run, sampling.seed)
@@ -168,7 +180,7 @@ class _Shooting:
     ) -> None:
         self.taken = 0
         self._settings, self._job, self._tree, self._stage = settings, job, tree, stage
-        self._controller = controller
+        self._controller, self._cameras = controller, stage.list_cameras(job.split)
         self._tracks = Tracks()
         self._frames: Counter[str] = Counter()
         self._thresholds = Thresholds(
@@ -176,7 +188,7 @@ class _Shooting:
         )
         self._sequences = [
             f"{_plain(stage.name)}-{job.number:06d}-{k:02d}-{_plain(camera.name)}"
-            for k, camera in enumerate(stage.cameras)
+            for k, camera in enumerate(self._cameras)
         ]
 
     def shoot(self, sample: Sample, run: int, seed: int) -> Iterator[PictureLabels]:
@@ -196,7 +208,7 @@ class _Shooting:
             snapshot = without_users(sample.snapshot) if is_empty else sample.snapshot
             instant = Instant(snapshot, sample.links, stage.ways, stage.eyes.scene.origin)
             for k in places:
-                (picture,) = stage.eyes.look(snapshot, [stage.cameras[k]], OUTPUTS)
+                (picture,) = stage.eyes.look(snapshot, [self._cameras[k]], OUTPUTS)
                 yield self._keep(picture, instant, snapshot, k, run=run, seed=seed, is_empty=is_empty)
 
     def _keep(
@@ -217,7 +229,7 @@ class _Shooting:
         number, frame = job.first + self.taken, self._frames[sequence]
         place, depth = FORMATS[settings.format].place(job.split, sequence, frame, number)
         file, depth = f"{place}.{settings.picture}", f"{depth}.png" if settings.depth else ""
-        _write(self._tree / file, picture.rgb[..., ::-1], settings.quality)
+        _write(self._tree / file, cv2.cvtColor(picture.rgb, cv2.COLOR_RGB2BGR), settings.quality)
         if depth:
             steps = np.rint(picture.depth * np.float32(_DEPTH_STEPS))
             _write(self._tree / depth, np.where(steps <= _DEEPEST, steps, 0).astype(np.uint16), 0)

@@ -1,19 +1,44 @@
 """What a camera keeps from frame to frame: its view of the static world, and how its lens bends it."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dojo_env.camera import Camera
-from dojo_env.rendering.background import Background, draw_background
+from dojo_env.rendering.background import OWN, SAMPLES, Background, Depths, draw_background
 from dojo_env.rendering.canvas import Canvas
 from dojo_env.rendering.lighting import Light
-from dojo_env.rendering.scene import Scene
-from dojo_env.rendering.target import Target
+from dojo_env.rendering.scene import Lamps, Paths, Scene
+from dojo_env.rendering.target import Target, bend
+from dojo_env.rendering.traffic import Users
 from dojo_env.rendering.view import View, view_of
 
-Places = NDArray[np.float32]
+Indices = NDArray[np.int32]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Sight:
+    """What frames are drawn into, at some samples a pixel.
+
+    Attributes:
+        canvas: of the straight view, which is larger than the picture where a lens bends.
+        rows: (h, w) row of the straight view that each sample of the picture shows; None for a perfect lens.
+        columns: (h, w) its column.
+    """
+
+    canvas: Canvas
+    rows: Indices | None = None
+    columns: Indices | None = None
+
+    def draw(self, users: Users, lamps: Lamps, paths: Paths) -> Target:
+        """Draw a frame, and look at it through the lens; see `Canvas.draw`."""
+        target = self.canvas.draw(users, lamps, paths)
+        if self.rows is None:
+            return target
+        depths, tags, spans = bend(target.depths, target.tags, self.rows, self.columns)
+        return target._replace(depths=depths, tags=tags, spans=spans)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -21,43 +46,38 @@ class Eye:
     """A camera at work.
 
     Attributes:
-        view: the straight view that frames are drawn in; larger than the picture where a lens bends.
-        canvas: what they are drawn into.
         background: what the picture shows where nothing moves, bent by the lens.
-        rows: (h, w) row of the straight view that each pixel of the picture shows; None for a perfect lens.
-        columns: (h, w) its column.
+        sights: by how many samples a pixel has across and down: 1, and where pictures are smooth `SAMPLES`.
     """
 
-    view: View
-    canvas: Canvas
     background: Background
-    rows: NDArray[np.intp] | None = None
-    columns: NDArray[np.intp] | None = None
-
-    def bend(self, target: Target) -> Target:
-        """Look at a frame through the lens."""
-        if self.rows is None:
-            return target
-        height, width = self.rows.shape
-        return target._replace(
-            depths=target.depths[self.rows, self.columns],
-            tags=target.tags[self.rows, self.columns],
-            spans=np.tile(np.array([0, width], dtype=np.int32), (height, 1)),
-        )
+    sights: Mapping[int, Sight]
 
 
-def open_eye(scene: Scene, camera: Camera, light: Light, factor: int, *, samples: int, plain: bool) -> Eye:
-    """Draw a camera's background, `factor` pixels wide and high for each of its own.
+def open_eye(scene: Scene, camera: Camera, light: Light, *, smooth: bool, plain: bool) -> Eye:
+    """Draw a camera's background.
 
-    Each of these has `samples` across and down. What moves is drawn more cheaply where the look is `plain`.
+    Args:
+        scene: the static world.
+        camera: that looks.
+        light: what shines.
+        smooth: pictures have more samples a pixel.
+        plain: what moves is drawn more cheaply.
     """
-    view = view_of(camera, scene.origin).scaled(factor)
+    view = view_of(camera, scene.origin)
+    factors = (1, SAMPLES) if smooth else (1,)
+
+    def prepare(straight: View, depths: Depths, factor: int) -> Canvas:
+        clean = depths if factor == SAMPLES else np.ascontiguousarray(depths[OWN])
+        return Canvas(straight.scaled(factor), clean, light, plain=plain)
+
     if not camera.distortion:
-        background = draw_background(scene, view, light, samples)
+        background, depths = draw_background(scene, view, light)
         return Eye(
-            view=view, canvas=Canvas(view, background.depths, light, plain=plain), background=background
+            background=background,
+            sights={factor: Sight(canvas=prepare(view, depths, factor)) for factor in factors},
         )
-    from dojo_env.rendering.lens import bend_background, straightened  # noqa: PLC0415 - OpenCV is large; few need it
+    from dojo_env.rendering.lens import bend_background, find_places, straightened  # noqa: PLC0415 - OpenCV is large; few need it
 
     x, y = straightened(camera, view)
     left, top = int(max(0.0, np.ceil(-x.min()))), int(max(0.0, np.ceil(-y.min())))
@@ -67,12 +87,12 @@ def open_eye(scene: Scene, camera: Camera, light: Light, factor: int, *, samples
         height=view.height + top + bottom,
         width=view.width + left + right,
     )
-    straight = draw_background(scene, wide, light, samples)
-    x, y = x + np.float32(left), y + np.float32(top)
-    return Eye(
-        view=wide,
-        canvas=Canvas(wide, straight.depths, light, plain=plain),
-        background=bend_background(straight, x, y),
-        rows=np.clip(np.floor(y).astype(np.intp), 0, wide.height - 1),
-        columns=np.clip(np.floor(x).astype(np.intp), 0, wide.width - 1),
-    )
+    straight, depths = draw_background(scene, wide, light)
+    sights = {}
+    for factor in factors:
+        at_x, at_y = (x, y) if factor == 1 else straightened(camera, view.scaled(factor))
+        at_x, at_y = at_x + np.float32(factor * left), at_y + np.float32(factor * top)
+        rows, columns = find_places(at_x, at_y, (factor * wide.height, factor * wide.width))
+        sights[factor] = Sight(canvas=prepare(wide, depths, factor), rows=rows, columns=columns)
+    bent = bend_background(straight, x + np.float32(left), y + np.float32(top))
+    return Eye(background=bent, sights=sights)

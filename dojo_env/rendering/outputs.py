@@ -17,7 +17,7 @@ from dojo_env.errors import ConfigError
 from dojo_env.rendering.background import SAMPLES
 from dojo_env.rendering.boxes import Boxes, measure_boxes
 from dojo_env.rendering.classes import SEMANTIC_OF_KIND, Semantic
-from dojo_env.rendering.compiling import kernel
+from dojo_env.rendering.compiling import inner, kernel
 from dojo_env.rendering.eye import Eye
 from dojo_env.rendering.ground import LEVELS
 from dojo_env.rendering.lights import LAMP
@@ -134,13 +134,13 @@ def check_outputs(names: Iterable[str], *, bullet: bool = False) -> frozenset[st
 def _paint(drawing: Drawing) -> NDArray[np.uint8]:
     target, background = drawing.target, drawing.eye.background
     picture = background.lit.copy()
-    _resolve(target.tags, target.spans, target.shades, background.shaded, background.headlit, picture)
-    return picture if drawing.factor == 1 else _averaged(picture)
+    resolve = _resolve if drawing.factor == 1 else _resolve_samples
+    resolve(target.tags, target.spans, target.shades, background.shaded, background.headlit, picture)
+    return picture
 
 
 def _depth(drawing: Drawing) -> NDArray[np.float32]:
-    far = drawing.camera.far
-    return np.minimum(1 / np.maximum(drawing.target.depths, np.float32(1 / far)), np.float32(far))
+    return _measure_distances(drawing.target.depths, np.float32(drawing.camera.far))
 
 
 def _semantic(drawing: Drawing) -> NDArray[np.uint8]:
@@ -156,7 +156,7 @@ def _instance(drawing: Drawing) -> NDArray[np.int32]:
 
 
 def _boxes(drawing: Drawing) -> Boxes:
-    alone = partial(drawing.eye.canvas.count_pixels, drawing.users)
+    alone = partial(drawing.eye.sights[1].canvas.count_pixels, drawing.users)
     return measure_boxes(drawing.target, alone, drawing.users, drawing.snapshot, drawing.camera)
 
 
@@ -208,18 +208,13 @@ OUTPUTS: Mapping[str, Output] = MappingProxyType(
 
 
 @kernel
-def _averaged(fine):
-    """Give each pixel the mean of its block of samples."""
-    picture = np.empty((fine.shape[0] // SAMPLES, fine.shape[1] // SAMPLES, 3), np.uint8)
-    for row in range(picture.shape[0]):
-        for column in range(picture.shape[1]):
-            for c in range(3):
-                total = SAMPLES**2 // 2
-                for i in range(SAMPLES):
-                    for j in range(SAMPLES):
-                        total += fine[row * SAMPLES + i, column * SAMPLES + j, c]
-                picture[row, column, c] = total // SAMPLES**2
-    return picture
+def _measure_distances(depths, far):
+    """Turn inverse depths into metres, at most `far`."""
+    distances, least = np.empty_like(depths), np.float32(1) / far
+    for row in range(depths.shape[0]):
+        for column in range(depths.shape[1]):
+            distances[row, column] = min(np.float32(1) / max(depths[row, column], least), far)
+    return distances
 
 
 @kernel
@@ -228,20 +223,56 @@ def _resolve(tags, spans, shades, shaded, headlit, picture):
     for row in range(tags.shape[0]):
         for column in range(spans[row, 0], spans[row, 1]):
             tag = tags[row, column]
-            if tag == STATIC:
+            if tag != STATIC:
+                for c in range(3):
+                    picture[row, column, c] = _colour(
+                        tag,
+                        picture[row, column, c],
+                        shades,
+                        shaded[row, column, c],
+                        headlit[row, column, c],
+                        c,
+                    )
+
+
+@kernel
+def _resolve_samples(tags, spans, shades, shaded, headlit, picture):
+    """Do the same where each pixel has `SAMPLES` x `SAMPLES` tags: it gets their mean."""
+    for row in range(picture.shape[0]):
+        top = row * SAMPLES
+        first, last = picture.shape[1] * SAMPLES, 0
+        for v in range(top, top + SAMPLES):
+            first, last = min(first, spans[v, 0]), max(last, spans[v, 1])
+        for column in range(first // SAMPLES, (last + SAMPLES - 1) // SAMPLES):
+            left = column * SAMPLES
+            moving = 0
+            for v in range(top, top + SAMPLES):
+                for u in range(left, left + SAMPLES):
+                    moving += tags[v, u] != STATIC
+            if moving == 0:
                 continue
-            if tag >= 0:
-                for c in range(3):
-                    picture[row, column, c] = shades[tag, c]
-            else:
-                held = STATIC - tag
-                shadow, light = (held & LEVELS) / LEVELS, (held >> 10) / LEVELS
-                left = 1.0 - _CONTACT * (held >> 5 & LEVELS) / LEVELS
-                for c in range(3):
-                    plain = float(picture[row, column, c])
-                    value = (plain + shadow * (shaded[row, column, c] - plain)) * left
-                    value += light * (headlit[row, column, c] - plain)
-                    picture[row, column, c] = int(min(255.0, max(0.0, value)) + 0.5)
+            for c in range(3):
+                plain, dark, bright = picture[row, column, c], shaded[row, column, c], headlit[row, column, c]
+                total = (SAMPLES**2 - moving) * int(plain) + SAMPLES**2 // 2
+                for v in range(top, top + SAMPLES):
+                    for u in range(left, left + SAMPLES):
+                        if tags[v, u] != STATIC:
+                            total += _colour(tags[v, u], plain, shades, dark, bright, c)
+                picture[row, column, c] = total // SAMPLES**2
+
+
+@inner
+def _colour(tag, lit, shades, shaded, headlit, c):
+    """Give a channel of a sample that shows what moves, or the background in its shadow or light."""
+    if tag >= 0:
+        return int(shades[tag, c])
+    held = STATIC - tag
+    shadow, light = (held & LEVELS) / LEVELS, (held >> 10) / LEVELS
+    left = 1.0 - _CONTACT * (held >> 5 & LEVELS) / LEVELS
+    plain = float(lit)
+    value = (plain + shadow * (float(shaded) - plain)) * left
+    value += light * (float(headlit) - plain)
+    return int(min(255.0, max(0.0, value)) + 0.5)
 
 
 @kernel

@@ -53,7 +53,7 @@ class Renderer:
         self._light = compute_light(conditions or Conditions())
         self._rain = conditions.rain if conditions else 0.0
         self._faces = SignalFaces(scene)
-        self._eyes: dict[tuple[Camera, int], Eye] = {}
+        self._eyes: dict[Camera, Eye] = {}
 
     def render(
         self, snapshot: Snapshot, cameras: Iterable[Camera], outputs: Sequence[str] = ("rgb",)
@@ -75,35 +75,28 @@ class Renderer:
     def forget(self, cameras: Iterable[Camera] | None = None) -> None:
         """Drop the backgrounds of cameras that are no longer used; of all if none are named."""
         gone = None if cameras is None else set(cameras)
-        for key in [key for key in self._eyes if gone is None or key[0] in gone]:
-            del self._eyes[key]
+        for camera in [camera for camera in self._eyes if gone is None or camera in gone]:
+            del self._eyes[camera]
 
     def close(self) -> None:
         """Forget every background; the renderer may still be used."""
         self.forget()
 
     def _picture(self, snapshot: Snapshot, users: Users, camera: Camera, passes: _Passes) -> Picture:
+        eye = self._eyes.get(camera)
+        if eye is None:
+            eye = self._eyes[camera] = open_eye(
+                self.scene, camera, self._light, smooth=self.smooth, plain=self.look == "plain"
+            )
+        states = tuple(snapshot.signals.items())
+        lamps, paths = self._faces.lit(states), self._faces.paths(states) if self.show_links else NO_PATHS
         made: dict[str, Any] = {}
         for factor, makers in passes:
-            drawing = self._draw(snapshot, users, camera, factor)
+            target = eye.sights[factor].draw(users, lamps, paths)
+            drawing = Drawing(camera, snapshot, users, eye, target, factor)
             for name, make in makers:
                 made[name] = make(drawing)
         return Picture(camera=camera, outputs=made)
-
-    def _draw(self, snapshot: Snapshot, users: Users, camera: Camera, factor: int) -> Drawing:
-        """Fill the visibility buffer."""
-        key = (camera, factor)
-        eye = self._eyes.get(key)
-        if eye is None:
-            # Where pictures are smooth, their samples are pixels, and others show no colours.
-            samples = 1 if self.smooth else SAMPLES
-            eye = self._eyes[key] = open_eye(
-                self.scene, camera, self._light, factor, samples=samples, plain=self.look == "plain"
-            )
-        states = tuple(snapshot.signals.items())
-        paths = self._faces.paths(states) if self.show_links else NO_PATHS
-        target = eye.bend(eye.canvas.draw(users, self._faces.lit(states), paths))
-        return Drawing(camera, snapshot, users, eye, target, factor)
 
 
 @cache

@@ -38,6 +38,30 @@ def restore(target, clean):
         target.spans[row, 0], target.spans[row, 1] = width, 0
 
 
+@kernel
+def bend(depths, tags, rows, columns):
+    """Look at a frame through a lens: depths, tags and spans of the picture.
+
+    Args:
+        depths: of the straight view.
+        tags: of the straight view.
+        rows: (h, w) its row that each pixel of the picture shows.
+        columns: (h, w) its column.
+    """
+    height, width = rows.shape
+    bent_depths, bent_tags = np.empty((height, width), np.float32), np.empty((height, width), np.int32)
+    spans = np.empty((height, 2), np.int32)
+    for row in range(height):
+        spans[row, 0], spans[row, 1] = width, 0
+        for column in range(width):
+            v, u = rows[row, column], columns[row, column]
+            bent_depths[row, column] = depths[v, u]
+            bent_tags[row, column] = tags[v, u]
+            if tags[v, u] != STATIC:
+                spans[row, 0], spans[row, 1] = min(spans[row, 0], column), column + 1
+    return bent_depths, bent_tags, spans
+
+
 @inner
 def touch(screen, is_ahead, target):
     """Note that a shape with these corners on the screen may change what lies within them."""
