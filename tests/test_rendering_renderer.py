@@ -13,11 +13,13 @@ from conftest import REPOSITORY, command_environment
 from dojo_env.camera import Camera
 from dojo_env.conditions import Conditions
 from dojo_env.errors import ConfigError, SnapshotError
+from dojo_env.rendering import compiling
 from dojo_env.rendering.classes import SEMANTIC_OF_KIND, Semantic
 from dojo_env.rendering.compiling import kernel
 from dojo_env.rendering.lanes import draw_lane_map, find_lane
 from dojo_env.rendering.renderer import Renderer
 from dojo_env.rendering.scene import build_scene
+from dojo_env.rendering.traffic import _looks, _pack_library, _tabulate_looks, library
 from dojo_env.sensors.placement import place_cameras
 from dojo_env.snapshot import Kind, Lights, Snapshot
 from dojo_maps.bundle import read_bundle
@@ -333,6 +335,26 @@ def test_place_on_a_lane_is_told_along_and_across_it(scene):
 @kernel
 def _find(x, y, lanes, found):
     find_lane(x, y, lanes, found)
+
+
+def test_models_are_the_same_whether_built_or_kept(tmp_path, monkeypatch):
+    monkeypatch.setattr(compiling, "_FOLDER", str(tmp_path / "kernels"))
+    for load, build in ((library, _pack_library), (_looks, _tabulate_looks)):
+        built = build()
+        for _ in ("kept now", "kept before"):
+            load.cache_clear()
+            for ours, theirs in zip(load(), built, strict=True):
+                np.testing.assert_array_equal(ours, theirs)
+                assert (ours.dtype, ours.flags.writeable) == (theirs.dtype, True)
+    (kept,) = (tmp_path / "kernels").glob("models.npz")
+    age = kept.stat().st_mtime_ns
+    library.cache_clear()
+    library()
+    assert kept.stat().st_mtime_ns == age  # It was read.
+    kept.write_bytes(kept.read_bytes()[:-100])
+    library.cache_clear()
+    np.testing.assert_array_equal(library().faces, _pack_library().faces)
+    assert kept.stat().st_mtime_ns != age
 
 
 def test_smooth_pictures_are_the_average_of_finer_ones(scene, cameras, snapshot):

@@ -49,8 +49,8 @@ class Stream:
         frame = self._av.VideoFrame.from_ndarray(planes, format="yuv420p")
         decoder = self._av.CodecContext.create("h264", "r")
         decoder.thread_count = 1
-        (shown, *_) = [*decoder.decode(self._fit(frame)), *decoder.decode(None)]
-        unpacked = cv2.cvtColor(shown.to_ndarray(), cv2.COLOR_YUV2RGB_I420)
+        shown = decoder.decode(self._fit(frame)) + decoder.decode(None)
+        unpacked = cv2.cvtColor(shown[0].to_ndarray(), cv2.COLOR_YUV2RGB_I420)
         return np.ascontiguousarray(unpacked[:height, :width], dtype=np.uint8)
 
     def _fit(self, frame: Any) -> Any:
@@ -63,7 +63,10 @@ class Stream:
         while packet.size > self._most and quantiser < _COARSEST:
             quantiser += 1
             packet = self._encode(frame, quantiser)
-        while quantiser > _FINEST and (finer := self._encode(frame, quantiser - 1)).size <= self._most:
+        while quantiser > _FINEST:
+            finer = self._encode(frame, quantiser - 1)
+            if finer.size > self._most:
+                break
             quantiser, packet = quantiser - 1, finer
         self._quantiser = quantiser
         return packet
@@ -73,16 +76,15 @@ class Stream:
         coder.width, coder.height, coder.pix_fmt = frame.width, frame.height, "yuv420p"
         coder.time_base, coder.thread_count = Fraction(1, 25), 1
         coder.options = {**_OPTIONS, "qp": str(quantiser), "x264-params": _X264}
-        (packet, *_) = [*coder.encode(frame), *coder.encode(None)]
-        return packet
+        return (coder.encode(frame) + coder.encode(None))[0]
 
 
 def _load() -> Any:
     try:
         import av  # noqa: PLC0415 - an extra
+
+        if "libx264" in av.codecs_available:
+            return av
     except ImportError:
-        av = None
-    if av is None or "libx264" not in av.codecs_available:
-        raise ToolMissingError('h264_kbps needs PyAV with x264: pip install "traffic-dojo[h264]"')
-    av.logging.set_level(av.logging.ERROR)
-    return av
+        pass
+    raise ToolMissingError('h264_kbps needs PyAV with x264: pip install "traffic-dojo[h264]"')

@@ -139,5 +139,5 @@ def _compress(rgb: Picture, quality: int) -> Picture:
     """Compress a picture as JPEG, and unpack it again."""
     blue_first = cv2.cvtColor(rgb, cv2.COLOR_RGB2BGR)
     _, packed = cv2.imencode(".jpg", blue_first, [cv2.IMWRITE_JPEG_QUALITY, quality])
-    unpacked = cv2.imdecode(packed, cv2.IMREAD_COLOR)
+    unpacked = np.asarray(cv2.imdecode(packed, cv2.IMREAD_COLOR))
     return np.asarray(cv2.cvtColor(unpacked, cv2.COLOR_BGR2RGB), dtype=np.uint8)
