@@ -40,7 +40,12 @@ _WORLDS_KEPT = 6
 _DEPTH_STEPS, _DEEPEST = 256, 65535
 """Of a metre, and the largest value: depths as KITTI writes them."""
 _NOT_PLAIN = re.compile(r"[^A-Za-z0-9_.-]+")
-_PNG_LEVEL = 1
+_PNG = (
+    *(cv2.IMWRITE_PNG_COMPRESSION, 1),
+    *(cv2.IMWRITE_PNG_STRATEGY, cv2.IMWRITE_PNG_STRATEGY_RLE),
+    *((cv2.IMWRITE_PNG_FILTER, cv2.IMWRITE_PNG_FILTER_AVG) if hasattr(cv2, "IMWRITE_PNG_FILTER") else ()),
+)
+"""Half the time of OpenCV's own choice, and files as large."""
 
 
 def make_part(settings: DatasetSettings, job: Job, folder: Path) -> None:
@@ -257,9 +262,9 @@ class _Shooting:
 
 def _write(path: Path, picture: NDArray[Any], quality: int) -> None:
     """Write a picture, blue first, or depths."""
-    options = [cv2.IMWRITE_JPEG_QUALITY, quality]
+    options: Sequence[int] = (cv2.IMWRITE_JPEG_QUALITY, quality)
     if path.suffix == ".png":
-        options = [cv2.IMWRITE_PNG_COMPRESSION, _PNG_LEVEL]
+        options = _PNG
     is_made, data = cv2.imencode(path.suffix, picture, options)
     if not is_made:
         raise WriteError(f"{path}: cannot be written as a picture")

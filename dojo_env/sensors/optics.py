@@ -51,7 +51,7 @@ def draw_rain(rgb: Picture, rain: float, random: np.random.Generator) -> Picture
     lengths = random.uniform(0.02, 0.06, count) * height
     for (x, y), length in zip(starts.tolist(), lengths.tolist(), strict=True):
         cv2.line(streaks, (x, y), (round(x + 0.15 * length), round(y + length)), 90, 1, cv2.LINE_AA)
-    wet = np.flatnonzero(streaks)
+    wet = np.flatnonzero(streaks > 0)
     veil = streaks.reshape(-1)[wet, None].astype(np.float32) / 255 * 0.5
     seen = rgb.copy()
     pixels = seen.reshape(-1, 3)
