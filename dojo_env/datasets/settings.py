@@ -240,7 +240,9 @@ def _divide_scenarios(settings: DatasetSettings) -> Iterator[tuple[str, str, int
         )
         return
     begun = 0.0
-    for split, scenarios in divide_among(settings, settings.scenarios, "scenarios").items():
+    for split, scenarios in divide_among(
+        settings, tuple(dict.fromkeys(settings.scenarios)), "scenarios"
+    ).items():
         share = settings.split[SPLITS.index(split)]
         least, most = (round(settings.pictures * bound) for bound in (begun, begun + share))
         begun += share
