@@ -4,6 +4,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
+from dojo_env.commands.options import add_ray_option
 from dojo_maps.command import Commands, add_command
 from dojo_maps.progress import Progress
 
@@ -67,13 +68,7 @@ def add_dataset(commands: Commands) -> None:
     make.add_argument("--quality", type=int, metavar="N", help="of JPEG (default: 92)")
     make.add_argument("--no-smooth", action="store_true", help="no anti-aliasing of what moves: faster")
     make.add_argument("--jobs", type=int, metavar="N", help="processes (default: one per core)")
-    make.add_argument(
-        "--ray",
-        nargs="?",
-        const="local",
-        metavar="ADDRESS",
-        help="on a Ray cluster (default: one of this machine)",
-    )
+    add_ray_option(make, "make it on a Ray cluster")
 
 
 def _dataset(options: argparse.Namespace) -> int:
