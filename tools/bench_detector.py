@@ -1,9 +1,10 @@
 """What a detector finds in traffic cameras' pictures, how well it counts, and what relying on it costs.
 
 Pictures of 1280 x 896 are taken through the approaches' cameras, evenly over an hour under MaxPressure. A
-vehicle counts that is at least 24 px high and more than 60 % visible. It is found where a box overlaps its
-own by half (intersection over union), the best pairs first. A false alarm is a box on no road user at all.
-Counts are those of single looks, per lane, beside the true ones and those that perfect boxes would give.
+vehicle counts that is at least 24 px high and more than 60 % visible, driven or parked. It is found where a
+box overlaps its own by half (intersection over union), the best pairs first. A false alarm is a box on no
+road user at all. Counts are those of single looks, per lane, beside the true ones and those that perfect
+boxes would give.
 
 With --control, MaxPressure also runs from the truth, from perfect boxes and from the detector, for so long.
 

@@ -67,6 +67,7 @@ def add_dataset(commands: Commands) -> None:
     make.add_argument("--picture", metavar="KIND", help="jpg or png (default: jpg; kitti: png)")
     make.add_argument("--quality", type=int, metavar="N", help="of JPEG (default: 92)")
     make.add_argument("--no-smooth", action="store_true", help="no anti-aliasing of what moves: faster")
+    make.add_argument("--no-parked", action="store_true", help="no parked cars")
     make.add_argument("--jobs", type=int, metavar="N", help="processes (default: one per core)")
     add_ray_option(make, "make it on a Ray cluster")
 
@@ -89,6 +90,7 @@ def _dataset(options: argparse.Namespace) -> int:
         on_stage=Progress(quiet=options.quiet),
         depth=options.depth,
         smooth=not options.no_smooth,
+        parked=not options.no_parked,
         **settings,
     )
     totals = made["counts"]["totals"]

@@ -45,12 +45,14 @@ class Background:
         shaded: the same where something that moves keeps the sun away.
         headlit: the same in the full light of head lamps; by day the same array as `lit`.
         semantics: (h, w) `Semantic`.
+        instances: (h, w) int32, the number of the parked car that is seen, 0 where there is none.
     """
 
     lit: Picture
     shaded: Picture
     headlit: Picture
     semantics: Picture
+    instances: NDArray[np.int32]
 
 
 def draw_background(scene: Scene, view: View, light: Light) -> tuple[Background, Depths]:
@@ -79,6 +81,7 @@ def draw_background(scene: Scene, view: View, light: Light) -> tuple[Background,
         shaded=shaded.copy(),
         headlit=headlit.copy() if light.headlights > 0 else lit,
         semantics=np.append(scene.semantics, np.uint8(Semantic.SKY))[tags[OWN]],
+        instances=np.zeros((view.height, view.width), np.int32),
     )
     return background, depths
 

@@ -7,13 +7,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dojo_env.camera import Camera
-from dojo_env.rendering.background import OWN, SAMPLES, Background, Depths, draw_background
+from dojo_env.rendering.background import Background, draw_background
 from dojo_env.rendering.canvas import Canvas
 from dojo_env.rendering.lighting import Light
+from dojo_env.rendering.parked import Parked, park_cars
 from dojo_env.rendering.scene import Lamps, Paths, Scene
 from dojo_env.rendering.target import Target, bend
 from dojo_env.rendering.traffic import Users
 from dojo_env.rendering.view import View, view_of
+from dojo_env.snapshot import Snapshot
 
 Indices = NDArray[np.int32]
 
@@ -47,36 +49,48 @@ class Eye:
 
     Attributes:
         background: what the picture shows where nothing moves, bent by the lens.
+        parked: the cars that stand in the background.
         sights: by how many samples a pixel has across and down: 1, and where pictures are smooth `SAMPLES`.
     """
 
     background: Background
+    parked: Parked
     sights: Mapping[int, Sight]
 
 
-def open_eye(scene: Scene, camera: Camera, light: Light, *, smooth: bool, plain: bool) -> Eye:
+def open_eye(scene: Scene, cars: Snapshot, camera: Camera, light: Light, *, smooth: bool, plain: bool) -> Eye:
     """Draw a camera's background.
 
     Args:
         scene: the static world.
+        cars: that are parked in it.
         camera: that looks.
         light: what shines.
         smooth: pictures have more samples a pixel.
         plain: what moves is drawn more cheaply.
     """
     view = view_of(camera, scene.origin)
-    factors = (1, SAMPLES) if smooth else (1,)
 
-    def prepare(straight: View, depths: Depths, factor: int) -> Canvas:
-        clean = depths if factor == SAMPLES else np.ascontiguousarray(depths[OWN])
-        return Canvas(straight.scaled(factor), clean, light, plain=plain)
+    def draw(straight: View) -> tuple[Background, Mapping[int, Canvas], Parked]:
+        background, depths, parked = park_cars(
+            *draw_background(scene, straight, light),
+            cars,
+            scene.origin,
+            straight,
+            light,
+            smooth=smooth,
+            plain=plain,
+        )
+        canvases = {
+            factor: Canvas(straight.scaled(factor), clean, light, plain=plain)
+            for factor, clean in depths.items()
+        }
+        return background, canvases, parked
 
     if not camera.distortion:
-        background, depths = draw_background(scene, view, light)
-        return Eye(
-            background=background,
-            sights={factor: Sight(canvas=prepare(view, depths, factor)) for factor in factors},
-        )
+        background, canvases, parked = draw(view)
+        sights = {factor: Sight(canvas=canvas) for factor, canvas in canvases.items()}
+        return Eye(background=background, parked=parked, sights=sights)
     from dojo_env.rendering.lens import bend_background, find_places, straightened  # noqa: PLC0415 - OpenCV is large; few need it
 
     x, y = straightened(camera, view)
@@ -87,12 +101,12 @@ def open_eye(scene: Scene, camera: Camera, light: Light, *, smooth: bool, plain:
         height=view.height + top + bottom,
         width=view.width + left + right,
     )
-    straight, depths = draw_background(scene, wide, light)
+    background, canvases, parked = draw(wide)
     sights = {}
-    for factor in factors:
+    for factor, canvas in canvases.items():
         at_x, at_y = (x, y) if factor == 1 else straightened(camera, view.scaled(factor))
         at_x, at_y = at_x + np.float32(factor * left), at_y + np.float32(factor * top)
         rows, columns = find_places(at_x, at_y, (factor * wide.height, factor * wide.width))
-        sights[factor] = Sight(canvas=prepare(wide, depths, factor), rows=rows, columns=columns)
-    bent = bend_background(straight, x + np.float32(left), y + np.float32(top))
-    return Eye(background=bent, sights=sights)
+        sights[factor] = Sight(canvas=canvas, rows=rows, columns=columns)
+    bent = bend_background(background, x + np.float32(left), y + np.float32(top))
+    return Eye(background=bent, parked=parked, sights=sights)

@@ -44,8 +44,15 @@ def bend_background(straight: Background, x: Places, y: Places) -> Background:
         )
         for p in (straight.lit, straight.shaded, straight.headlit)
     )
-    semantics = straight.semantics[find_places(x, y, straight.semantics.shape)]
-    return replace(straight, lit=lit, shaded=shaded, headlit=headlit, semantics=semantics)
+    places = find_places(x, y, straight.semantics.shape)
+    return replace(
+        straight,
+        lit=lit,
+        shaded=shaded,
+        headlit=headlit,
+        semantics=straight.semantics[places],
+        instances=straight.instances[places],
+    )
 
 
 def find_places(x: Places, y: Places, shape: tuple[int, ...]) -> tuple[Indices, Indices]:

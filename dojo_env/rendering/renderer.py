@@ -20,6 +20,9 @@ _Passes = Sequence[tuple[int, Sequence[_Maker]]]
 """How a camera is drawn: samples a pixel has across and down, and the outputs made of each drawing."""
 
 
+_NOBODY = Snapshot(time=0.0)
+
+
 class Renderer:
     """Draws snapshots of one scene under one state of light and weather."""
 
@@ -53,10 +56,15 @@ class Renderer:
         self._light = compute_light(conditions or Conditions())
         self._rain = conditions.rain if conditions else 0.0
         self._faces = SignalFaces(scene)
-        self._eyes: dict[Camera, Eye] = {}
+        self._eyes: dict[tuple[Camera, bool], Eye] = {}
 
     def render(
-        self, snapshot: Snapshot, cameras: Iterable[Camera], outputs: Sequence[str] = ("rgb",)
+        self,
+        snapshot: Snapshot,
+        cameras: Iterable[Camera],
+        outputs: Sequence[str] = ("rgb",),
+        *,
+        parked: bool = True,
     ) -> tuple[Picture, ...]:
         """Draw one instant through each camera.
 
@@ -64,30 +72,29 @@ class Renderer:
             snapshot: the instant.
             cameras: one picture each, in this order.
             outputs: names of `OUTPUTS`.
+            parked: whether the scene's parked cars are there, too.
 
         Raises:
             ConfigError: an output has no such name.
         """
         passes = _plan(tuple(outputs), smooth=self.smooth)
         users = place_users(snapshot, self.scene.origin, rain=self._rain)
-        return tuple(self._picture(snapshot, users, camera, passes) for camera in cameras)
+        return tuple(self._picture(snapshot, users, camera, passes, parked) for camera in cameras)
 
     def forget(self, cameras: Iterable[Camera] | None = None) -> None:
         """Drop the backgrounds of cameras that are no longer used; of all if none are named."""
         gone = None if cameras is None else set(cameras)
-        for camera in [camera for camera in self._eyes if gone is None or camera in gone]:
-            del self._eyes[camera]
+        for key in [key for key in self._eyes if gone is None or key[0] in gone]:
+            del self._eyes[key]
 
     def close(self) -> None:
         """Forget every background; the renderer may still be used."""
         self.forget()
 
-    def _picture(self, snapshot: Snapshot, users: Users, camera: Camera, passes: _Passes) -> Picture:
-        eye = self._eyes.get(camera)
-        if eye is None:
-            eye = self._eyes[camera] = open_eye(
-                self.scene, camera, self._light, smooth=self.smooth, plain=self.look == "plain"
-            )
+    def _picture(
+        self, snapshot: Snapshot, users: Users, camera: Camera, passes: _Passes, parked: bool
+    ) -> Picture:
+        eye = self._open(camera, parked)
         states = tuple(snapshot.signals.items())
         lamps, paths = self._faces.lit(states), self._faces.paths(states) if self.show_links else NO_PATHS
         made: dict[str, Any] = {}
@@ -97,6 +104,19 @@ class Renderer:
             for name, make in makers:
                 made[name] = make(drawing)
         return Picture(camera=camera, outputs=made)
+
+    def _open(self, camera: Camera, parked: bool) -> Eye:
+        key = (camera, parked)
+        if key not in self._eyes:
+            self._eyes[key] = open_eye(
+                self.scene,
+                self.scene.parked if parked else _NOBODY,
+                camera,
+                self._light,
+                smooth=self.smooth,
+                plain=self.look == "plain",
+            )
+        return self._eyes[key]
 
 
 @cache

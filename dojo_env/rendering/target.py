@@ -1,12 +1,20 @@
-"""What frames are drawn into, and how places get there: the visibility buffer and the way to the screen."""
+"""What frames are drawn into: the visibility buffer, the way to it, and what is made of it."""
 
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from dojo_env.rendering.background import SAMPLES
 from dojo_env.rendering.compiling import inner, kernel
 from dojo_env.rendering.raster import STATIC
+
+LAMP, PATH = -1, -2
+"""Owners of faces that belong to no road user."""
+LEVELS = 31
+"""Steps from none to full shadow, contact or light; each takes five bits of a tag."""
+_CONTACT = 0.72
+"""Share of the light that a road user keeps from the ground right under it."""
 
 
 class Target(NamedTuple):
@@ -105,3 +113,73 @@ def turn(place, view, seen):
     x, y, z = place[0] - view.eye[0], place[1] - view.eye[1], place[2] - view.eye[2]
     for row in range(3):
         seen[row] = view.axes[row, 0] * x + view.axes[row, 1] * y + view.axes[row, 2] * z
+
+
+@kernel
+def resolve_pixels(tags, spans, shades, shaded, headlit, picture):
+    """Put the colours of what moves, of shadows and of head lamps into a copy of the lit background."""
+    for row in range(tags.shape[0]):
+        for column in range(spans[row, 0], spans[row, 1]):
+            tag = tags[row, column]
+            if tag != STATIC:
+                for c in range(3):
+                    picture[row, column, c] = _colour(
+                        tag,
+                        picture[row, column, c],
+                        shades,
+                        shaded[row, column, c],
+                        headlit[row, column, c],
+                        c,
+                    )
+
+
+@kernel
+def resolve_samples(tags, spans, shades, shaded, headlit, picture):
+    """Do the same where each pixel has `SAMPLES` x `SAMPLES` tags: it gets their mean."""
+    for row in range(picture.shape[0]):
+        top = row * SAMPLES
+        first, last = picture.shape[1] * SAMPLES, 0
+        for v in range(top, top + SAMPLES):
+            first, last = min(first, spans[v, 0]), max(last, spans[v, 1])
+        for column in range(first // SAMPLES, (last + SAMPLES - 1) // SAMPLES):
+            left = column * SAMPLES
+            moving = 0
+            for v in range(top, top + SAMPLES):
+                for u in range(left, left + SAMPLES):
+                    moving += tags[v, u] != STATIC
+            if moving == 0:
+                continue
+            for c in range(3):
+                plain, dark, bright = picture[row, column, c], shaded[row, column, c], headlit[row, column, c]
+                total = (SAMPLES**2 - moving) * int(plain) + SAMPLES**2 // 2
+                for v in range(top, top + SAMPLES):
+                    for u in range(left, left + SAMPLES):
+                        if tags[v, u] != STATIC:
+                            total += _colour(tags[v, u], plain, shades, dark, bright, c)
+                picture[row, column, c] = total // SAMPLES**2
+
+
+@inner
+def _colour(tag, lit, shades, shaded, headlit, c):
+    """Give a channel of a sample that shows what moves, or the background in its shadow or light."""
+    if tag >= 0:
+        return int(shades[tag, c])
+    held = STATIC - tag
+    shadow, light = (held & LEVELS) / LEVELS, (held >> 10) / LEVELS
+    left = 1.0 - _CONTACT * (held >> 5 & LEVELS) / LEVELS
+    plain = float(lit)
+    value = (plain + shadow * (float(shaded) - plain)) * left
+    value += light * (float(headlit) - plain)
+    return int(min(255.0, max(0.0, value)) + 0.5)
+
+
+@kernel
+def label(tags, owners, values, background):
+    """Give every pixel of a road user its value; a lamp has the last one, anything else the background's."""
+    labels = background.copy()
+    for row in range(tags.shape[0]):
+        for column in range(tags.shape[1]):
+            tag = tags[row, column]
+            if tag >= 0 and owners[tag] >= LAMP:
+                labels[row, column] = values[owners[tag]]
+    return labels

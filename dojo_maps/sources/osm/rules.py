@@ -381,6 +381,7 @@ def _things() -> dict[str, ThingRules]:
     return {
         "building": ThingRules(most=4_000, least_area=4.0, detail=0.05),
         "tree": ThingRules(most=2_500),
+        "bus_stop": ThingRules(most=300),
         "water": ThingRules(most=500, least_area=10.0, detail=0.4),
         "green": ThingRules(most=1_500, least_area=10.0, detail=0.4),
     }

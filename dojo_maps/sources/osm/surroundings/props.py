@@ -1,4 +1,4 @@
-"""What stands and lies around the roads of an extract: buildings, trees, water and green areas, as props.
+"""What is around the roads of an extract: buildings, trees, bus stops, water and green areas, as props.
 
 Heights come from tags, else from the number of floors, else from the kind of building.
 """
@@ -18,6 +18,8 @@ from dojo_maps.sources.osm.read.lengths import read_length
 from dojo_maps.sources.osm.rules import RULES, SurroundingRules
 from dojo_maps.sources.osm.surroundings.areas import MapShapes, areas_of, polygons_of, without_overlaps
 
+_PLACED = ("tree", "bus_stop")
+"""Kinds that have a place, and no outline."""
 _FLOORS = {
     "house": 2, "detached": 2, "semidetached_house": 2, "terrace": 2, "bungalow": 1, "apartments": 5,
     "residential": 4, "dormitory": 4, "hotel": 6, "office": 5, "commercial": 4, "retail": 2, "supermarket": 2,
@@ -66,8 +68,8 @@ def read_context(
         rules: how much is kept.
 
     Returns:
-        Buildings and areas, which do not overlap others of their kind, then trees; and a note for each kind
-        that there is too much of.
+        Buildings, trees, bus stops and areas, which do not overlap others of their kind; and a note for each
+        kind that there is too much of.
     """
     if road_map.projection.proj is None:
         return (), ()
@@ -79,7 +81,10 @@ def read_context(
         if len(things) > limits.most:
             issues.append(_left_out(kind, len(things), limits.most, road_map))
         kept = things[: limits.most]
-        props += _tree_props(kept) if kind == "tree" else _area_props(kept, kind, limits.least_area)
+        if kind in _PLACED:
+            props += _placed_props(kept, kind)
+        else:
+            props += _area_props(kept, kind, limits.least_area)
     return tuple(props), tuple(issues)
 
 
@@ -100,8 +105,8 @@ class _Finder:
         shapely.prepare(self._frame)
 
     def find(self, kind: str) -> Iterator[_Thing]:
-        if kind == "tree":
-            yield from self._trees()
+        if kind in _PLACED:
+            yield from self._trees() if kind == "tree" else self._stops()
             return
         for element, number, tags in self._areas():
             if not _is_kind(kind, tags):
@@ -144,18 +149,22 @@ class _Finder:
                 for k, place in enumerate(_spread(self._shapes.line(way), self._rules)):
                     yield from self._tree(f"way/{number}/{k}", way.tags, place)
 
+    def _stops(self) -> Iterator[_Thing]:
+        for node, found in self._data.nodes.items():
+            tags = found.tags
+            if tags.get("highway") == "bus_stop" and tags.get("shelter") != "no":
+                place = self._shapes.place(node)
+                if place is not None:
+                    yield from self._placed("bus_stop", f"node/{node}", tags, place, 0.0)
+
     def _tree(self, name: str, tags: Tags, place: Floats) -> Iterator[_Thing]:
+        yield from self._placed("tree", name, tags, place, tree_height(tags, self._rules))
+
+    def _placed(self, kind: str, name: str, tags: Tags, place: Floats, height: float) -> Iterator[_Thing]:
         spot = shapely.Point(place)
         if self._frame.contains(spot):
             distance = round(float(shapely.distance(spot, self._focus)), 3)
-            yield _Thing(
-                kind="tree",
-                id=name,
-                tags=tags,
-                height=tree_height(tags, self._rules),
-                shape=spot,
-                distance=distance,
-            )
+            yield _Thing(kind=kind, id=name, tags=tags, height=height, shape=spot, distance=distance)
 
 
 def building_height(tags: Tags, rules: SurroundingRules = RULES.surroundings) -> float:
@@ -226,11 +235,11 @@ def _area_props(things: list[_Thing], kind: str, least: float) -> Iterator[Prop]
             )
 
 
-def _tree_props(things: Iterable[_Thing]) -> Iterator[Prop]:
+def _placed_props(things: Iterable[_Thing], kind: str) -> Iterator[Prop]:
     for thing in things:
         position = (round(thing.shape.x, 3), round(thing.shape.y, 3), 0.0)
         yield Prop(
-            id=thing.id, kind="tree", height=round(thing.height, 2), position=position, tags=_tags(thing.tags)
+            id=thing.id, kind=kind, height=round(thing.height, 2), position=position, tags=_tags(thing.tags)
         )
 
 
