@@ -31,7 +31,9 @@ class Imaging:
         read_noise: standard deviation in the dark by day, in levels of 255 of linear light.
         night_gain: the sensor's gain at night, as a multiple of that by day. Shot noise grows with its root,
             read noise with itself.
-        jpeg_quality: 1 to 100; below 1 pictures are not compressed.
+        jpeg_quality: 1 to 100; below 1 pictures are not compressed as JPEG.
+        h264_kbps: bit rate of the camera's stream, kbit/s; below 1 pictures are not compressed as H.264,
+            which needs the extra `h264`. Each picture is a key frame of its own, see `sensors.h264.Stream`.
     """
 
     shutter_s: float = 0.0
@@ -44,14 +46,19 @@ class Imaging:
     read_noise: float = 0.0
     night_gain: float = 4.0
     jpeg_quality: float = 0.0
+    h264_kbps: float = 0.0
 
     def __post_init__(self) -> None:
         """Refuse values out of range.
 
         Raises:
-            ConfigError: a value is not finite or out of its range.
+            ConfigError: a value is not finite or out of its range, or pictures are compressed twice.
         """
         check_limits(self, IMAGING_LIMITS, "imaging")
+        if min(self.jpeg_quality, self.h264_kbps) >= 1:
+            raise ConfigError(
+                f"imaging: jpeg_quality={self.jpeg_quality:g} and h264_kbps={self.h264_kbps:g}; give one"
+            )
 
     @property
     def takes_time(self) -> bool:
@@ -67,7 +74,7 @@ class Imaging:
     @property
     def spoils_pictures(self) -> bool:
         """Whether a picture of one instant is changed."""
-        return self.changes_light or self.jpeg_quality >= 1
+        return self.changes_light or max(self.jpeg_quality, self.h264_kbps) >= 1
 
 
 IMAGING_LIMITS: Mapping[str, tuple[float, float]] = {
@@ -81,6 +88,7 @@ IMAGING_LIMITS: Mapping[str, tuple[float, float]] = {
     "read_noise": (0.0, 100.0),
     "night_gain": (1.0, 1000.0),
     "jpeg_quality": (0.0, 100.0),
+    "h264_kbps": (0.0, 100_000.0),
 }
 
 IMAGING_PRESETS: Mapping[str, Imaging] = {

@@ -403,6 +403,30 @@ def test_every_picture_is_planned_once(pictures: int, split: tuple[float, ...]) 
         assert found == pytest.approx(share * pictures, abs=max(job.pictures for job in plan.jobs))
 
 
+def test_held_out_scenarios_are_those_named_last() -> None:
+    names = ("a", "b", "c", "d", "e")
+    settings = DatasetSettings(scenarios=names, pictures=1000, split=(0.7, 0.1, 0.2), split_by="scenario")
+    jobs = Plan(settings=settings).jobs
+    assert [n for job in jobs for n in range(job.first, job.first + job.pictures)] == list(range(1, 1001))
+    held = {split: {job.scenario for job in jobs if job.split == split} for split in SPLITS}
+    assert held == {"train": {"a", "b", "c"}, "val": {"d"}, "test": {"e"}}
+    counts = [sum(job.pictures for job in jobs if job.split == split) for split in SPLITS]
+    assert counts == [700, 100, 200]
+
+
+def test_held_out_cameras_take_no_pictures_for_training(tmp_path: Path) -> None:
+    made = write_dataset(
+        tmp_path / "set", scenarios="cologne1", pictures=8, split=(0.5, 0.25, 0.25), split_by="camera",
+        seconds=400, smooth=False, size=(64, 48), conditions="day", jobs=1, per_episode=2, interval=2,
+    )  # fmt: skip
+    assert len(made["counts"]["pictures by camera"]) >= 3
+    labels = [json.loads(line) for line in (tmp_path / "set/labels.jsonl").read_text().splitlines()]
+    assert {label["split"] for label in labels} == set(SPLITS)
+    splits = {label["camera"]["name"]: label["split"] for label in labels}
+    assert all(splits[label["camera"]["name"]] == label["split"] for label in labels)
+    assert "No camera is in two of them" in (tmp_path / "set/README.md").read_text()
+
+
 def test_conditions_follow_from_the_seed_and_stay_in_range() -> None:
     drawn = [draw_conditions(("random",), seed) for seed in range(200)]
     assert drawn == [draw_conditions(("random",), seed) for seed in range(200)]
@@ -426,6 +450,9 @@ WRONG = [
     (["--cameras", "nowhere"], "cameras 'nowhere'"),
     (["--cameras", "missing.json"], "no such file"),
     (["--per-episode", "100"], "leave none to val"),
+    (["--split-by", "lane"], "split_by='lane'"),
+    (["--split-by", "scenario"], "1 scenarios leave none to val"),
+    (["--split-by", "camera", "--cameras", "bev"], "1 cameras leave none to val"),
     (["--negatives", "0.1", "--format", "mot"], "negatives=0.1"),
     (["--imaging", "eyes"], "imaging 'eyes'"),
     (["--quality", "0"], "quality=0"),

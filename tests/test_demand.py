@@ -192,6 +192,16 @@ def test_a_crossing_that_nothing_is_connected_with_has_no_walkers(
     assert less < whole or len(names) == 1
 
 
+def test_nobody_walks_to_the_other_side_of_the_same_street(tmp_path: Path) -> None:
+    """SUMO may look for the crossing at the street's other end, and stops where there is none."""
+    path = osm_drawings.cross().write(tmp_path / "cross.osm")
+    bundle, report = convert(str(path), tmp_path / "cross.dojo", WITH_DEMAND)
+    junctions = {road.id: {road.from_junction, road.to_junction} for road in bundle.road_map.roads}
+    walks = re.findall(r'<walk from="([^"]+)" to="([^"]+)"', (bundle.folder / "demand.rou.xml").read_text())
+    assert len(walks) == report["demand"]["walkers"] > 0
+    assert all(junctions[start] != junctions[end] for start, end in walks)
+
+
 def test_bundle_without_demand_is_none(tmp_path: Path) -> None:
     bundle, report = convert("cologne1", tmp_path / "cologne1.dojo")
     assert "demand" not in report

@@ -16,6 +16,7 @@ from dojo_env.rendering.lighting import compute_light, to_linear
 from dojo_env.rendering.renderer import Renderer
 from dojo_env.rendering.scene import build_scene
 from dojo_env.sensors.eyes import Eyes
+from dojo_env.sensors.h264 import Stream
 from dojo_env.sensors.noise import Lens
 from dojo_env.sensors.optics import scatter_sun
 from dojo_env.snapshot import Kind
@@ -153,6 +154,67 @@ def test_noise_has_the_deviation_of_photons_and_of_reading(hour, gain):
         assert np.mean(seen) == pytest.approx(mean, rel=0.02)
 
 
+@pytest.mark.parametrize(
+    ("conditions", "body"), [(Conditions(noise=6.0), Imaging()), (Conditions(), Imaging(read_noise=3.0))]
+)
+def test_noise_has_no_mean_and_differs_in_channels_pictures_and_cameras(conditions, body):
+    # Wider than the noise that is drawn once, so that it must go on from another place.
+    wide = replace(CAMERA, width=1400, height=600)
+    lens = Lens(conditions, body)
+    seen = [lens.spoil(flat(128, wide), camera, time) for camera, time in (
+        (wide, 0.0), (wide, 1.0), (replace(wide, name="d"), 0.0),
+    )]  # fmt: skip
+    # A sensor adds noise to light, `noise` to the picture.
+    levels = light if body.read_noise else np.float64
+    noise = (levels(np.array(seen)) - levels(flat(128, wide))).transpose(0, 3, 1, 2)
+    deviations = noise.std(axis=(2, 3))
+    assert np.abs(noise.mean(axis=(2, 3))).max() < 0.01 * deviations.max()
+    np.testing.assert_allclose(deviations, deviations[0, 0], rtol=0.01)
+    related = np.corrcoef(noise.reshape(9, -1)) - np.eye(9)
+    assert np.abs(related).max() < 0.01
+    # What is far apart in a picture is not the same again.
+    assert abs(np.corrcoef(noise[0, 0, :, :376].ravel(), noise[0, 0, :, 1024:].ravel())[0, 1]) < 0.02
+    neighbours = np.corrcoef(noise[0, 0, :, 1:].ravel(), noise[0, 0, :, :-1].ravel())[0, 1]
+    # White noise, or colours made of their neighbours' by a Gaussian of 0.6 pixels.
+    weights = np.exp(-np.square([-2, -1, 0, 1, 2]) / (2 * 0.6**2))
+    wanted = 0.0 if conditions.noise else weights[1:] @ weights[:-1] / (weights @ weights)
+    assert neighbours == pytest.approx(wanted, abs=0.03)
+
+
+def test_a_stream_of_more_bits_shows_more(bundle, beside):
+    camera, bus = beside
+    whole = see(bundle, camera, bus).rgb
+    rates = (20.0, 200.0, 2000.0)
+    packed = [see(bundle, camera, bus, imaging=Imaging(h264_kbps=rate)).rgb for rate in rates]
+    errors = [np.abs(picture.astype(int) - whole).mean() for picture in packed]
+    assert errors[0] > 1.3 * errors[1] > 1.3**2 * errors[2] > 0
+    assert errors[0] < 25
+    again = see(bundle, camera, bus, imaging=Imaging(h264_kbps=20.0)).rgb
+    np.testing.assert_array_equal(packed[0], again)
+
+
+def test_a_key_frame_is_as_fine_as_its_stream_allows():
+    random = np.random.default_rng(3)
+    rgb = cv2.GaussianBlur(random.integers(0, 255, (81, 121, 3), dtype=np.uint8), (0, 0), 2.0)
+    stream, sizes = Stream(20.0), {}
+    encode = stream._encode
+
+    def note(frame, quantiser):
+        packet = encode(frame, quantiser)
+        sizes[quantiser] = packet.size
+        return packet
+
+    stream._encode = note
+    assert stream.compress(rgb).shape == rgb.shape
+    most = 20_000 / 8 * 0.3
+    fits = [quantiser for quantiser, size in sizes.items() if size <= most]
+    assert sizes[min(fits) - 1] > most
+    # The next picture begins where this one ended, and ends there, too.
+    count = len(sizes)
+    np.testing.assert_array_equal(stream.compress(rgb), Stream(20.0).compress(rgb))
+    assert len(sizes) == count
+
+
 def test_jpeg_is_that_of_the_quality_asked_for(bundle, beside):
     camera, bus = beside
     whole = see(bundle, camera, bus).rgb
@@ -239,7 +301,16 @@ def test_bodies_are_named_written_down_and_drawn(bundle):
 
 
 @pytest.mark.parametrize(
-    "wrong", ["mirror", "shutter_s=fast", "shutter=1", {"iso": (1, 2)}, 3, {"glare": (1, 9)}]
+    "wrong",
+    [
+        "mirror",
+        "shutter_s=fast",
+        "shutter=1",
+        {"iso": (1, 2)},
+        3,
+        {"glare": (1, 9)},
+        "jpeg_quality=50,h264_kbps=500",
+    ],
 )
 def test_impossible_bodies_are_refused(wrong):
     with pytest.raises(ConfigError, match="imaging"):

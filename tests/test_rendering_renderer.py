@@ -14,11 +14,13 @@ from dojo_env.camera import Camera
 from dojo_env.conditions import Conditions
 from dojo_env.errors import ConfigError, SnapshotError
 from dojo_env.parked_cars import FIRST_NUMBER
+from dojo_env.rendering import compiling
 from dojo_env.rendering.classes import SEMANTIC_OF_KIND, Semantic
 from dojo_env.rendering.compiling import kernel
 from dojo_env.rendering.lanes import draw_lane_map, find_lane
 from dojo_env.rendering.renderer import Renderer
 from dojo_env.rendering.scene import build_scene
+from dojo_env.rendering.traffic import _looks, _pack_library, _tabulate_looks, library
 from dojo_env.sensors.placement import place_cameras
 from dojo_env.snapshot import Kind, Lights, Snapshot
 from dojo_maps.bundle import read_bundle
@@ -340,6 +342,26 @@ def _find(x, y, lanes, found):
     find_lane(x, y, lanes, found)
 
 
+def test_models_are_the_same_whether_built_or_kept(tmp_path, monkeypatch):
+    monkeypatch.setattr(compiling, "_FOLDER", str(tmp_path / "kernels"))
+    for load, build in ((library, _pack_library), (_looks, _tabulate_looks)):
+        built = build()
+        for _ in ("kept now", "kept before"):
+            load.cache_clear()
+            for ours, theirs in zip(load(), built, strict=True):
+                np.testing.assert_array_equal(ours, theirs)
+                assert (ours.dtype, ours.flags.writeable) == (theirs.dtype, True)
+    (kept,) = (tmp_path / "kernels").glob("models.npz")
+    age = kept.stat().st_mtime_ns
+    library.cache_clear()
+    library()
+    assert kept.stat().st_mtime_ns == age  # It was read.
+    kept.write_bytes(kept.read_bytes()[:-100])
+    library.cache_clear()
+    np.testing.assert_array_equal(library().faces, _pack_library().faces)
+    assert kept.stat().st_mtime_ns != age
+
+
 def test_smooth_pictures_are_the_average_of_finer_ones(scene, cameras, snapshot):
     plain = Renderer(scene).render(snapshot, cameras[:1], ALL[:4])[0]
     smooth = Renderer(scene, smooth=True).render(snapshot, cameras[:1], ALL[:4])[0]
@@ -347,6 +369,18 @@ def test_smooth_pictures_are_the_average_of_finer_ones(scene, cameras, snapshot)
     np.testing.assert_array_equal(plain.depth, smooth.depth)
     difference = np.abs(plain.rgb.astype(int) - smooth.rgb.astype(int)).max(axis=2)
     assert 0 < (difference > 8).mean() < 0.1
+    # A camera with as many pixels as there are samples sees the road users that the mean is of.
+    fine = replace(cameras[0], width=3 * cameras[0].width, height=3 * cameras[0].height)
+    samples = Renderer(scene).render(snapshot, [fine], ("rgb", "instance"))[0]
+    blocks = (cameras[0].height, 3, cameras[0].width, 3)
+    moving = (samples.instance > 0) & (samples.instance < FIRST_NUMBER)
+    users = moving.reshape(blocks).sum(axis=(1, 3))
+    mean = samples.rgb.reshape(*blocks, 3).mean(axis=(1, 3))
+    covered = users == 9
+    assert covered.sum() > 200
+    assert np.abs(mean - smooth.rgb)[covered].max() < 1
+    partly = (users > 0) & ~covered
+    assert np.abs(mean - smooth.rgb)[partly].mean() < 8
 
 
 def test_bent_lens_moves_every_output_alike(scene, cameras, snapshot):
@@ -432,15 +466,15 @@ def test_unknown_signals_and_short_states_show_nothing(scene, cameras):
 
 
 @pytest.mark.parametrize("change", [{}, {"distortion": (-0.2, 0.05, 0.0, 0.0)}])
-@pytest.mark.parametrize("hour", [12.0, 23.0])
-def test_parked_cars_look_as_if_they_had_just_stopped(scene, cameras, hour, change):
+@pytest.mark.parametrize(("hour", "smooth"), [(12.0, False), (12.0, True), (23.0, True)])
+def test_parked_cars_look_as_if_they_had_just_stopped(scene, cameras, hour, smooth, change):
     """What is drawn once into the background is what is drawn as road users in each frame, and no more."""
     empty = Snapshot(time=0.0)
     conditions = Conditions(hour=hour)
-    bare = Renderer(replace(scene, parked=empty), conditions=conditions)
+    bare = Renderer(replace(scene, parked=empty), conditions=conditions, smooth=smooth)
     seen = [replace(camera, **change) for camera in cameras]
     stood, moved = (
-        Renderer(scene, conditions=conditions).render(empty, seen, ALL),
+        Renderer(scene, conditions=conditions, smooth=smooth).render(empty, seen, ALL),
         bare.render(scene.parked, seen, ALL),
     )
     assert sum(len(picture.boxes.ids) for picture in stood) > 10
@@ -452,7 +486,7 @@ def test_parked_cars_look_as_if_they_had_just_stopped(scene, cameras, hour, chan
         for name in ("ids", "numbers", "picture", "pixels", "visible", "corners"):
             assert np.array_equal(getattr(still.boxes, name), getattr(moving.boxes, name))
         assert still.boxes.parked.all()
-    without = Renderer(scene, conditions=conditions).render(empty, seen, ALL, parked=False)
+    without = Renderer(scene, conditions=conditions, smooth=smooth).render(empty, seen, ALL, parked=False)
     for one, other in zip(without, bare.render(empty, seen, ALL), strict=True):
         assert np.array_equal(one.rgb, other.rgb)
         assert not len(one.boxes.ids)

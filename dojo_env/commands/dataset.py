@@ -45,6 +45,11 @@ def add_dataset(commands: Commands) -> None:
     make.add_argument(
         "--split", type=_read_split, metavar="SHARES", help="train, val, test (default: 0.8,0.1,0.1)"
     )
+    make.add_argument(
+        "--split-by",
+        metavar="WHAT",
+        help="episode (default), scenario or camera: no two splits have the same",
+    )
     make.add_argument("--interval", type=float, metavar="S", help="between instants (default: 10, mot: 0.1)")
     make.add_argument(
         "--per-episode", type=int, metavar="N", help="pictures (default: a tenth of all, up to 1000)"
@@ -73,7 +78,7 @@ def _dataset(options: argparse.Namespace) -> int:
     names = (
         *("scenarios", "pictures", "format", "cameras", "conditions", "controllers", "size", "split"),
         *("interval", "per_episode", "seconds", "seed", "least_pixels", "least_visible", "negatives"),
-        *("picture", "quality", "imaging"),
+        *("picture", "quality", "imaging", "split_by"),
     )
     given: dict[str, Any] = {name: getattr(options, name) for name in names}
     settings = {name: value for name, value in given.items() if value is not None}

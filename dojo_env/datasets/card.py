@@ -6,6 +6,7 @@ from typing import Any
 
 from dojo_env.conditions import Conditions
 from dojo_env.datasets.labels import Category, ObjectLabel, PictureLabels
+from dojo_env.datasets.settings import CAMERA, EPISODE, SCENARIO
 
 Counts = dict[str, dict[str, int]]
 """Numbers by what is counted, and by its values."""
@@ -30,11 +31,14 @@ _TITLES = {
     "objects by signal": "letter of their signal's link",
 }
 """Tables of the card, and the heads of their first columns."""
+_DIVIDED = {
+    EPISODE: "The cameras are the same in all.",
+    SCENARIO: "No scenario is in two of them, either.",
+    CAMERA: "No camera is in two of them, either.",
+}
 _EXPLANATION = (
     "Pictures are drawn, not photographed: traffic is SUMO's, streets come from the map. Boxes hold the "
-    "visible pixels unless the format says otherwise; riders belong to their bicycles and motorcycles. Whole "
-    "episodes are divided among the splits, so no moment of traffic is in two of them; the cameras are the "
-    "same in all.",
+    "visible pixels unless the format says otherwise; riders belong to their bicycles and motorcycles.",
     "",
     "`labels.jsonl` holds all that is known, a line per picture: the camera's K, R, t and lens (a point X of "
     "the map is at K (R X + t)), light and weather, SUMO's time and seed, the letters of each signal; and of "
@@ -150,6 +154,9 @@ def write_card(facts: Mapping[str, Any], counts: Counts) -> str:
         "same command, files and versions give the same bytes.",
         "",
         *_EXPLANATION,
+        "",
+        "Whole episodes are divided among the splits, so no moment of traffic is in two of them. "
+        f"{_DIVIDED[settings['split_by']]}",
         "",
         "## Sources",
         "",

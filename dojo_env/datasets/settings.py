@@ -1,9 +1,10 @@
 """What a data set is made from: settings that refuse contradictions, and the episodes that follow."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass, field, fields
+from itertools import accumulate
 from math import ceil
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -14,7 +15,12 @@ from dojo_env.datasets.weather import read_ranges
 from dojo_env.errors import ConfigError
 from dojo_env.imaging import read_imaging
 
+Thing = TypeVar("Thing")
+
 SPLITS = ("train", "val", "test")
+EPISODE, SCENARIO, CAMERA = "episode", "scenario", "camera"
+_DIVIDED = (EPISODE, SCENARIO, CAMERA)
+"""What may be divided among the splits."""
 _MOST_PICTURES = 100_000_000
 _LARGEST_EPISODE, _FEWEST_EPISODES = 1000, 10
 """Pictures that an episode gives at most, unless asked for; and how many episodes there are at least."""
@@ -37,6 +43,8 @@ class DatasetSettings:
         controllers: one is drawn for each episode, so that queues differ.
         size: width and height, pixels.
         split: shares of train, val and test. Whole episodes are divided, so no sequence is in two of them.
+        split_by: `episode`; or `scenario`, so that no two splits share one: in the order in which they are
+            given, the first for train; or `camera`, so that no two splits share one: drawn by the seed.
         interval: seconds from one instant to the next; None takes 10 s, and 0.1 s of sequences.
         per_episode: pictures of an episode; None takes a tenth of all, at most 1,000.
         seconds: simulated of each episode; None takes the scenario's.
@@ -60,6 +68,7 @@ class DatasetSettings:
     controllers: tuple[str, ...] = ("fixed-time", "actuated", "max-pressure", "cycle", "random")
     size: tuple[int, int] = (640, 448)
     split: tuple[float, ...] = (0.8, 0.1, 0.1)
+    split_by: str = EPISODE
     interval: float | None = None
     per_episode: int | None = None
     seconds: float | None = None
@@ -112,6 +121,7 @@ class DatasetSettings:
             ("controllers", bool(self.controllers) and set(self.controllers) <= set(CONTROLLERS), known),
             ("size", all(16 <= side <= LARGEST_SIDE for side in (width, height)), sides),
             ("split", _are_shares(self.split), "up to three shares that add up to 1, such as 0.8,0.1,0.1"),
+            ("split_by", self.split_by in _DIVIDED, f"one of {', '.join(_DIVIDED)}"),
             ("interval", 0.01 <= (self.interval or 0) <= 3600, "0.01 to 3600 seconds"),
             ("per_episode", (self.per_episode or 0) >= 1, "at least 1"),
             ("seed", 0 <= self.seed < 2**63, "0 or more"),
@@ -209,10 +219,10 @@ def _plan_jobs(settings: DatasetSettings) -> list[Job]:
     taken = dict.fromkeys(SPLITS, 0)
     shares = dict(zip(SPLITS, settings.split, strict=False))
     first = 1
-    for scenario, wanted in _divide(settings.scenarios, settings.pictures):
+    for scenario, held, wanted in _divide_scenarios(settings):
         for _, count in _divide(range(ceil(wanted / (settings.per_episode or 1))), wanted):
             number, total = len(jobs), first - 1 + count
-            split = max(shares, key=lambda name: shares[name] * total - taken[name])
+            split = held or max(shares, key=lambda name: shares[name] * total - taken[name])
             seed = int(np.random.SeedSequence([settings.seed, number]).generate_state(1, np.uint64)[0] >> 1)
             jobs.append(
                 Job(number=number, scenario=scenario, seed=seed, split=split, first=first, pictures=count)
@@ -220,6 +230,48 @@ def _plan_jobs(settings: DatasetSettings) -> list[Job]:
             taken[split] += count
             first += count
     return jobs
+
+
+def _divide_scenarios(settings: DatasetSettings) -> Iterator[tuple[str, str, int]]:
+    """Tell how many pictures each scenario gives, and the split that it is held for; "" for any."""
+    if settings.split_by != SCENARIO:
+        yield from (
+            (scenario, "", count) for scenario, count in _divide(settings.scenarios, settings.pictures)
+        )
+        return
+    begun = 0.0
+    for split, scenarios in divide_among(
+        settings, tuple(dict.fromkeys(settings.scenarios)), "scenarios"
+    ).items():
+        share = settings.split[SPLITS.index(split)]
+        least, most = (round(settings.pictures * bound) for bound in (begun, begun + share))
+        begun += share
+        yield from ((scenario, split, count) for scenario, count in _divide(scenarios, most - least))
+
+
+def divide_among(settings: DatasetSettings, things: Sequence[Thing], what: str) -> dict[str, Sequence[Thing]]:
+    """Divide things among the splits in their order, as near to the shares as each gets one.
+
+    Args:
+        settings: name the splits.
+        things: to divide.
+        what: they are, for the message.
+
+    Raises:
+        ConfigError: there are fewer things than splits.
+    """
+    names = settings.splits
+    if len(things) < len(names):
+        raise ConfigError(
+            f"split by {settings.split_by}: {len(things)} {what} leave none to {names[len(things)]}; "
+            f"give more {what}, or another split"
+        )
+    counts = dict.fromkeys(names, 1)
+    shares = {name: settings.split[SPLITS.index(name)] for name in names}
+    for _ in range(len(things) - len(names)):
+        counts[max(names, key=lambda name: shares[name] * len(things) - counts[name])] += 1
+    ends = list(accumulate(counts.values()))
+    return {name: things[end - counts[name] : end] for name, end in zip(names, ends, strict=True)}
 
 
 def _divide(parts: Sequence[Any], total: int) -> list[tuple[Any, int]]:

@@ -18,9 +18,12 @@ from dojo_maps.description import hung_lamp
 
 Floats = NDArray[np.float64]
 Picture = NDArray[np.uint8]
+Depths = NDArray[np.float32]
 
 SAMPLES = 3
-"""Samples along each side of a pixel."""
+"""Samples along each side of a pixel; odd, so that the middle one is the pixel's own."""
+OWN = (slice(SAMPLES // 2, None, SAMPLES),) * 2
+"""Rows and columns of the samples in the pixels' middles."""
 _SHADOW_MAP = 2048
 _HEIGHT_MAP = 768
 _LANE_MAP = 1024
@@ -41,7 +44,6 @@ class Background:
         lit: (h, w, 3) sRGB.
         shaded: the same where something that moves keeps the sun away.
         headlit: the same in the full light of head lamps; by day the same array as `lit`.
-        depths: (h, w) float32, 1 / metres along the axis, 0 for the sky.
         semantics: (h, w) `Semantic`.
         instances: (h, w) int32, the number of the parked car that is seen, 0 where there is none.
     """
@@ -49,38 +51,39 @@ class Background:
     lit: Picture
     shaded: Picture
     headlit: Picture
-    depths: NDArray[np.float32]
     semantics: Picture
     instances: NDArray[np.int32]
 
 
-def draw_background(scene: Scene, view: View, light: Light, samples: int = SAMPLES) -> Background:
+def draw_background(scene: Scene, view: View, light: Light) -> tuple[Background, Depths]:
     """Draw the static world.
 
     Args:
         scene: the static world.
         view: the camera.
         light: what shines on it.
-        samples: along each side of a pixel; odd, so that the middle one is the pixel's own.
+
+    Returns:
+        What the camera sees, and the inverse depth of each sample: (h * SAMPLES, w * SAMPLES), 1 / metres
+        along the axis, 0 for the sky; `OWN` are those of the pixels' middles.
     """
-    fine = view.scaled(samples)
+    fine = view.scaled(SAMPLES)
     depths = _scratch((fine.height, fine.width), np.float32)
     tags = _scratch((fine.height, fine.width), np.int32)
     tags.fill(-1)
     draw_mesh(scene.vertices, scene.faces, fine.axes, fine.eye, fine.lens, depths, tags)
     world = _surroundings(scene, light, *_extent(fine, depths))
     pictures = _scratch((3, view.height, view.width, 3), np.uint8)
-    shade(depths, tags, fine, world, samples, pictures)
+    shade(depths, tags, fine, world, SAMPLES, pictures)
     lit, shaded, headlit = pictures if light.headlights > 0 else (*pictures[:2], pictures[0])
-    own = (slice(samples // 2, None, samples),) * 2
-    return Background(
+    background = Background(
         lit=lit.copy(),
         shaded=shaded.copy(),
         headlit=headlit.copy() if light.headlights > 0 else lit,
-        depths=np.ascontiguousarray(depths[own]),
-        semantics=np.append(scene.semantics, np.uint8(Semantic.SKY))[tags[own]],
+        semantics=np.append(scene.semantics, np.uint8(Semantic.SKY))[tags[OWN]],
         instances=np.zeros((view.height, view.width), np.int32),
     )
+    return background, depths
 
 
 def _scratch(shape: tuple[int, ...], dtype: type[np.generic]) -> NDArray[Any]:

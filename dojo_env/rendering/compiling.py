@@ -2,24 +2,34 @@
 
 numba looks only at a function's own file to tell whether what it kept is still right. Kernels call each
 other across files, so what is kept lies in a folder named after all of them: another version, another folder.
+Arrays that follow from these sources alone, and take long to make, are kept beside the kernels.
 """
 
 import hashlib
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from contextlib import suppress
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numba
+import numpy as np
 
 from dojo_env.cache import cache_folder
 from dojo_env.errors import ConfigError
+from dojo_env.plain_arrays import read_arrays
+from dojo_maps.errors import SourceError, UsageError, WriteError
+from dojo_maps.whole_file import replaced
+
+Arrays = TypeVar("Arrays", bound=tuple[Any, ...])
 
 _CONFIG: Any = numba.config
+_MOST_BYTES = 1 << 28
 
 
 def _fingerprint() -> str:
     package = Path(__file__).parents[1]
-    sources = (*(package / "rendering").glob("*.py"), *(package / "sensors").glob("*.py"))
+    rooms = (package / "rendering", package / "sensors")
+    sources = (package / "snapshot.py", *(path for room in rooms for path in room.glob("*.py")))
     digest = hashlib.sha256(numba.__version__.encode())
     for path in sorted(sources):
         digest.update(path.read_bytes())
@@ -34,6 +44,31 @@ def _folder() -> str:
 
 
 _FOLDER = _folder()
+
+
+def kept_arrays(
+    name: str, kind: Callable[..., Arrays], kinds: Mapping[str, str], make: Callable[[], Arrays]
+) -> Arrays:
+    """Load what an earlier process made and kept, or make and keep it.
+
+    Args:
+        name: of the file.
+        kind: of named tuple that holds the arrays.
+        kinds: numpy's type of each of its fields, in order.
+        make: gives the tuple; it follows from the sources alone.
+    """
+    path = Path(_FOLDER) / f"{name}.npz"
+    if _FOLDER and path.is_file():
+        # What somebody has damaged is made anew.
+        with suppress(SourceError):
+            found = read_arrays(path, kinds, most=_MOST_BYTES, error=SourceError)
+            # Kernels are compiled for arrays that may be written.
+            return kind(**{field: array.copy() for field, array in found.items()})
+    made = make()
+    if _FOLDER:
+        with suppress(WriteError, UsageError), replaced(path, parents=True) as fresh:
+            np.savez(fresh, **dict(zip(kinds, made, strict=True)))
+    return made
 
 
 def kernel(function: Callable[..., Any]) -> Any:

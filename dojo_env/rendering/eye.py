@@ -1,5 +1,6 @@
 """What a camera keeps from frame to frame: its view of the static world, and how its lens bends it."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,12 +11,36 @@ from dojo_env.rendering.background import Background, draw_background
 from dojo_env.rendering.canvas import Canvas
 from dojo_env.rendering.lighting import Light
 from dojo_env.rendering.parked import Parked, park_cars
-from dojo_env.rendering.scene import Scene
-from dojo_env.rendering.target import Target
+from dojo_env.rendering.scene import Lamps, Paths, Scene
+from dojo_env.rendering.target import Target, bend
+from dojo_env.rendering.traffic import Users
 from dojo_env.rendering.view import View, view_of
 from dojo_env.snapshot import Snapshot
 
-Places = NDArray[np.float32]
+Indices = NDArray[np.int32]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Sight:
+    """What frames are drawn into, at some samples a pixel.
+
+    Attributes:
+        canvas: of the straight view, which is larger than the picture where a lens bends.
+        rows: (h, w) row of the straight view that each sample of the picture shows; None for a perfect lens.
+        columns: (h, w) its column.
+    """
+
+    canvas: Canvas
+    rows: Indices | None = None
+    columns: Indices | None = None
+
+    def draw(self, users: Users, lamps: Lamps, paths: Paths) -> Target:
+        """Draw a frame, and look at it through the lens; see `Canvas.draw`."""
+        target = self.canvas.draw(users, lamps, paths)
+        if self.rows is None:
+            return target
+        depths, tags, spans = bend(target.depths, target.tags, self.rows, self.columns)
+        return target._replace(depths=depths, tags=tags, spans=spans)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -23,55 +48,50 @@ class Eye:
     """A camera at work.
 
     Attributes:
-        view: the straight view that frames are drawn in; larger than the picture where a lens bends.
-        canvas: what they are drawn into.
         background: what the picture shows where nothing moves, bent by the lens.
         parked: the cars that stand in the background.
-        rows: (h, w) row of the straight view that each pixel of the picture shows; None for a perfect lens.
-        columns: (h, w) its column.
+        sights: by how many samples a pixel has across and down: 1, and where pictures are smooth `SAMPLES`.
     """
 
-    view: View
-    canvas: Canvas
     background: Background
     parked: Parked
-    rows: NDArray[np.intp] | None = None
-    columns: NDArray[np.intp] | None = None
-
-    def bend(self, target: Target) -> Target:
-        """Look at a frame through the lens."""
-        if self.rows is None:
-            return target
-        height, width = self.rows.shape
-        return target._replace(
-            depths=target.depths[self.rows, self.columns],
-            tags=target.tags[self.rows, self.columns],
-            spans=np.tile(np.array([0, width], dtype=np.int32), (height, 1)),
-        )
+    sights: Mapping[int, Sight]
 
 
-def open_eye(
-    scene: Scene, cars: Snapshot, camera: Camera, light: Light, factor: int, *, samples: int, plain: bool
-) -> Eye:
+def open_eye(scene: Scene, cars: Snapshot, camera: Camera, light: Light, *, smooth: bool, plain: bool) -> Eye:
     """Draw a camera's background.
 
     Args:
         scene: the static world.
         cars: that are parked in it.
-        camera: the camera.
-        light: what shines on it.
-        factor: pixels across and down for each of the camera's own.
-        samples: that each of these has across and down.
-        plain: road users are drawn more cheaply.
+        camera: that looks.
+        light: what shines.
+        smooth: pictures have more samples a pixel.
+        plain: what moves is drawn more cheaply.
     """
-    view = view_of(camera, scene.origin).scaled(factor)
-    if not camera.distortion:
-        background, parked = park_cars(
-            draw_background(scene, view, light, samples), cars, scene.origin, view, light, plain=plain
+    view = view_of(camera, scene.origin)
+
+    def draw(straight: View) -> tuple[Background, Mapping[int, Canvas], Parked]:
+        background, depths, parked = park_cars(
+            *draw_background(scene, straight, light),
+            cars,
+            scene.origin,
+            straight,
+            light,
+            smooth=smooth,
+            plain=plain,
         )
-        canvas = Canvas(view, background.depths, light, plain=plain)
-        return Eye(view=view, canvas=canvas, background=background, parked=parked)
-    from dojo_env.rendering.lens import bend_background, straightened  # noqa: PLC0415 - OpenCV is large; few need it
+        canvases = {
+            factor: Canvas(straight.scaled(factor), clean, light, plain=plain)
+            for factor, clean in depths.items()
+        }
+        return background, canvases, parked
+
+    if not camera.distortion:
+        background, canvases, parked = draw(view)
+        sights = {factor: Sight(canvas=canvas) for factor, canvas in canvases.items()}
+        return Eye(background=background, parked=parked, sights=sights)
+    from dojo_env.rendering.lens import bend_background, find_places, straightened  # noqa: PLC0415 - OpenCV is large; few need it
 
     x, y = straightened(camera, view)
     left, top = int(max(0.0, np.ceil(-x.min()))), int(max(0.0, np.ceil(-y.min())))
@@ -81,15 +101,12 @@ def open_eye(
         height=view.height + top + bottom,
         width=view.width + left + right,
     )
-    straight, parked = park_cars(
-        draw_background(scene, wide, light, samples), cars, scene.origin, wide, light, plain=plain
-    )
-    x, y = x + np.float32(left), y + np.float32(top)
-    return Eye(
-        view=wide,
-        canvas=Canvas(wide, straight.depths, light, plain=plain),
-        background=bend_background(straight, x, y),
-        parked=parked,
-        rows=np.clip(np.floor(y).astype(np.intp), 0, wide.height - 1),
-        columns=np.clip(np.floor(x).astype(np.intp), 0, wide.width - 1),
-    )
+    background, canvases, parked = draw(wide)
+    sights = {}
+    for factor, canvas in canvases.items():
+        at_x, at_y = (x, y) if factor == 1 else straightened(camera, view.scaled(factor))
+        at_x, at_y = at_x + np.float32(factor * left), at_y + np.float32(factor * top)
+        rows, columns = find_places(at_x, at_y, (factor * wide.height, factor * wide.width))
+        sights[factor] = Sight(canvas=canvas, rows=rows, columns=columns)
+    bent = bend_background(background, x + np.float32(left), y + np.float32(top))
+    return Eye(background=bent, parked=parked, sights=sights)

@@ -11,6 +11,7 @@ from dojo_env.rendering.background import Background
 from dojo_env.rendering.view import View
 
 Places = NDArray[np.float32]
+Indices = NDArray[np.int32]
 
 _WIDEST = 3.0
 """A bent picture shows at most this many times the straight one's width and height."""
@@ -43,14 +44,18 @@ def bend_background(straight: Background, x: Places, y: Places) -> Background:
         )
         for p in (straight.lit, straight.shaded, straight.headlit)
     )
-    rows = np.clip(np.floor(y).astype(np.intp), 0, straight.depths.shape[0] - 1)
-    columns = np.clip(np.floor(x).astype(np.intp), 0, straight.depths.shape[1] - 1)
+    places = find_places(x, y, straight.semantics.shape)
     return replace(
         straight,
         lit=lit,
         shaded=shaded,
         headlit=headlit,
-        depths=straight.depths[rows, columns],
-        semantics=straight.semantics[rows, columns],
-        instances=straight.instances[rows, columns],
+        semantics=straight.semantics[places],
+        instances=straight.instances[places],
     )
+
+
+def find_places(x: Places, y: Places, shape: tuple[int, ...]) -> tuple[Indices, Indices]:
+    """Find rows and columns of a straight picture of some height and width."""
+    rows, columns = (np.floor(places).astype(np.int32) for places in (y, x))
+    return np.clip(rows, 0, shape[0] - 1), np.clip(columns, 0, shape[1] - 1)

@@ -14,12 +14,11 @@ from numpy.typing import DTypeLike, NDArray
 
 from dojo_env.camera import Camera
 from dojo_env.errors import ConfigError
-from dojo_env.rendering.background import SAMPLES
 from dojo_env.rendering.boxes import Boxes, measure_boxes
 from dojo_env.rendering.classes import SEMANTIC_OF_KIND, Semantic
 from dojo_env.rendering.compiling import kernel
 from dojo_env.rendering.eye import Eye
-from dojo_env.rendering.target import Target, label, resolve
+from dojo_env.rendering.target import Target, label, resolve_pixels, resolve_samples
 from dojo_env.rendering.traffic import Users
 from dojo_env.snapshot import Snapshot
 
@@ -131,13 +130,13 @@ def check_outputs(names: Iterable[str], *, bullet: bool = False) -> frozenset[st
 def _paint(drawing: Drawing) -> NDArray[np.uint8]:
     target, background = drawing.target, drawing.eye.background
     picture = background.lit.copy()
+    resolve = resolve_pixels if drawing.factor == 1 else resolve_samples
     resolve(target.tags, target.spans, target.shades, background.shaded, background.headlit, picture)
-    return picture if drawing.factor == 1 else _averaged(picture)
+    return picture
 
 
 def _depth(drawing: Drawing) -> NDArray[np.float32]:
-    far = drawing.camera.far
-    return np.minimum(1 / np.maximum(drawing.target.depths, np.float32(1 / far)), np.float32(far))
+    return _measure_distances(drawing.target.depths, np.float32(drawing.camera.far))
 
 
 def _semantic(drawing: Drawing) -> NDArray[np.uint8]:
@@ -154,7 +153,7 @@ def _instance(drawing: Drawing) -> NDArray[np.int32]:
 
 def _boxes(drawing: Drawing) -> Boxes:
     eye, users = drawing.eye, drawing.users
-    alone = partial(eye.canvas.count_pixels, users)
+    alone = partial(eye.sights[1].canvas.count_pixels, users)
     seen = (drawing.target, eye.background.instances)
     return measure_boxes(seen, alone, users, drawing.snapshot, eye.parked, drawing.camera)
 
@@ -204,15 +203,10 @@ OUTPUTS: Mapping[str, Output] = MappingProxyType(
 
 
 @kernel
-def _averaged(fine):
-    """Give each pixel the mean of its block of samples."""
-    picture = np.empty((fine.shape[0] // SAMPLES, fine.shape[1] // SAMPLES, 3), np.uint8)
-    for row in range(picture.shape[0]):
-        for column in range(picture.shape[1]):
-            for c in range(3):
-                total = SAMPLES**2 // 2
-                for i in range(SAMPLES):
-                    for j in range(SAMPLES):
-                        total += fine[row * SAMPLES + i, column * SAMPLES + j, c]
-                picture[row, column, c] = total // SAMPLES**2
-    return picture
+def _measure_distances(depths, far):
+    """Turn inverse depths into metres, at most `far`."""
+    distances, least = np.empty_like(depths), np.float32(1) / far
+    for row in range(depths.shape[0]):
+        for column in range(depths.shape[1]):
+            distances[row, column] = min(np.float32(1) / max(depths[row, column], least), far)
+    return distances

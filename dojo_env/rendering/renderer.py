@@ -56,7 +56,7 @@ class Renderer:
         self._light = compute_light(conditions or Conditions())
         self._rain = conditions.rain if conditions else 0.0
         self._faces = SignalFaces(scene)
-        self._eyes: dict[tuple[Camera, int, bool], Eye] = {}
+        self._eyes: dict[tuple[Camera, bool], Eye] = {}
 
     def render(
         self,
@@ -94,30 +94,29 @@ class Renderer:
     def _picture(
         self, snapshot: Snapshot, users: Users, camera: Camera, passes: _Passes, parked: bool
     ) -> Picture:
+        eye = self._open(camera, parked)
+        states = tuple(snapshot.signals.items())
+        lamps, paths = self._faces.lit(states), self._faces.paths(states) if self.show_links else NO_PATHS
         made: dict[str, Any] = {}
         for factor, makers in passes:
-            drawing = self._draw(snapshot, users, self._open(camera, factor, parked), camera, factor)
+            target = eye.sights[factor].draw(users, lamps, paths)
+            drawing = Drawing(camera, snapshot, users, eye, target, factor)
             for name, make in makers:
                 made[name] = make(drawing)
         return Picture(camera=camera, outputs=made)
 
-    def _open(self, camera: Camera, factor: int, parked: bool) -> Eye:
-        key = (camera, factor, parked)
+    def _open(self, camera: Camera, parked: bool) -> Eye:
+        key = (camera, parked)
         if key not in self._eyes:
-            # Where pictures are smooth, their samples are pixels, and others show no colours.
-            samples = 1 if self.smooth else SAMPLES
-            cars = self.scene.parked if parked else _NOBODY
             self._eyes[key] = open_eye(
-                self.scene, cars, camera, self._light, factor, samples=samples, plain=self.look == "plain"
+                self.scene,
+                self.scene.parked if parked else _NOBODY,
+                camera,
+                self._light,
+                smooth=self.smooth,
+                plain=self.look == "plain",
             )
         return self._eyes[key]
-
-    def _draw(self, snapshot: Snapshot, users: Users, eye: Eye, camera: Camera, factor: int) -> Drawing:
-        """Fill the visibility buffer."""
-        states = tuple(snapshot.signals.items())
-        paths = self._faces.paths(states) if self.show_links else NO_PATHS
-        target = eye.bend(eye.canvas.draw(users, self._faces.lit(states), paths))
-        return Drawing(camera, snapshot, users, eye, target, factor)
 
 
 @cache

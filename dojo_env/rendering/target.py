@@ -5,6 +5,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from dojo_env.rendering.background import SAMPLES
 from dojo_env.rendering.compiling import inner, kernel
 from dojo_env.rendering.raster import STATIC
 
@@ -43,6 +44,30 @@ def restore(target, clean):
             target.depths[row, column] = clean[row, column]
             target.tags[row, column] = STATIC
         target.spans[row, 0], target.spans[row, 1] = width, 0
+
+
+@kernel
+def bend(depths, tags, rows, columns):
+    """Look at a frame through a lens: depths, tags and spans of the picture.
+
+    Args:
+        depths: of the straight view.
+        tags: of the straight view.
+        rows: (h, w) its row that each pixel of the picture shows.
+        columns: (h, w) its column.
+    """
+    height, width = rows.shape
+    bent_depths, bent_tags = np.empty((height, width), np.float32), np.empty((height, width), np.int32)
+    spans = np.empty((height, 2), np.int32)
+    for row in range(height):
+        spans[row, 0], spans[row, 1] = width, 0
+        for column in range(width):
+            v, u = rows[row, column], columns[row, column]
+            bent_depths[row, column] = depths[v, u]
+            bent_tags[row, column] = tags[v, u]
+            if tags[v, u] != STATIC:
+                spans[row, 0], spans[row, 1] = min(spans[row, 0], column), column + 1
+    return bent_depths, bent_tags, spans
 
 
 @inner
@@ -91,25 +116,61 @@ def turn(place, view, seen):
 
 
 @kernel
-def resolve(tags, spans, shades, shaded, headlit, picture):
+def resolve_pixels(tags, spans, shades, shaded, headlit, picture):
     """Put the colours of what moves, of shadows and of head lamps into a copy of the lit background."""
     for row in range(tags.shape[0]):
         for column in range(spans[row, 0], spans[row, 1]):
             tag = tags[row, column]
-            if tag == STATIC:
+            if tag != STATIC:
+                for c in range(3):
+                    picture[row, column, c] = _colour(
+                        tag,
+                        picture[row, column, c],
+                        shades,
+                        shaded[row, column, c],
+                        headlit[row, column, c],
+                        c,
+                    )
+
+
+@kernel
+def resolve_samples(tags, spans, shades, shaded, headlit, picture):
+    """Do the same where each pixel has `SAMPLES` x `SAMPLES` tags: it gets their mean."""
+    for row in range(picture.shape[0]):
+        top = row * SAMPLES
+        first, last = picture.shape[1] * SAMPLES, 0
+        for v in range(top, top + SAMPLES):
+            first, last = min(first, spans[v, 0]), max(last, spans[v, 1])
+        for column in range(first // SAMPLES, (last + SAMPLES - 1) // SAMPLES):
+            left = column * SAMPLES
+            moving = 0
+            for v in range(top, top + SAMPLES):
+                for u in range(left, left + SAMPLES):
+                    moving += tags[v, u] != STATIC
+            if moving == 0:
                 continue
-            if tag >= 0:
-                for c in range(3):
-                    picture[row, column, c] = shades[tag, c]
-            else:
-                held = STATIC - tag
-                shadow, light = (held & LEVELS) / LEVELS, (held >> 10) / LEVELS
-                left = 1.0 - _CONTACT * (held >> 5 & LEVELS) / LEVELS
-                for c in range(3):
-                    plain = float(picture[row, column, c])
-                    value = (plain + shadow * (shaded[row, column, c] - plain)) * left
-                    value += light * (headlit[row, column, c] - plain)
-                    picture[row, column, c] = int(min(255.0, max(0.0, value)) + 0.5)
+            for c in range(3):
+                plain, dark, bright = picture[row, column, c], shaded[row, column, c], headlit[row, column, c]
+                total = (SAMPLES**2 - moving) * int(plain) + SAMPLES**2 // 2
+                for v in range(top, top + SAMPLES):
+                    for u in range(left, left + SAMPLES):
+                        if tags[v, u] != STATIC:
+                            total += _colour(tags[v, u], plain, shades, dark, bright, c)
+                picture[row, column, c] = total // SAMPLES**2
+
+
+@inner
+def _colour(tag, lit, shades, shaded, headlit, c):
+    """Give a channel of a sample that shows what moves, or the background in its shadow or light."""
+    if tag >= 0:
+        return int(shades[tag, c])
+    held = STATIC - tag
+    shadow, light = (held & LEVELS) / LEVELS, (held >> 10) / LEVELS
+    left = 1.0 - _CONTACT * (held >> 5 & LEVELS) / LEVELS
+    plain = float(lit)
+    value = (plain + shadow * (float(shaded) - plain)) * left
+    value += light * (float(headlit) - plain)
+    return int(min(255.0, max(0.0, value)) + 0.5)
 
 
 @kernel

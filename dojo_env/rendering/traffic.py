@@ -8,7 +8,7 @@ from zlib import crc32
 import numpy as np
 from numpy.typing import NDArray
 
-from dojo_env.rendering.compiling import inner, kernel
+from dojo_env.rendering.compiling import inner, kept_arrays, kernel
 from dojo_env.rendering.lighting import to_linear
 from dojo_env.rendering.models import DETAILS, UMBRELLAS, Model, Variant, build_models
 from dojo_env.rendering.people import PACE, TALL
@@ -127,9 +127,18 @@ MOST_FACES, MOST_VERTICES = 2000, 4096
 """No model has more of them; kernels make room for as many."""
 
 
+_LIBRARY = {
+    "vertices": "<f8", "faces": "<i4", "planes": "<f8", "parts": "|u1", "spans": "<i4", "profiles": "<f8",
+}  # fmt: skip
+
+
 @cache
 def library() -> Library:
-    """Pack the models."""
+    """Give the models; building them takes a third of the time until a first picture."""
+    return kept_arrays("models", Library, _LIBRARY, _pack_library)
+
+
+def _pack_library() -> Library:
     every = [variant for variants in build_models().values() for variant in variants]
     levels = [model for variant in every for pose in variant.poses for model in pose]
     vertices = np.cumsum([0] + [len(model.vertices) for model in levels])
@@ -188,9 +197,18 @@ class _Looks(NamedTuple):
     wear: Floats
 
 
+_LOOKS = {
+    "first": "<i4", "adults": "<i4", "umbrellas": "<i4", "by_length": "|b1", "on_foot": "|b1", "paces": "<f8",
+    "models": "<i4", "sizes": "<f8", "fronts": "<f8", "paints": "<f8", "wear": "<f8",
+}  # fmt: skip
+
+
 @cache
 def _looks() -> _Looks:
-    """Tabulate what there is to choose from."""
+    return kept_arrays("looks", _Looks, _LOOKS, _tabulate_looks)
+
+
+def _tabulate_looks() -> _Looks:
     models = build_models()
     every = [variant for variants in models.values() for variant in variants]
     walks = np.array([kind in _ON_FOOT for kind in models])

@@ -1,9 +1,9 @@
 """What cameras deliver of perfect pictures: what weather, lens, sensor and compression do to them, seeded."""
 
+from collections import defaultdict
 from collections.abc import Callable
 from dataclasses import replace
 from math import exp, log2
-from zlib import crc32
 
 import cv2
 import numpy as np
@@ -14,15 +14,16 @@ from dojo_env.conditions import Conditions
 from dojo_env.imaging import Imaging
 from dojo_env.rendering.lighting import compute_light
 from dojo_env.rendering.scene import Scene
-from dojo_env.sensors.linear_light import Light, Picture, to_light, to_picture
+from dojo_env.sensors.h264 import Stream
 from dojo_env.sensors.mounts import random_of
 from dojo_env.sensors.optics import darken_corners, dim, draw_rain, refract, scatter_dirt, scatter_sun
+from dojo_env.sensors.pixels import Light, Picture, add_grain, add_noise, to_light, to_picture
 
 _GREY = 0.18
 """Mean of the linear light that automatic exposure wants: what a grey card reflects."""
 _MOST_STOPS = 4.0
 _DARKEST = 1e-4
-_GRAIN_PIXELS = 0.6
+_LEVELS = 255.0
 _REC_709 = (0.2126, 0.7152, 0.0722)
 """How bright red, green and blue light are. Source: ITU-R BT.709."""
 
@@ -30,7 +31,7 @@ _REC_709 = (0.2126, 0.7152, 0.0722)
 class Lens:
     """Spoils the pictures of one episode.
 
-    Keeps of each camera the last picture, for frames that are dropped, and the exposure.
+    Keeps of each camera the last picture, for frames that are dropped, the exposure and the stream.
     """
 
     def __init__(
@@ -48,6 +49,7 @@ class Lens:
         self._night = min(1.0, self._light.headlights)
         self._last: dict[str, Picture] = {}
         self._stops: dict[str, tuple[float, float]] = {}
+        self._streams = defaultdict[str, Stream](lambda: Stream(self._imaging.h264_kbps))
         self._layers: dict[tuple[str, str, int, int], NDArray[np.float32]] = {}
 
     def spoil(self, rgb: Picture, camera: Camera, time: float) -> Picture:
@@ -69,10 +71,11 @@ class Lens:
         if self._imaging.changes_light:
             rgb = to_picture(self._record(to_light(rgb), camera, time))
         if state.noise > 0:
-            grain = random.normal(0.0, state.noise, rgb.shape).astype(np.float32)
-            rgb = np.clip(np.rint(rgb + grain), 0, 255).astype(np.uint8)
+            rgb = add_noise(rgb, random, state.noise)
         if self._imaging.jpeg_quality >= 1:
             rgb = _compress(rgb, round(self._imaging.jpeg_quality))
+        if self._imaging.h264_kbps >= 1:
+            rgb = self._streams[camera.name].compress(rgb)
         self._last[camera.name] = rgb.copy()
         return rgb
 
@@ -82,8 +85,7 @@ class Lens:
         if state.rain > 0:
             rgb = draw_rain(rgb, state.rain, random)
         if state.drops > 0:
-            seed = (state.seed, crc32(camera.name.encode()), crc32(b"drops"))
-            rgb = refract(rgb, state.drops, time, seed)
+            rgb = refract(rgb, state.drops, time, random_of(state, camera.name, 0.0, "drops"))
         if state.dirt > 0:
             own = random_of(state, camera.name, 0.0, "dirt")
             rgb = dim(rgb, self._layer("dirt", camera, lambda: scatter_dirt(height, width, state.dirt, own)))
@@ -106,9 +108,8 @@ class Lens:
         if body.shot_noise > 0 or body.read_noise > 0:
             gain *= body.night_gain**self._night
             random = random_of(self._conditions, camera.name, time, "sensor")
-            grain = _draw_grain(random, light.shape)
-            shot, read = body.shot_noise**2 * gain, (body.read_noise * gain) ** 2
-            light += grain * np.sqrt(np.float32(shot) * light + np.float32(read)) / np.float32(255)
+            shot, read = (body.shot_noise / _LEVELS) ** 2 * gain, (body.read_noise / _LEVELS * gain) ** 2
+            add_grain(light, random, shot, read)
         return light
 
     def _expose(self, light: Light, camera: str, time: float) -> float:
@@ -134,16 +135,9 @@ class Lens:
         return self._layers[key]
 
 
-def _draw_grain(random: np.random.Generator, shape: tuple[int, ...]) -> Light:
-    """Draw noise of deviation 1 that neighbours share, as they do after colours are interpolated."""
-    grain = random.standard_normal(shape, dtype=np.float32)
-    kernel = cv2.getGaussianKernel(5, _GRAIN_PIXELS, cv2.CV_32F)
-    blurred = np.asarray(cv2.sepFilter2D(grain, -1, kernel, kernel), dtype=np.float32)
-    return blurred / np.float32((kernel**2).sum())
-
-
 def _compress(rgb: Picture, quality: int) -> Picture:
     """Compress a picture as JPEG, and unpack it again."""
-    _, packed = cv2.imencode(".jpg", rgb[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, quality])
-    unpacked = cv2.imdecode(packed, cv2.IMREAD_COLOR)
-    return np.ascontiguousarray(np.asarray(unpacked, dtype=np.uint8)[..., ::-1])
+    blue_first = cv2.cvtColor(rgb, cv2.COLOR_RGB2BGR)
+    _, packed = cv2.imencode(".jpg", blue_first, [cv2.IMWRITE_JPEG_QUALITY, quality])
+    unpacked = np.asarray(cv2.imdecode(packed, cv2.IMREAD_COLOR))
+    return np.asarray(cv2.cvtColor(unpacked, cv2.COLOR_BGR2RGB), dtype=np.uint8)

@@ -1,6 +1,6 @@
 """What lies between the world and a sensor: rain, drops and dirt on the lens, stray light, vignetting."""
 
-from math import ceil, floor
+from math import ceil
 
 import cv2
 import numpy as np
@@ -10,6 +10,7 @@ from dojo_env.camera import Camera
 from dojo_env.rendering.lighting import Light
 from dojo_env.rendering.raster import draw_mesh
 from dojo_env.rendering.scene import Scene
+from dojo_env.sensors.pixels import cover, draw_drops
 
 Floats = NDArray[np.float32]
 Picture = NDArray[np.uint8]
@@ -29,6 +30,10 @@ _DROP_EDGE = 0.45
 """Share of a drop's radius over which it fades away: it is far out of focus."""
 _DROP_SHOWS = 4.0
 """A drop shows this many times its own surroundings, upside down."""
+_SOFT, _OUT_OF_FOCUS = 4, 0.012
+"""How much smaller the picture in drops is, and its blur as a share of its height."""
+_NEXT_DROP = np.array([0.8191725134, 0.6710436067, 0.5497004779])
+"""From a drop's place and size to the next one's. Source: Roberts, low-discrepancy sequences, 2018."""
 _HALO = ((1.5, 3.0), (0.5, 12.0), (0.15, 40.0))
 """Stray light of a strong sun: brightness, and degrees over which it falls to a third."""
 _GHOSTS = ((0.45, 0.05, (1.0, 0.7, 0.4)), (0.8, 0.09, (0.5, 0.9, 0.6)), (1.4, 0.14, (0.5, 0.6, 1.0)))
@@ -46,8 +51,12 @@ def draw_rain(rgb: Picture, rain: float, random: np.random.Generator) -> Picture
     lengths = random.uniform(0.02, 0.06, count) * height
     for (x, y), length in zip(starts.tolist(), lengths.tolist(), strict=True):
         cv2.line(streaks, (x, y), (round(x + 0.15 * length), round(y + length)), 90, 1, cv2.LINE_AA)
-    veil = streaks[..., None].astype(np.float32) / 255 * 0.5
-    return np.rint(rgb * (1 - veil) + 205.0 * veil).astype(np.uint8)
+    wet = np.flatnonzero(streaks > 0)
+    veil = streaks.reshape(-1)[wet, None].astype(np.float32) / 255 * 0.5
+    seen = rgb.copy()
+    pixels = seen.reshape(-1, 3)
+    pixels[wet] = np.rint(pixels[wet] * (1 - veil) + 205.0 * veil)
+    return seen
 
 
 def scatter_dirt(height: int, width: int, dirt: float, random: np.random.Generator) -> Floats:
@@ -63,59 +72,44 @@ def scatter_dirt(height: int, width: int, dirt: float, random: np.random.Generat
 
 def dim(rgb: Picture, clean: Floats) -> Picture:
     """Look through dirt, as `scatter_dirt` made it."""
-    return np.rint(rgb * clean[..., None] + _MUD * (1 - clean[..., None])).astype(np.uint8)
+    return np.asarray(cover(rgb, clean, _MUD), dtype=np.uint8)
 
 
-def refract(rgb: Picture, drops: float, time: float, seed: tuple[int, ...]) -> Picture:
+def refract(rgb: Picture, drops: float, time: float, random: np.random.Generator) -> Picture:
     """Look through drops on the lens: each shows what is around it upside down and out of focus.
 
     Args:
         rgb: (h, w, 3).
         drops: 0 none to 1 as many as hold.
         time: seconds; drops stay for a while.
-        seed: with the time it decides where they are.
+        random: fresh, and the same for all pictures of a camera; with the time it decides where they are.
 
     Returns:
         (h, w, 3), a new picture.
     """
     height, width = rgb.shape[:2]
-    soft = cv2.GaussianBlur(rgb, (0, 0), 0.012 * height).astype(np.float32)
+    least, most = _DROP_RADIUS
+    small = (ceil(width / _SOFT), ceil(height / _SOFT))
+    soft = cv2.GaussianBlur(
+        cv2.resize(rgb, small, interpolation=cv2.INTER_AREA), (0, 0), _OUT_OF_FOCUS * small[1]
+    )
+    drawn = random.random((round(_DROPS * drops), 5))
+    shortest, longest = _DROP_LASTS
+    fallen = np.floor(max(0.0, time) / (shortest + (longest - shortest) * drawn[:, 0]) + drawn[:, 1])
+    # Where one runs off, the next one falls somewhere else.
+    x, y, size = ((drawn[:, 2:] + fallen[:, None] * _NEXT_DROP) % 1.0).T
+    places = np.column_stack([x * width, y * height, height * (least + (most - least) * size**2)])
     seen = rgb.copy()
-    for k in range(round(_DROPS * drops)):
-        lasts, phase = np.random.default_rng([*seed, k]).uniform((_DROP_LASTS[0], 0.0), (_DROP_LASTS[1], 1.0))
-        random = np.random.default_rng([*seed, k, floor(max(0.0, time) / lasts + phase)])
-        x, y = random.uniform(0.0, (width, height))
-        least, most = _DROP_RADIUS
-        _refract_drop(seen, soft, x, y, height * (least + (most - least) * random.random() ** 2))
+    draw_drops(seen, soft, places, _DROP_SHOWS, _DROP_EDGE)
     return seen
 
 
-def _refract_drop(seen: Picture, soft: Floats, x: float, y: float, radius: float) -> None:
-    """Look through one drop at pixel (x, y)."""
-    height, width = seen.shape[:2]
-    top, bottom = max(0, floor(y - radius)), min(height, ceil(y + radius) + 1)
-    left, right = max(0, floor(x - radius)), min(width, ceil(x + radius) + 1)
-    down, across = np.mgrid[top:bottom, left:right].astype(np.float32)
-    down, across = (down - np.float32(y)) / np.float32(radius), (across - np.float32(x)) / np.float32(radius)
-    from_middle = np.minimum(1.0, np.hypot(across, down)).astype(np.float32)
-    # A thick lens: upside down, and ever more drawn together towards its edge.
-    reach = np.float32(-radius * _DROP_SHOWS) * (0.4 + 0.6 * from_middle**2)
-    shown = cv2.remap(
-        soft, across * reach + np.float32(x), down * reach + np.float32(y),
-        cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE,
-    )  # fmt: skip
-    rim = 1.0 - 0.3 * from_middle**3
-    cover = np.minimum(1.0, (1.0 - from_middle) / np.float32(_DROP_EDGE))[..., None]
-    patch = seen[top:bottom, left:right]
-    patch[:] = np.rint(patch * (1 - cover) + shown * rim[..., None] * cover)
-
-
 def darken_corners(camera: Camera, share: float) -> Floats:
-    """Tell what share of the light reaches each pixel through a lens with vignetting: (h, w, 1)."""
+    """Tell what share of the light reaches each pixel through a lens with vignetting: (h, w, 3)."""
     down = (np.arange(camera.height) + 0.5 - camera.height / 2)[:, None]
     across = (np.arange(camera.width) + 0.5 - camera.width / 2)[None, :]
     square = (down**2 + across**2) / ((camera.height / 2) ** 2 + (camera.width / 2) ** 2)
-    return (1.0 - share * square)[..., None].astype(np.float32)
+    return np.repeat((1.0 - share * square)[..., None].astype(np.float32), 3, axis=2)
 
 
 def scatter_sun(camera: Camera, light: Light, scene: Scene | None) -> Floats:

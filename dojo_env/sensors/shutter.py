@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from dojo_env.camera import Camera
 from dojo_env.imaging import Imaging
 from dojo_env.rendering.outputs import Picture
-from dojo_env.sensors.linear_light import to_light, to_picture
+from dojo_env.sensors.pixels import add_exposure, to_picture
 from dojo_env.snapshot import Snapshot
 
 _STEP = 1.5
@@ -50,12 +50,12 @@ def expose(
     total = np.zeros((camera.height, camera.width, 3), dtype=np.float32)
     for k in range(count):
         moved = _move(snapshot, ((k + 0.5) / count - 0.5) * duration)
-        total += shares[:, k, None, None] * to_light(draw(moved, camera))
+        add_exposure(total, draw(moved, camera), shares[k])
     return replace(picture, outputs={**picture.outputs, "rgb": to_picture(total)})
 
 
 def _share_instants(imaging: Imaging, height: int, count: int) -> NDArray[np.float32]:
-    """Tell how much of each row's exposure falls on each instant: (height, count)."""
+    """Tell how much of each row's exposure falls on each instant: (count, height)."""
     duration = imaging.shutter_s + imaging.readout_s
     each = duration / count
     rows = ((np.arange(height) + 0.5) / height - 0.5) * imaging.readout_s
@@ -65,7 +65,7 @@ def _share_instants(imaging: Imaging, height: int, count: int) -> NDArray[np.flo
     begins = np.maximum(rows[:, None] - reach, instants)
     ends = np.minimum(rows[:, None] + reach, instants + each)
     shares = np.maximum(0.0, ends - begins)
-    return (shares / shares.sum(axis=1, keepdims=True)).astype(np.float32)
+    return np.ascontiguousarray((shares / shares.sum(axis=1, keepdims=True)).T, dtype=np.float32)
 
 
 def _velocities(snapshot: Snapshot) -> NDArray[np.float64]:

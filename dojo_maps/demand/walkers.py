@@ -3,6 +3,7 @@
 from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import product
 from pathlib import Path
 
 from dojo_maps.description import Crossing, Lane, LaneKind, Origin, RoadMap
@@ -58,11 +59,14 @@ def find_walks(road_map: RoadMap, network: Path) -> tuple[Walk, ...]:
     joined = _read_joints(network)
     sidewalks = {lane.road: lane for lane in road_map.lanes if lane.kind is LaneKind.SIDEWALK}
     doors = _doors(joined, sidewalks)
+    ends = {road.id: {road.from_junction, road.to_junction} for road in road_map.roads}
     walks = []
     starts: dict[str, bool] = {}
     for crossing in crossings:
-        sides = [doors[area] for area in sorted(joined.get(crossing.id, ())) if area in doors]
-        if len(sides) == 2 and sides[0][0].road != sides[1][0].road:
+        sides = _choose_sides(
+            [doors[area] for area in sorted(joined.get(crossing.id, ())) if area in doors], ends
+        )
+        if sides is not None:
             ways = [pair for pair in (sides, sides[::-1]) if _has_room(pair, starts)]
             walks += [_walk(crossing, *pair) for pair in ways]
     share = min(1.0, _MOST / max(sum(walk.rate for walk in walks), 1.0))
@@ -83,9 +87,9 @@ def _read_joints(network: Path) -> _Joints:
     return {place: {end[1:] if end[1:2] == ":" else end for end in ends} for place, ends in joined.items()}
 
 
-def _doors(joined: _Joints, sidewalks: dict[str, Lane]) -> dict[str, _Door]:
-    """Find the longest sidewalk that opens on each walking area, if it can be one where people pass."""
-    doors: dict[str, _Door] = {}
+def _doors(joined: _Joints, sidewalks: dict[str, Lane]) -> dict[str, list[_Door]]:
+    """List the sidewalks that open on each walking area, those first on which people pass, longest first."""
+    doors: dict[str, list[_Door]] = {}
     for area, ends in joined.items():
         lanes = [
             (sidewalks[end[1:]], end[0] == ">")
@@ -93,8 +97,27 @@ def _doors(joined: _Joints, sidewalks: dict[str, Lane]) -> dict[str, _Door]:
             if end[0] in "<>" and end[1:] in sidewalks
         ]
         if area.startswith(":") and lanes:
-            doors[area] = max(lanes, key=lambda door: (door[0].width >= _PASSING, door[0].length))
+            doors[area] = sorted(lanes, key=lambda door: (door[0].width < _PASSING, -door[0].length))
     return doors
+
+
+def _choose_sides(areas: Sequence[Sequence[_Door]], ends: dict[str, set[str]]) -> tuple[_Door, _Door] | None:
+    """Choose a sidewalk on each side of a crossing.
+
+    Those of the two directions of one street meet at both of its ends, and SUMO may lead people to the wrong
+    one, where there is no crossing; they would stop the simulation there.
+
+    Args:
+        areas: the sidewalks of the walking area on each side.
+        ends: each road's two junctions.
+
+    Returns:
+        One of each, or None where the crossing lies between no two different streets.
+    """
+    if len(areas) != 2:
+        return None
+    pairs = (pair for pair in product(*areas) if ends[pair[0][0].road] != ends[pair[1][0].road])
+    return next(pairs, None)
 
 
 def _has_room(pair: Sequence[_Door], starts: dict[str, bool]) -> bool:
