@@ -11,6 +11,7 @@ from dojo_maps.sources.osm.graph.edge_id import EdgeId
 from dojo_maps.sources.osm.graph.steps import build_graph
 from dojo_maps.sources.osm.junctions.steps import add_midblock_vertices, plan_junctions
 from dojo_maps.sources.osm.layout.steps import lay_out
+from dojo_maps.sources.osm.layout.track_settling import settle_tracks
 from dojo_maps.sources.osm.network.osm_network import OsmNetwork
 from dojo_maps.sources.osm.pipeline import build_network
 from dojo_maps.sources.osm.rules import RULES, ImportRules
@@ -52,6 +53,24 @@ def test_stages_leave_their_inputs_as_they_are(tmp_path: Path) -> None:
     assert repr((graphs, plan_junctions(graphs[1]))) == repr((graphs, plan)) == before
     assert len(graph.sections) < len(plan.graph.sections)
     assert len(plan.graph.places) < len(layout.graph.places)
+
+
+def test_tracks_leave_the_stages_before_them_as_they_are(tmp_path: Path) -> None:
+    drawing = two_junctions(60)
+    drawing.way((30, -80), (30, 0), (30, 80), railway="tram")
+    drawing.way((-200, 20), (-100, 20), (-100, 0), highway="cycleway")
+    path = drawing.write(tmp_path / "a.osm")
+    plan = plan_junctions(add_midblock_vertices(build_graph(read_osm(path), path)))
+    layout = lay_out(plan)
+    before = repr((plan, layout))
+    settled = settle_tracks(layout, {}).tracks
+    closed = settle_tracks(layout, {}, layout.junctions.of.keys()).tracks
+    assert repr((plan, layout)) == repr((plan, lay_out(plan))) == before
+    assert settled is not None
+    assert closed is not None
+    assert len(settled.built) >= 3
+    assert {link.node for link in settled.links} & layout.junctions.of.keys()
+    assert not {link.node for link in closed.links} & layout.junctions.of.keys()
 
 
 def test_attempts_that_do_not_settle_a_network_are_told(tmp_path: Path) -> None:

@@ -120,6 +120,20 @@ def test_streets_between_two_nodes_follow_a_hill(tmp_path: Path) -> None:
     assert heights.max() > 10
 
 
+def test_tracks_follow_the_ground(tmp_path: Path) -> None:
+    """A tram beside the street, one that crosses it, and a cycle track around a block."""
+    d = cross()
+    d.way((-150, -40), (0, -40), (150, -40), railway="tram", oneway="yes")
+    d.ways[1][0].insert(1, d.node(0, -40))
+    d.way((60, 0), (60, 90), (130, 90), (130, 40), (60, 0), highway="cycleway")
+    d.ways[0][0].insert(-1, d.node(60, 0))
+    built = network(d, tmp_path, tilted)
+    assert {lane.kind for lane in built.road_map.lanes} >= {"bicycle", "rail"}
+    east, north, heights = ground_of(built)
+    assert np.abs(heights - tilted(east, north)).max() < 1.2
+    assert slopes(built).max() < 0.1
+
+
 @pytest.mark.parametrize(("kind", "steepest"), [("residential", 0.15), ("primary", 0.10), ("trunk", 0.08)])
 def test_no_street_is_steeper_than_its_kind_allows(kind: str, steepest: float, tmp_path: Path) -> None:
     """A cliff of 20 m."""

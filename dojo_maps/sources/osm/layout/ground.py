@@ -1,7 +1,7 @@
 """The ground under the streets, as `terrain` finds it."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import shapely
@@ -38,12 +38,15 @@ class Ground:
         line = shapely.LineString(graph.line(graph.sections[name]))
         return float(np.interp(line.project(shapely.Point(place)), *self.profiles[name]))
 
-    def beneath(self, graph: RoadGraph, places: Floats) -> Floats:
-        """Give the heights of the ground at places beside streets, (n,): those of the nearest street each."""
-        names = sorted(self.profiles)
-        streets = shapely.STRtree([shapely.LineString(graph.line(graph.sections[name])) for name in names])
-        nearest = streets.nearest(shapely.points(places))
-        return np.array([self.at(graph, names[k], (x, y)) for k, (x, y) in zip(nearest, places, strict=True)])
+    def split(self, name: str, metres: float) -> "Ground":
+        """Part the profile of a section that is split in two, so many metres along it."""
+        at, heights = self.profiles[name]
+        here, first = float(np.interp(metres, at, heights)), at < metres
+        parts = {
+            f"{name}a": (np.append(at[first], metres), np.append(heights[first], here)),
+            f"{name}b": (np.append(0.0, at[~first] - metres), np.append(here, heights[~first])),
+        }
+        return replace(self, profiles={**self.profiles, **parts})
 
     def under(self, name: str, line: Floats) -> Floats:
         """Lift a section's line, (n, 3), by the ground under it; it gets more places where that bends."""

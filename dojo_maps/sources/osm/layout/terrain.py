@@ -1,4 +1,4 @@
-"""How high the ground lies under the streets: from a raster, or from what tags say; else the map is flat.
+"""How high the ground lies under streets and tracks: from a raster or from tags; else the map is flat.
 
 Streets follow the ground, but smoothly, no steeper than their kind allows, and level within a junction. What
 bridges and tunnels pass over or under is not their ground: they run straight from end to end.
@@ -106,6 +106,12 @@ class _Reader:
         self.layout, self.graph, self.step = layout, layout.graph, step
         self.rules = layout.rules.terrain
         self.members, self.ends = layout.junctions.members(), layout.graph.ends()
+        self.of = {**layout.junctions.of}
+        for node, meeting in layout.tracks.meetings.items() if layout.tracks else ():
+            self.of.setdefault(node, meeting.junction)
+        self.widest: dict[int, float] = defaultdict(float)
+        for arm, cut in layout.cuts.items():
+            self.widest[layout.junction(arm)] = max(self.widest[layout.junction(arm)], cut)
         self.places: dict[int, int] = {}
         self.where: list[Floats] = []
         self.layered: dict[int, bool] = defaultdict(lambda: True)
@@ -144,9 +150,12 @@ class _Reader:
     def _level(self, section: Section, *, at_end: bool) -> float:
         """Measure how much of a section is level, for it lies within a junction or at its border."""
         vertex = section.end if at_end else section.start
-        cut = self.layout.cuts.get(Arm(section.id, at_end), 0.0)
         corner = self.layout.rules.crossings.corner
-        return max(cut, corner if len(self.ends[vertex]) > 2 else self.rules.apart)
+        if section.id in self.graph.sections:
+            cut = self.layout.cuts.get(Arm(section.id, at_end), 0.0)
+            return max(cut, corner if len(self.ends[vertex]) > 2 else self.rules.apart)
+        # A track ends where the junction's roads do, which is known when the network is built.
+        return max(corner, self.widest[self.of[vertex]]) if vertex in self.of else self.rules.apart
 
     def _add_piece(self, section: Section, ends: Sequence[int], metres: float, rise: float) -> None:
         limit = self.rules.steepest.get(section.road.kind.removesuffix("_link"), self.rules.steepest_other)
@@ -154,7 +163,7 @@ class _Reader:
 
     def _place_of(self, node: int) -> int:
         """Number the place of a node; the vertices of a junction have one, in its middle."""
-        key = self.layout.junctions.of.get(node, node)
+        key = self.of.get(node, node)
         if key not in self.places:
             where = np.array([self.graph.places[member] for member in self.members.get(key, [key])])
             self.places[key] = self._new_place((where.min(axis=0) + where.max(axis=0)) / 2)
@@ -166,7 +175,8 @@ class _Reader:
 
     def _slope(self, section: Section, number: int) -> float:
         """Read the slope that a piece's way is tagged with, along the section."""
-        way = self.graph.ways[section.ways[number]]
+        ways = self.graph.ways if section.id in self.graph.sections else self.graph.track_ways
+        way = ways[section.ways[number]]
         slope = read_incline(way.tags.get("incline", ""), self.rules.steepest_tagged)
         at = [way.nodes.index(node) for node in section.nodes if node in way.nodes]
         if slope is None or len(at) < 2:
@@ -187,6 +197,9 @@ def read_incline(text: str, steepest: float) -> float | None:
 def _read_streets(layout: Layout, step: float) -> _Streets:
     graph, reader = layout.graph, _Reader(layout, step)
     sections = [graph.sections[name] for name in sorted(graph.sections) if name not in layout.inner]
+    if layout.tracks is not None:
+        tracks = layout.tracks.graph.sections
+        sections += [tracks[name] for name in sorted(tracks) if name not in layout.tracks.streets]
     for section in sections:
         reader.read(section)
     where = np.array(reader.where)
@@ -200,7 +213,7 @@ def _read_streets(layout: Layout, step: float) -> _Streets:
     tagged = {
         reader.places[key]: height
         for node, tags in graph.tags.items()
-        if (key := layout.junctions.of.get(node, node)) in reader.places
+        if (key := reader.of.get(node, node)) in reader.places
         and (height := read_length(tags.get("ele", ""))) is not None
     }
     return _Streets(

@@ -39,7 +39,8 @@ def settle_tracks(
     }
     graph = replace(layout.graph, sections=layout.tracks.graph.sections)
     tracks = replace(layout.tracks, graph=graph, closed=frozenset(closed))
-    tracks = _split_loops(_part_from_closed(layout, replace(tracks, nodes=_group(tracks, grounds))))
+    tracks = _part_from_closed(layout, replace(tracks, nodes=_group(tracks, grounds)))
+    layout, tracks = _split_loops(layout, tracks)
     built = {
         name: _cuts(grounds, tracks, section)
         for name, section in sorted(tracks.graph.sections.items())
@@ -101,7 +102,7 @@ def _part_from_closed(layout: Layout, tracks: TrackLayout) -> TrackLayout:
     )
 
 
-def _split_loops(tracks: TrackLayout) -> TrackLayout:
+def _split_loops(layout: Layout, tracks: TrackLayout) -> tuple[Layout, TrackLayout]:
     """Split long tracks that lead back to their junction, for SUMO has no loops."""
     graph = tracks.graph
     loops = [
@@ -113,8 +114,11 @@ def _split_loops(tracks: TrackLayout) -> TrackLayout:
     ]
     graph, middles = graph.add_nodes((name, graph.length(graph.sections[name]) / 2) for name in loops)
     graph = graph.split_at_nodes({name: [node] for name, node in zip(loops, middles, strict=True)})
+    ground = layout.ground
+    for name in (name for name in loops if ground and name not in graph.sections):
+        ground = ground and ground.split(name, graph.length(graph.sections[f"{name}a"]))
     own = {node: node for node in middles if node not in tracks.nodes}
-    return replace(tracks, graph=graph, nodes={**tracks.nodes, **own})
+    return replace(layout, ground=ground), replace(tracks, graph=graph, nodes={**tracks.nodes, **own})
 
 
 def _cuts(grounds: Grounds, tracks: TrackLayout, section: Section) -> tuple[float, float]:

@@ -34,23 +34,20 @@ class TrackEdges:
         self._layout = layout
         self._tracks = layout.tracks or TrackLayout(graph=layout.graph, meetings={}, streets={})
         self._sections = {name: self._tracks.graph.sections[name] for name in sorted(self._tracks.built)}
-        self._z = self._heights() if self._sections else {}
+        self._lines = self._lift() if self._sections else {}
 
-    def _heights(self) -> dict[int, float]:
-        """Find how high the tracks lie, where they get nodes to pass under bridges."""
+    def _lift(self) -> dict[str, Floats]:
+        """Give each track's line, (n, 3) metres, with the ground under it, bridges and tunnels."""
         layout, ground = self._layout, self._layout.ground
         both = replace(self._tracks.graph, sections={**layout.graph.sections, **self._sections})
-        both, heights = compute_heights(
-            both, clear_by_nature(layout.graph, ground) if ground else frozenset()
-        )
-        self._sections = {name: both.sections[name] for name in self._sections}
-        self._places = both.places
+        both, heights = compute_heights(both, clear_by_nature(both, ground) if ground else frozenset())
         heights |= layout.heights
-        if ground is None:
-            return heights
-        nodes = sorted({node for section in self._sections.values() for node in section.nodes})
-        beneath = ground.beneath(layout.graph, np.array([both.places[node] for node in nodes]))
-        return {node: heights.get(node, 0.0) + z for node, z in zip(nodes, beneath.tolist(), strict=True)}
+        lines = {}
+        for name in self._sections:
+            nodes = both.sections[name].nodes
+            line = np.array([(*both.places[node], heights.get(node, 0.0)) for node in nodes])
+            lines[name] = ground.under(name, line) if ground else line
+        return lines
 
     @property
     def junctions(self) -> set[int]:
@@ -70,19 +67,19 @@ class TrackEdges:
 
     def nodes(self) -> Iterator[str]:
         """Write the nodes that are no road's junction."""
-        ends = {
-            self._tracks.nodes[v] for section in self._sections.values() for v in (section.start, section.end)
+        heights = {
+            self._tracks.nodes[vertex]: float(line[end, 2])
+            for name, line in self._lines.items()
+            for end, vertex in ((0, self._sections[name].start), (-1, self._sections[name].end))
         }
-        for node in sorted(ends - self._layout.junctions.of.keys()):
-            x, y = self._tracks.graph.places[node]
-            z = self._z.get(node, 0.0)
+        for node in sorted(heights.keys() - self._layout.junctions.of.keys()):
+            (x, y), z = self._tracks.graph.places[node], heights[node]
             yield f'<node id="{node}" x="{x:.2f}" y="{y:.2f}" z="{z:.2f}" type="priority"/>'
 
     def edges(self) -> Iterator[str]:
         """Write the edges; the two directions of rails on the same ground."""
         for name, section in self._sections.items():
-            line = np.array([(*self._places[node], self._z.get(node, 0.0)) for node in section.nodes])
-            line = trim(line, *self._tracks.built[name])
+            line = trim(self._lines[name], *self._tracks.built[name])
             for edge in _directions(section):
                 yield self._edge(edge, section, line if edge.forward else line[::-1])
 
