@@ -231,3 +231,17 @@ def test_parked_cars_have_their_width(
     assert_flows(
         drive(bundle, tmp_path, [("passenger", "1001#0", "1002#0"), ("bicycle", "-1002#0", "-1001#0")]), 2
     )
+
+
+@pytest.mark.parametrize(("parked_to", "crossed_at"), [(-14, -6), (-18, -9), (-40, -9)])
+def test_crossing_between_a_junction_and_parked_cars_is_built(
+    tmp_path: Path, parked_to: float, crossed_at: float
+) -> None:
+    drawing = Drawing()
+    drawing.way((-150, 0), (parked_to, 0), parking__both="lane", **STREET)
+    drawing.way((parked_to, 0), (crossed_at, 0), (0, 0), (150, 0), **STREET)
+    drawing.way((0, -100), (0, 0), (0, 100), **STREET)
+    drawing.node(crossed_at, 0, highway="crossing", crossing="marked")
+    bundle, report = built(drawing, tmp_path)
+    assert report["osm"]["crossings"]["share"] == 1.0
+    assert len(bundle.road_map.roads) == (8 if parked_to > -30 else 10)

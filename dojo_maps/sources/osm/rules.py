@@ -31,6 +31,8 @@ class SectionRules:
     """m across, of all roads: farther, one projection does not hold."""
     shortest: float = 12.0
     """m of a section between two changes of lanes, below which it takes its neighbour's lanes."""
+    shortest_parking: float = 30.0
+    """m of it where only parked cars change: they end before crossings, which need the road's length."""
     barrier_gap: float = 1.0
     """m from a barrier to the ends of the road on both sides."""
     same_place: float = 0.5

@@ -9,7 +9,9 @@ import numpy as np
 from dojo_maps.geometry.polylines import along
 from dojo_maps.sources.osm.graph.road_graph import Places, Section, list_ends
 from dojo_maps.sources.osm.graph.shared_nodes import Run
+from dojo_maps.sources.osm.read.lane_tags import LaneUse
 from dojo_maps.sources.osm.read.way_tags import KINDS, RoadTags
+from dojo_maps.sources.osm.rules import SectionRules
 
 
 def cut_sections(runs: Iterable[Run], roads: Mapping[int, RoadTags]) -> list[Section]:
@@ -68,16 +70,16 @@ def drop_doubles(sections: Iterable[Section]) -> tuple[dict[str, Section], list[
     return {section.id: section for section in kept.values()}, doubled
 
 
-def join_sections(sections: Mapping[str, Section], places: Places, shortest: float) -> dict[str, Section]:
+def join_sections(sections: Mapping[str, Section], places: Places, rules: SectionRules) -> dict[str, Section]:
     """Join sections across vertices that only part them.
 
     Args:
         sections: by id.
         places: where nodes lie, metres.
-        shortest: metres below which a section takes its neighbour's lanes.
+        rules: from which length on sections keep lanes of their own.
     """
     joined = dict(sections)
-    while _join(joined, places, shortest):
+    while _join(joined, places, rules):
         pass
     return joined
 
@@ -86,7 +88,7 @@ def _importance(section: Section) -> tuple[int, float]:
     return KINDS[section.road.kind], section.road.drives
 
 
-def _join(sections: dict[str, Section], places: Places, shortest: float) -> bool:
+def _join(sections: dict[str, Section], places: Places, rules: SectionRules) -> bool:
     """Join sections in place, each once; tell whether any were."""
     changed = False
     for vertex, at in sorted(list_ends(sections).items()):
@@ -95,7 +97,7 @@ def _join(sections: dict[str, Section], places: Places, shortest: float) -> bool
         before, after = _in_line(sections[at[0]], sections[at[1]], vertex)
         if before is None or after is None or before.start == after.end:
             continue
-        road = _common_road(places, before, after, shortest)
+        road = _common_road(places, before, after, rules)
         if road is None:
             continue
         del sections[at[0]], sections[at[1]]
@@ -119,7 +121,7 @@ def _in_line(one: Section, other: Section, vertex: int) -> tuple[Section | None,
     return one, other
 
 
-def _common_road(places: Places, before: Section, after: Section, shortest: float) -> RoadTags | None:
+def _common_road(places: Places, before: Section, after: Section, rules: SectionRules) -> RoadTags | None:
     """Give what both sections are, or what a very short one of them may be taken for."""
     one, other = before.road, after.road
     if one.oneway != other.oneway or one.layer != other.layer or one.roundabout != other.roundabout:
@@ -127,9 +129,19 @@ def _common_road(places: Places, before: Section, after: Section, shortest: floa
     if _essence(one) == _essence(other):
         return one
     lengths = [float(along(np.array([places[node] for node in s.nodes]))[-1]) for s in (before, after)]
-    if min(lengths) >= shortest:
+    parked = _essence(_unparked(one)) == _essence(_unparked(other))
+    if min(lengths) >= (rules.shortest_parking if parked else rules.shortest):
         return None
     return one if lengths[0] >= lengths[1] else other
+
+
+def _unparked(road: RoadTags) -> RoadTags:
+    """Give a road without the cars parked along it."""
+    forward, backward = (
+        tuple(lane for lane in lanes if lane.use is not LaneUse.PARKING)
+        for lanes in (road.forward, road.backward)
+    )
+    return replace(road, forward=forward, backward=backward)
 
 
 def _essence(road: RoadTags) -> RoadTags:

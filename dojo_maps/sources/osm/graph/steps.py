@@ -49,7 +49,7 @@ def build_graph(
     sections, doubled = drop_doubles(cut_sections(pieces, roads))
     graph = RoadGraph(
         places=places,
-        sections=join_sections(sections, places, rules.sections.shortest),
+        sections=join_sections(sections, places, rules.sections),
         tags={node: data.nodes[node].tags for node in used if data.nodes[node].tags},
         ways={way: data.ways[way] for way in roads},
         footways=tuple(

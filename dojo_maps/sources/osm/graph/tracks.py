@@ -47,7 +47,7 @@ def add_tracks(data: OsmData, graph: RoadGraph, path: Path | str) -> RoadGraph:
     tracks: dict[str, Section] = {}
     for kind in sorted({road.kind for road in tags.values()}):
         cut = cut_sections([run for run in runs if tags[run[0]].kind == kind], tags)
-        tracks |= join_sections({s.id: s for s in cut}, places, graph.rules.sections.shortest)
+        tracks |= join_sections({s.id: s for s in cut}, places, graph.rules.sections)
     graph = replace(
         graph,
         places=places,
