@@ -17,7 +17,9 @@ Shapes = NDArray[np.object_]
 
 def along(line: Floats) -> Floats:
     """Measure each point's distance from the start along the line, in the plane; (n,) metres."""
-    return np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(line[:, :2], axis=0).T))])
+    lengths = np.zeros(len(line))
+    np.cumsum(np.hypot(line[1:, 0] - line[:-1, 0], line[1:, 1] - line[:-1, 1]), out=lengths[1:])
+    return lengths
 
 
 def drop_repeats(line: Points, *, closer_than: float = 1e-3) -> Points:

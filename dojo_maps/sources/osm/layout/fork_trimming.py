@@ -25,8 +25,10 @@ def trim_forks(layout: Layout) -> Layout:
     for arms in layout.arms().values():
         drawn = [arm for arm in arms if not layout.graph.sections[arm.section].road.roundabout]
         wanted = {arm: _parted_after(layout, arm, arms) for arm in drawn}
+        if not any(wanted.values()):
+            continue
         farthest = {arm: _nearest_crossing(layout, cuts, arm, arms) for arm in drawn}
-        for arm in drawn if any(wanted.values()) else ():
+        for arm in drawn:
             metres = min(
                 max(wanted[arm], rules.others), farthest[arm], layout.room(arm, cuts, left=rules.road_left)
             )
