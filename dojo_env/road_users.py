@@ -20,15 +20,17 @@ _KINDS = {
     "taxi": Kind.TAXI, "delivery": Kind.VAN, "bus": Kind.BUS, "coach": Kind.COACH, "truck": Kind.TRUCK,
     "trailer": Kind.TRAILER, "tram": Kind.TRAM, "rail_urban": Kind.TRAM, "subway": Kind.TRAIN,
     "rail": Kind.TRAIN, "rail_electric": Kind.TRAIN, "rail_fast": Kind.TRAIN, "cable_car": Kind.TRAM,
-    "motorcycle": Kind.MOTORCYCLE, "moped": Kind.MOTORCYCLE, "bicycle": Kind.BICYCLE,
+    "motorcycle": Kind.MOTORCYCLE, "moped": Kind.MOPED, "bicycle": Kind.BICYCLE,
     "scooter": Kind.SCOOTER, "wheelchair": Kind.WHEELCHAIR, "emergency": Kind.AMBULANCE,
     "authority": Kind.POLICE, "army": Kind.TRUCK, "pedestrian": Kind.PEDESTRIAN, "ship": Kind.SHIP,
 }  # fmt: skip
 _SHAPES = {
     "taxi": Kind.TAXI, "police": Kind.POLICE, "firebrigade": Kind.FIRE_ENGINE, "emergency": Kind.AMBULANCE,
-    "delivery": Kind.VAN, "passenger/van": Kind.VAN, "truck/trailer": Kind.TRAILER,
+    "delivery": Kind.VAN, "passenger/van": Kind.VAN, "passenger/hatchback": Kind.HATCHBACK,
+    "passenger/sedan": Kind.SALOON, "passenger/wagon": Kind.ESTATE, "truck/trailer": Kind.ROAD_TRAIN,
     "truck/semitrailer": Kind.TRAILER, "truck": Kind.TRUCK, "bus/coach": Kind.COACH, "bus": Kind.BUS,
-    "bicycle": Kind.BICYCLE, "motorcycle": Kind.MOTORCYCLE, "moped": Kind.MOTORCYCLE,
+    "bus/flexible": Kind.ARTICULATED_BUS, "bus/trolley": Kind.BUS,
+    "bicycle": Kind.BICYCLE, "motorcycle": Kind.MOTORCYCLE, "moped": Kind.MOPED,
     "scooter": Kind.SCOOTER, "pedestrian": Kind.PEDESTRIAN, "ship": Kind.SHIP,
 }  # fmt: skip
 """SUMO's guiShape says more than the vehicle class where it is one of these."""

@@ -41,6 +41,13 @@ class Kind(IntEnum):
     SHIP = 16
     WHEELCHAIR = 17
     PRAM = 18
+    HATCHBACK = 19
+    SALOON = 20
+    ESTATE = 21
+    PICKUP = 22
+    ARTICULATED_BUS = 23
+    ROAD_TRAIN = 24
+    MOPED = 25
 
 
 class Lights(IntFlag):

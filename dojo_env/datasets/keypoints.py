@@ -20,6 +20,7 @@ _APART = 0.15
 _NO_POINT = np.full(3, np.nan)
 _WITHOUT = {
     Kind.MOTORCYCLE, Kind.BICYCLE, Kind.SCOOTER, Kind.PEDESTRIAN, Kind.SHIP, Kind.WHEELCHAIR, Kind.PRAM,
+    Kind.MOPED,
 }  # fmt: skip
 """Kinds without left and right wheels or lamps."""
 

@@ -118,7 +118,7 @@ class BulletWorld:
         self._require_open()
         if snapshot is self._shown:
             return
-        users = place_users(snapshot, self._scene.origin)
+        users = place_users(snapshot, self._scene.origin, ways=self._scene.ways)
         sizes = map(tuple, np.linalg.norm(users.frames, axis=1).round(6).tolist())
         looks = dict(zip(snapshot.ids, zip(users.models.tolist(), sizes, strict=True), strict=True))
         for name in [name for name in self._bodies if looks.get(name) != self._looks[name]]:
@@ -174,7 +174,9 @@ class BulletWorld:
         if self._shown is None:
             return ()
         found = []
-        for i, k in _near_pairs(place_users(self._shown, self._scene.origin), distance):
+        for i, k in _near_pairs(
+            place_users(self._shown, self._scene.origin, ways=self._scene.ways), distance
+        ):
             first, second = self._shown.ids[i], self._shown.ids[k]
             points = self._bullet.getClosestPoints(
                 self._bodies[first][1], self._bodies[second][1], distance, physicsClientId=self._client

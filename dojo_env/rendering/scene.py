@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from dojo_env.rendering.classes import LAYERS, OTHER_LAYER, Semantic, Surface
 from dojo_env.rendering.lanes import lane_pieces
 from dojo_env.rendering.lighting import to_linear
+from dojo_env.rendering.ways import Ways, lay_ways
 from dojo_maps.bundle import Bundle
 from dojo_maps.description import LinkKind, RoadMap, Signal
 
@@ -58,6 +59,7 @@ class Scene:
         things: (m, 3) of the thing that each face belongs to: its lowest and highest place, metres, and a
             number of its own from 0 to 1.
         lanes: (k, 10) pieces of lanes, see `LaneMap`.
+        ways: the middles of lanes.
     """
 
     road_map: RoadMap
@@ -70,6 +72,7 @@ class Scene:
     colours: NDArray[np.float32]
     things: NDArray[np.float32]
     lanes: Floats
+    ways: Ways
 
     @property
     def ground(self) -> float:
@@ -112,6 +115,7 @@ def build_scene(bundle: Bundle) -> Scene:
         colours=np.concatenate(colours),
         things=np.concatenate(things),
         lanes=lane_pieces(bundle.road_map),
+        ways=lay_ways(bundle.road_map),
     )
 
 

@@ -142,7 +142,7 @@ class LidarScanner:
 
     def scan(self, snapshot: Snapshot, lidars: Sequence[Lidar]) -> tuple[Scan, ...]:
         """Scan one instant with each lidar."""
-        users = place_users(snapshot, self._scene.origin)
+        users = place_users(snapshot, self._scene.origin, ways=self._scene.ways)
         return tuple(self._scan(snapshot, users, lidar) for lidar in lidars)
 
     def _scan(self, snapshot: Snapshot, users: Users, lidar: Lidar) -> Scan:
