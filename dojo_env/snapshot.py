@@ -77,6 +77,7 @@ class Snapshot:
         lights: (n,) `Lights`.
         speeds: (n,) m/s.
         lanes: lane id of each road user, "" where it is on none.
+        types: SUMO's vehicle type of each, or none at all where they are not known.
         signals: the state of each signal, one of SUMO's letters per link index.
     """
 
@@ -92,6 +93,7 @@ class Snapshot:
     lights: Bytes = field(default_factory=lambda: np.empty(0, np.uint8))
     speeds: Floats = field(default_factory=lambda: np.empty(0))
     lanes: tuple[str, ...] = ()
+    types: tuple[str, ...] = ()
     signals: Mapping[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -109,6 +111,8 @@ class Snapshot:
         object.__setattr__(self, "signals", MappingProxyType(dict(self.signals)))
         if len(self.lanes) != count:
             raise SnapshotError(f"snapshot: {len(self.lanes)} lanes, expected {count}")
+        if len(self.types) not in (0, count):
+            raise SnapshotError(f"snapshot: {len(self.types)} types, expected {count} or none")
         self._refuse("pose", ~np.isfinite(np.column_stack([self.positions, self.headings, self.slopes])))
         self._refuse("size", ~((self.sizes > 0) & (self.sizes < LARGEST_SIZE)))
         self._refuse("kind", self.kinds > max(Kind))

@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 from rays import nearest_hits
 
+from dojo_env.rendering.fleet import MOST_FACES, MOST_VERTICES, usual_fleet
 from dojo_env.rendering.models import build_models
-from dojo_env.rendering.traffic import MOST_FACES, MOST_VERTICES, library, place_users
+from dojo_env.rendering.traffic import place_users
 from dojo_env.snapshot import Kind, Snapshot
 
 MODELS = [
@@ -13,9 +14,9 @@ MODELS = [
     for kind, variants in build_models().items()
     for number, variant in enumerate(variants)
     if number in (0, 1, 3, 7, 11)
-    for level, model in enumerate(variant.poses[-1])
+    for level, model in enumerate(variant.poses[0 if variant.turns else -1])
 ]
-_FIGURES = {"MOTORCYCLE", "BICYCLE", "SCOOTER", "PEDESTRIAN", "WHEELCHAIR", "PRAM"}
+_FIGURES = {"MOTORCYCLE", "MOPED", "BICYCLE", "SCOOTER", "PEDESTRIAN", "WHEELCHAIR", "PRAM"}
 """Feet, hands and umbrellas stand out of these."""
 
 
@@ -52,7 +53,7 @@ def test_model_faces_outward(model):
 
 
 def test_coarser_levels_have_fewer_faces():
-    spans = library().spans
+    spans = usual_fleet().library.spans
     counts = spans[:, :, 3] - spans[:, :, 2]
     assert (np.diff(counts, axis=1) <= 0).all()
     assert counts.max() < MOST_FACES
@@ -71,7 +72,7 @@ def _walker(way: float, *, speed: float = 1.3, heading: float = 0.0, **changes: 
 
 def _placed(snapshot: Snapshot, rain: float = 0.0) -> tuple[int, np.ndarray]:
     """Model, and its finest vertices in the world."""
-    users, models = place_users(snapshot, np.zeros(3), rain=rain), library()
+    users, models = place_users(snapshot, np.zeros(3), rain=rain), usual_fleet().library
     first, last, *_ = models.spans[users.models[0], 0]
     return int(users.models[0]), models.vertices[first:last] @ users.frames[0].T + users.places[0]
 

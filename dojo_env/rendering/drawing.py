@@ -5,12 +5,12 @@ from math import exp, sqrt
 import numpy as np
 
 from dojo_env.rendering.compiling import inner, kernel
+from dojo_env.rendering.fleet import MOST_VERTICES
 from dojo_env.rendering.lighting import SRGB, to_linear
 from dojo_env.rendering.raster import COVER, NEARER, draw_face, fill_triangle
 from dojo_env.rendering.shading import expose
 from dojo_env.rendering.shapes import Part
 from dojo_env.rendering.target import project, touch, turn
-from dojo_env.rendering.traffic import MOST_VERTICES
 from dojo_env.snapshot import Lights
 
 _FINEST, _FINE, _MIDDLE = 100.0, 36.0, 12.0
@@ -34,6 +34,7 @@ _PALETTE = to_linear(
     )
 )  # fmt: skip
 """Linear colour by `Part`, of those that are the same for all road users."""
+_PARTS = len(Part)
 _OWN = np.full(len(Part), -1)
 """Row of a road user's own colours by `Part`; -1 where it has none."""
 _OWN[[Part.BODY, Part.SKIN, Part.LEGS, Part.HAIR, Part.GEAR]] = range(5)
@@ -245,8 +246,9 @@ def _emission(part, lights, headlights):
 @inner
 def _shade_face(users, k, models, face, height, inside, veil, light, plain, shades, row):
     """Light a face: what it emits, or sun and sky on its colour and what it mirrors of them; then fog."""
-    part = models.parts[face]
-    own = _OWN[part]
+    number = models.parts[face] - _PARTS
+    part = models.parts[face] if number < 0 else _BODY  # A model from elsewhere has paint of its own colours.
+    own = _OWN[part] if number < 0 else -1
     glow = _emission(part, users.lights[k], light[WEATHER, 0])
     square = facing = level = 0.0
     seen = -models.planes[face, 3]
@@ -272,6 +274,8 @@ def _shade_face(users, k, models, face, height, inside, veil, light, plain, shad
             value = glow * _EMITTED[part, c]
         else:
             base = users.colours[k, own, c] if own >= 0 else _PALETTE[part, c]
+            if number >= 0:
+                base = models.colours[number, c]
             soft = share * light[_SKY_COLOUR, c] + (1.0 - share) * light[_GROUND_COLOUR, c]
             soft += light[WEATHER, 0] * _STREET[c] * (0.4 + 0.6 * share)
             around = _AROUND * light[_SKY_COLOUR, c]

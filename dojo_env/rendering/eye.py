@@ -55,7 +55,9 @@ def open_eye(scene: Scene, camera: Camera, light: Light, factor: int, *, samples
     if not camera.distortion:
         background = draw_background(scene, view, light, samples)
         return Eye(
-            view=view, canvas=Canvas(view, background.depths, light, plain=plain), background=background
+            view=view,
+            canvas=Canvas(view, background.depths, light, scene.fleet.library, plain=plain),
+            background=background,
         )
     from dojo_env.rendering.lens import bend_background, straightened  # noqa: PLC0415 - OpenCV is large; few need it
 
@@ -71,7 +73,7 @@ def open_eye(scene: Scene, camera: Camera, light: Light, factor: int, *, samples
     x, y = x + np.float32(left), y + np.float32(top)
     return Eye(
         view=wide,
-        canvas=Canvas(wide, straight.depths, light, plain=plain),
+        canvas=Canvas(wide, straight.depths, light, scene.fleet.library, plain=plain),
         background=bend_background(straight, x, y),
         rows=np.clip(np.floor(y).astype(np.intp), 0, wide.height - 1),
         columns=np.clip(np.floor(x).astype(np.intp), 0, wide.width - 1),

@@ -1,6 +1,6 @@
 """The static world of a map, ready to draw: triangles and what they are, signal lamps, and link paths."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import NamedTuple
@@ -10,9 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dojo_env.rendering.classes import LAYERS, OTHER_LAYER, Semantic, Surface
+from dojo_env.rendering.fleet import Fleet, build_fleet, usual_fleet
 from dojo_env.rendering.lanes import lane_pieces
 from dojo_env.rendering.lighting import to_linear
 from dojo_env.rendering.ways import Ways, lay_ways
+from dojo_env.vehicle_models import VehicleModel
 from dojo_maps.bundle import Bundle
 from dojo_maps.description import LinkKind, RoadMap, Signal
 
@@ -60,6 +62,7 @@ class Scene:
             number of its own from 0 to 1.
         lanes: (k, 10) pieces of lanes, see `LaneMap`.
         ways: the middles of lanes.
+        fleet: what road users are drawn as.
     """
 
     road_map: RoadMap
@@ -73,6 +76,7 @@ class Scene:
     things: NDArray[np.float32]
     lanes: Floats
     ways: Ways
+    fleet: Fleet
 
     @property
     def ground(self) -> float:
@@ -80,11 +84,16 @@ class Scene:
         return float(self.vertices[:, 2].min()) if len(self.vertices) else 0.0
 
 
-def build_scene(bundle: Bundle) -> Scene:
+def build_scene(bundle: Bundle, models: Mapping[str, VehicleModel] | None = None) -> Scene:
     """Read a bundle's meshes and tell what each face is.
+
+    Args:
+        bundle: the map.
+        models: of a user's, by SUMO's vehicle type, in place of ours.
 
     Raises:
         DescriptionError: the bundle's scene is missing or broken.
+        ModelError: a model's file cannot be read.
     """
     vertices: list[Floats] = [np.empty((0, 3))]
     faces = [np.empty((0, 3), dtype=np.int64)]
@@ -116,6 +125,7 @@ def build_scene(bundle: Bundle) -> Scene:
         things=np.concatenate(things),
         lanes=lane_pieces(bundle.road_map),
         ways=lay_ways(bundle.road_map),
+        fleet=build_fleet(models) if models else usual_fleet(),
     )
 
 

@@ -1,7 +1,7 @@
 """The road users of a snapshot as kernels draw them: model, place, colours and lights of each."""
 
 from collections.abc import Iterable
-from functools import cache, lru_cache
+from functools import lru_cache
 from math import cos, floor, isnan, sin
 from typing import NamedTuple
 from zlib import crc32
@@ -10,8 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dojo_env.rendering.compiling import inner, kernel
+from dojo_env.rendering.fleet import Fleet, usual_fleet
 from dojo_env.rendering.lighting import to_linear
-from dojo_env.rendering.models import UMBRELLAS, Model, Variant, build_models
+from dojo_env.rendering.models import UMBRELLAS, Variant, build_models
 from dojo_env.rendering.people import PACE, TALL
 from dojo_env.rendering.ways import NO_WAYS, Ways, turn_on
 from dojo_env.snapshot import Kind, Snapshot
@@ -87,7 +88,7 @@ _GEAR: dict[RGB, int] = {
 _UNSET = (255, 255, 0)
 """SUMO's colour for a vehicle that was given none."""
 _LINEAR = to_linear(np.arange(256, dtype=np.uint8))
-_CODES_KEPT = 1 << 14
+_CODES_KEPT, _FLEETS_KEPT = 1 << 14, 8
 
 _ON_FOOT = (Kind.PEDESTRIAN, Kind.PRAM)
 """Kinds that keep their proportions, whatever box SUMO has for them, and are scaled by its height alone."""
@@ -128,67 +129,6 @@ class Users(NamedTuple):
     origin: Floats
 
 
-class Library(NamedTuple):
-    """Every model at every level of detail in one piece.
-
-    Attributes:
-        vertices: (n, 3) in the models' unit boxes.
-        faces: (m, 3) indices that begin at 0 for each model and level.
-        planes: (m, 4) unit normal of each face and its distance from 0, in the unit box.
-        parts: (m,) `Part`.
-        spans: (models, levels, 4) first and last vertex, first and last face; last ones are exclusive.
-        profiles: (models, 4) what throws shadows, in the unit box: height of the nose, and of what stands
-            higher the rear and front end and half the width.
-    """
-
-    vertices: Floats
-    faces: Ints
-    planes: Floats
-    parts: NDArray[np.uint8]
-    spans: Ints
-    profiles: Floats
-
-
-_NOSE, _HIGH = 0.16, 0.8
-"""Share of the length that is the nose; share of the height over which a road user is high."""
-MOST_FACES, MOST_VERTICES = 2000, 4096
-"""No model has more of them; kernels make room for as many."""
-
-
-@cache
-def library() -> Library:
-    """Pack the models."""
-    every = [variant for variants in build_models().values() for variant in variants]
-    poses = [pose for variant in every for pose in variant.poses]
-    # Poses that look the same from afar share their coarse levels, and kinds their variants.
-    levels = list({id(model): model for pose in poses for model in pose}.values())
-    vertices = np.cumsum([0] + [len(model.vertices) for model in levels])
-    faces = np.cumsum([0] + [len(model.faces) for model in levels])
-    spans = np.stack([vertices[:-1], vertices[1:], faces[:-1], faces[1:]], axis=1).astype(np.int32)
-    rows = {id(model): row for row, model in enumerate(levels)}
-    return Library(
-        vertices=np.concatenate([model.vertices for model in levels]),
-        faces=np.concatenate([model.faces for model in levels]),
-        planes=np.concatenate([_planes(model) for model in levels]),
-        parts=np.concatenate([model.parts for model in levels]),
-        spans=spans[[[rows[id(model)] for model in pose] for pose in poses]],
-        profiles=np.array([_profile(pose[0].vertices) for pose in poses]),
-    )
-
-
-def _profile(vertices: Floats) -> tuple[float, float, float, float]:
-    """Measure what of a model throws its shadow; see `Library.profiles`."""
-    nose, high = vertices[vertices[:, 0] > -_NOSE], vertices[vertices[:, 2] > _HIGH]
-    return nose[:, 2].max(), high[:, 0].min(), high[:, 0].max(), np.abs(high[:, 1]).max()
-
-
-def _planes(model: Model) -> Floats:
-    a, b, c = (model.vertices[model.faces[:, k]] for k in range(3))
-    normals = np.cross(b - a, c - a)
-    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
-    return np.column_stack([normals, (normals * a).sum(axis=1)])
-
-
 class _Looks(NamedTuple):
     """What there is to choose from.
 
@@ -222,11 +162,10 @@ class _Looks(NamedTuple):
     wear: Floats
 
 
-@cache
-def _looks() -> _Looks:
+@lru_cache(maxsize=_FLEETS_KEPT)
+def _looks(fleet: Fleet) -> _Looks:
     """Tabulate what there is to choose from."""
-    models = build_models()
-    every = [variant for variants in models.values() for variant in variants]
+    models, every = build_models(), fleet.variants
     walks = np.array([kind in _ON_FOOT for kind in models])
     return _Looks(
         first=np.cumsum([0] + [len(variants) for variants in models.values()]).astype(np.int32),
@@ -277,7 +216,14 @@ def _shares_of(colours: Iterable[RGB], percents: Iterable[int]) -> Floats:
     return to_linear(np.repeat(np.array(list(colours), dtype=np.uint8), list(percents), axis=0))
 
 
-def place_users(snapshot: Snapshot, origin: Floats, *, rain: float = 0.0, ways: Ways = NO_WAYS) -> Users:
+def place_users(
+    snapshot: Snapshot,
+    origin: Floats,
+    *,
+    rain: float = 0.0,
+    ways: Ways = NO_WAYS,
+    fleet: Fleet | None = None,
+) -> Users:
     """Bring road users into the frame of a scene.
 
     Shape and colour follow from a road user's id alone, its pose from where it is.
@@ -287,8 +233,12 @@ def place_users(snapshot: Snapshot, origin: Floats, *, rain: float = 0.0, ways: 
         origin: (3,) of the scene, metres, map frame.
         rain: 0 dry to 1 heavy rain, in which people have umbrellas.
         ways: the map's lanes, whose curves vehicles follow.
+        fleet: what there is to draw; None takes our own models.
     """
-    count = len(snapshot.ids)
+    count, fleet = len(snapshot.ids), fleet or usual_fleet()
+    own = np.full(count, -1, dtype=np.int32)
+    if fleet.own:
+        own[:] = [fleet.own.get(name, -1) for name in snapshot.types or ("",) * count]
     codes = np.fromiter(map(_code, snapshot.ids), np.int64, count)
     users = Users(
         frames=np.empty((count, 3, 3)),
@@ -301,7 +251,7 @@ def place_users(snapshot: Snapshot, origin: Floats, *, rain: float = 0.0, ways: 
     turns = np.empty(count)
     _turn(snapshot.positions, snapshot.headings, ways.find(snapshot.lanes), ways.points, ways.spans, turns)
     moves = (snapshot.headings, snapshot.slopes, snapshot.sizes, snapshot.speeds, turns)
-    _place(*moves, snapshot.kinds, snapshot.colours, codes, float(rain), _looks(), users)
+    _place(*moves, snapshot.kinds, snapshot.colours, codes, own, float(rain), _looks(fleet), users)
     return users
 
 
@@ -322,18 +272,19 @@ def _turn(positions, headings, lanes, points, spans, turns):
 
 
 @kernel
-def _place(headings, slopes, sizes, speeds, turns, kinds, given, codes, rain, looks, users):
+def _place(headings, slopes, sizes, speeds, turns, kinds, given, codes, own, rain, looks, users):
     """Choose each road user's model and colours; turn and scale its axes."""
     for k in range(len(codes)):
         kind, code = kinds[k], codes[k]
-        variant = _choose_variant(kind, code, sizes[k, 0], sizes[k, 2], rain, looks)
+        is_own = own[k] >= 0
+        variant = own[k] if is_own else _choose_variant(kind, code, sizes[k, 0], sizes[k, 2], rain, looks)
         cos_h, sin_h, cos_s, sin_s = cos(headings[k]), sin(headings[k]), cos(slopes[k]), sin(slopes[k])
         ahead = (cos_h * cos_s, sin_h * cos_s, sin_s)
         left = (-sin_h, cos_h, 0.0)
         up = (-cos_h * sin_s, -sin_h * sin_s, cos_s)
         length, width, height, share = sizes[k, 0], sizes[k, 1], sizes[k, 2], 1.0
         shift = 0.0
-        if looks.on_foot[kind]:
+        if looks.on_foot[kind] and not is_own:
             share = _scale_person(variant, code, height, looks)
             shift = share * looks.fronts[variant] - 0.5 * length
             length, width = share * looks.sizes[variant, 0], share * looks.sizes[variant, 1]
