@@ -85,5 +85,5 @@ def _draw(users, lamps, paths, models, light, sun, plain, view, clean, target):
     headlights = light[WEATHER, 0] > 0.0
     near = users_in_view(users, BEAM_LENGTH if headlights else _SHADOW_LENGTH, view)
     count = draw_users(near, users, models, light, plain, view, target, count)
-    draw_on_ground(near, users, models.profiles, sun, headlights, plain, view, target)
+    draw_on_ground(near, users, models, sun, headlights, plain, view, target)
     draw_lamps(lamps, view, target, count)

@@ -18,6 +18,8 @@ Ints = NDArray[np.int32]
 
 _NOSE, _HIGH = 0.16, 0.8
 """Share of the length that is the nose; share of the height over which a road user is high."""
+_SECTION, _MOST_SECTIONS = (0.95, -0.97, -0.03, 0.48), 4
+"""The profile of a section, which is a box; no vehicle has more of them."""
 MOST_FACES, MOST_VERTICES = 4000, 4096
 """No model has more of them; kernels make room for as many."""
 
@@ -31,8 +33,10 @@ class Library(NamedTuple):
         planes: (m, 4) unit normal of each face and its distance from 0, in the unit box.
         parts: (m,) `Part`, or the number of parts and a row of `colours`.
         spans: (models, levels, 4) first and last vertex, first and last face; last ones are exclusive.
-        profiles: (models, 4) what throws shadows, in the unit box: height of the nose, and of what stands
-            higher the rear and front end and half the width.
+        profiles: (models + 1, 4) what throws shadows, in the unit box: height of the nose, and of what stands
+            higher the rear and front end and half the width; the last is a section's of one with joints.
+        prints: (models, sections, 2, 2) x and y of the front and rear end of each section on the ground, in
+            the unit box; nan where a model has fewer.
         colours: (c, 3) linear, of models from elsewhere.
     """
 
@@ -42,6 +46,7 @@ class Library(NamedTuple):
     parts: NDArray[np.uint16]
     spans: Ints
     profiles: Floats
+    prints: Floats
     colours: Floats
 
 
@@ -108,9 +113,19 @@ def _pack(variants: list[Variant], colours: Floats) -> Library:
         planes=np.concatenate([_planes(model) for model in levels]),
         parts=np.concatenate([model.parts for model in levels]).astype(np.uint16),
         spans=spans[[[rows[id(model)] for model in pose] for pose in poses]],
-        profiles=np.array([_profile(pose[0].vertices) for pose in poses]),
+        profiles=np.array([*(_profile(pose[0].vertices) for pose in poses), _SECTION]),
+        prints=np.concatenate([_prints(variant) for variant in variants]),
         colours=colours,
     )
+
+
+def _prints(variant: Variant) -> Floats:
+    """List where a variant stands in each pose; see `Library.prints`."""
+    prints = np.full((len(variant.poses), _MOST_SECTIONS, 2, 2), np.nan)
+    prints[:, 0] = (0.0, 0.0), (-1.0, 0.0)
+    if variant.prints is not None:
+        prints[:, : variant.prints.shape[1]] = variant.prints
+    return prints
 
 
 def _profile(vertices: Floats) -> tuple[float, float, float, float]:

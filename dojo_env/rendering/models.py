@@ -26,7 +26,7 @@ from dojo_env.rendering.people import (
 )
 from dojo_env.rendering.rail_bodies import RailShape, build_rail
 from dojo_env.rendering.shapes import Face, Part, box, lights, loft, section
-from dojo_env.rendering.turning import Joint, bend, cut_apart, steer
+from dojo_env.rendering.turning import Joint, bend, cut_apart, footprints, steer
 from dojo_env.rendering.two_wheelers import (
     build_cyclists,
     build_moped_rider,
@@ -237,12 +237,15 @@ class Variant:
         poses: models, by pose and by level of detail: at a stop, then those of a pace; or by `turns`.
         turns: how far the road at the nose has turned from the line between nose and tail, radians, positive
             to the left; begins with 0. Empty where poses are those of a pace.
+        prints: where the sections of one with joints stand in each turn, (turns, sections, 2, 2): x and y of
+            the front and rear end of each, in the unit box; None without joints.
     """
 
     size: tuple[float, float, float]
     front: float
     poses: tuple[tuple[Model, ...], ...]
     turns: tuple[float, ...] = ()
+    prints: Floats | None = None
 
 
 _Poses = Callable[[int], list[list[Face]]]
@@ -386,6 +389,7 @@ def _variant(build: _Builder) -> Variant:
         front=float(foot[0]),
         poses=tuple(zip(*levels, strict=True)),
         turns=_turns_of(build),
+        prints=_prints_of(build),
     )
 
 
@@ -393,6 +397,12 @@ def _turns_of(build: _Builder) -> tuple[float, ...]:
     if isinstance(build, _Body):
         return _TURNS_OF_HEAVIES
     return _TURNS_OF_CARS if isinstance(build, _Car) else ()
+
+
+def _prints_of(build: _Builder) -> Floats | None:
+    if not (isinstance(build, _Body) and build.joints):
+        return None
+    return footprints(build.size[0], build.joints, np.array(_TURNS_OF_HEAVIES)) / build.size[:2]
 
 
 def _in_turns(build: _Car | _Body, detail: int, size: Floats) -> list[Model]:

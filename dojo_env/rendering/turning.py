@@ -100,20 +100,38 @@ def bend(
     Returns:
         (t, n + b, 3, 3) triangles, and b, how many of them, the last ones, are bellows.
     """
+    frames, pivots = _lay(length, joints, turns)
+    bent = triangles.copy()
+    for k, begin in enumerate([0.0, *(joint.pivot for joint in joints)]):
+        own = triangles[:, sections == k] + [begin, 0.0, 0.0]
+        bent[:, sections == k] = np.einsum("tij,tnkj->tnki", frames[k], own) + pivots[:, k, None, None]
+    bellows = [np.empty((len(turns), 0, 3, 3))]
+    for k, joint in enumerate(joints):
+        if joint.bellows is not None:
+            pairs = zip(pivots[:, k + 1], frames[k], frames[k + 1], strict=True)
+            bellows.append(np.array([_fold(joint, *pair) for pair in pairs]))
+    folds = np.concatenate(bellows, axis=1)
+    return np.concatenate([bent, folds], axis=1), folds.shape[1]
+
+
+def footprints(length: float, joints: Sequence[Joint], turns: Floats) -> Floats:
+    """Tell where the sections of a vehicle stand.
+
+    Returns:
+        (t, sections, 2, 2) x and y of the front and rear end of each, metres.
+    """
+    _, pivots = _lay(length, joints, turns)
+    return np.stack([pivots[:, :-1, :2], pivots[:, 1:, :2]], axis=2)
+
+
+def _lay(length: float, joints: Sequence[Joint], turns: Floats) -> tuple[list[Floats], Floats]:
+    """Lay sections along a curve: axes of each, (t, 3, 3), and nose, pivots and tail, (t, sections + 1, 3)."""
     places = [0.0, *(joint.pivot for joint in joints), length]
     # On a circle the direction changes evenly from the nose to the tail.
     frames = [_frames(turns * (1.0 - (a + b) / length)) for a, b in pairwise(places)]
-    front, bent = np.zeros((len(turns), 3)), triangles.copy()
-    bellows: list[Floats] = [np.empty((len(turns), 0, 3, 3))]
-    for k, frame in enumerate(frames):
-        own = triangles[:, sections == k] + [places[k], 0.0, 0.0]
-        bent[:, sections == k] = np.einsum("tij,tnkj->tnki", frame, own) + front[:, None, None]
-        front = front - frame[:, :, 0] * (places[k + 1] - places[k])
-        if k < len(joints) and joints[k].bellows is not None:
-            pairs = zip(front, frame, frames[k + 1], strict=True)
-            bellows.append(np.array([_fold(joints[k], *pair) for pair in pairs]))
-    folds = np.concatenate(bellows, axis=1)
-    return np.concatenate([bent, folds], axis=1), folds.shape[1]
+    steps = [frame[:, :, 0] * (b - a) for frame, (a, b) in zip(frames, pairwise(places), strict=True)]
+    pivots = -np.cumsum([np.zeros((len(turns), 3)), *steps], axis=0)
+    return frames, np.moveaxis(pivots, 0, 1)
 
 
 def _frames(headings: Floats) -> Floats:
