@@ -194,7 +194,7 @@ class _Shooting:
             if not places:
                 continue
             snapshot = without_users(sample.snapshot) if is_empty else sample.snapshot
-            instant = Instant(snapshot, sample.links, stage.ways, stage.eyes.scene.origin)
+            instant = Instant(snapshot, sample.links, stage.ways, stage.eyes.scene)
             for k in places:
                 (picture,) = stage.eyes.look(snapshot, [stage.cameras[k]], OUTPUTS)
                 yield self._keep(picture, instant, snapshot, k, run=run, seed=seed, is_empty=is_empty)

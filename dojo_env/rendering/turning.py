@@ -125,7 +125,7 @@ def footprints(length: float, joints: Sequence[Joint], turns: Floats) -> Floats:
 
 
 def _lay(length: float, joints: Sequence[Joint], turns: Floats) -> tuple[list[Floats], Floats]:
-    """Lay sections along a curve: axes of each, (t, 3, 3), and nose, pivots and tail, (t, sections + 1, 3)."""
+    """Lay sections along a curve: axes of each, (t, 3, 3), and nose, pivots, tail, (t, sections + 1, 3)."""
     places = [0.0, *(joint.pivot for joint in joints), length]
     # On a circle the direction changes evenly from the nose to the tail.
     frames = [_frames(turns * (1.0 - (a + b) / length)) for a, b in pairwise(places)]
