@@ -36,6 +36,8 @@ _SHAPES = {
 """SUMO's guiShape says more than the vehicle class where it is one of these."""
 _PRAMS = ("pram", "stroller", "pushchair")
 """SUMO has no class for those who push one, so the names of their types must tell."""
+_PICKUPS = ("pickup", "pick-up", "pick_up")
+"""The same for these cars."""
 _RIGHT, _LEFT, _BOTH, _BRAKE, _BLUE = 1, 2, 4, 8, 2048 | 4096 | 8192
 """Bits of SUMO's vehicle signals."""
 _BITS = 1 << 14
@@ -146,10 +148,13 @@ def _read_type(get: Any, name: str) -> tuple[Kind, tuple[float, ...]]:
     usual = _KINDS.get(get.vehicletype_getVehicleClass(name), Kind.CAR)
     sizes = (get.vehicletype_getLength, get.vehicletype_getWidth, get.vehicletype_getHeight)
     kind = _SHAPES.get(get.vehicletype_getShapeClass(name), usual)
-    if usual == Kind.WHEELCHAIR:  # Its usual shape is a pedestrian's.
+    # The usual shapes of these two are a pedestrian's and a van's.
+    if usual == Kind.WHEELCHAIR or (usual, kind) == (Kind.AMBULANCE, Kind.VAN):
         kind = usual
     elif kind == Kind.PEDESTRIAN and any(word in name.lower() for word in _PRAMS):
         kind = Kind.PRAM
+    elif usual == Kind.CAR and any(word in name.lower() for word in _PICKUPS):
+        kind = Kind.PICKUP
     return kind, tuple(min(max(size(name), 0.1), LARGEST_SIZE - 1) for size in sizes)
 
 
