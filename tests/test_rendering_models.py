@@ -4,8 +4,10 @@ import numpy as np
 import pytest
 from rays import nearest_hits
 
+from dojo_env.rendering.fleet import MOST_FACES, MOST_VERTICES, usual_fleet
 from dojo_env.rendering.models import build_models
-from dojo_env.rendering.traffic import MOST_FACES, MOST_VERTICES, library, place_users
+from dojo_env.rendering.shapes import Part
+from dojo_env.rendering.traffic import place_users
 from dojo_env.snapshot import Kind, Snapshot
 
 MODELS = [
@@ -13,9 +15,9 @@ MODELS = [
     for kind, variants in build_models().items()
     for number, variant in enumerate(variants)
     if number in (0, 1, 3, 7, 11)
-    for level, model in enumerate(variant.poses[-1])
+    for level, model in enumerate(variant.poses[0 if variant.turns else -1])
 ]
-_FIGURES = {"MOTORCYCLE", "BICYCLE", "SCOOTER", "PEDESTRIAN", "WHEELCHAIR", "PRAM"}
+_FIGURES = {"MOTORCYCLE", "MOPED", "BICYCLE", "SCOOTER", "PEDESTRIAN", "WHEELCHAIR", "PRAM"}
 """Feet, hands and umbrellas stand out of these."""
 
 
@@ -52,7 +54,7 @@ def test_model_faces_outward(model):
 
 
 def test_coarser_levels_have_fewer_faces():
-    spans = library().spans
+    spans = usual_fleet().library.spans
     counts = spans[:, :, 3] - spans[:, :, 2]
     assert (np.diff(counts, axis=1) <= 0).all()
     assert counts.max() < MOST_FACES
@@ -71,7 +73,7 @@ def _walker(way: float, *, speed: float = 1.3, heading: float = 0.0, **changes: 
 
 def _placed(snapshot: Snapshot, rain: float = 0.0) -> tuple[int, np.ndarray]:
     """Model, and its finest vertices in the world."""
-    users, models = place_users(snapshot, np.zeros(3), rain=rain), library()
+    users, models = place_users(snapshot, np.zeros(3), rain=rain), usual_fleet().library
     first, last, *_ = models.spans[users.models[0], 0]
     return int(users.models[0]), models.vertices[first:last] @ users.frames[0].T + users.places[0]
 
@@ -126,3 +128,29 @@ def test_cars_have_the_paints_of_a_real_fleet():
     paints = np.array([place_users(each, np.zeros(3)).colours[0, 0] for each in cars])
     grey = paints.max(axis=1) < 1.5 * paints.min(axis=1)
     assert 0.75 < grey.mean() < 0.9
+
+
+@pytest.mark.parametrize("number", range(7))
+def test_no_leg_shows_through_a_coat(number):
+    """In every pose: level rays at thighs meet cloth, arms or hands first, never a trouser leg."""
+    coat = build_models()[Kind.PEDESTRIAN][3]
+    model = coat.poses[number][0]
+    vertices = model.vertices * coat.size + [coat.front, 0.0, 0.0]
+    angles = np.arange(16) * np.pi / 8
+    out = np.column_stack([np.cos(angles), np.sin(angles), np.zeros(16)])
+    for height in np.linspace(0.38, 0.58, 9) * coat.size[2]:
+        middle = vertices[abs(vertices[:, 2] - height) < 0.06].mean(axis=0)
+        for direction in out:
+            start = np.array([*middle[:2], height]) + 2.0 * direction
+            _, hits = nearest_hits(vertices, model.faces, start, -direction[None])
+            assert hits[0] < 0 or model.parts[hits[0]] != Part.LEGS
+
+
+def test_bands_are_seen_where_a_van_has_any_and_on_any_colour_of_a_police_car():
+    vans = [_walker(0.0, ids=(f"v{k}",), kinds=[Kind.VAN]) for k in range(60)]
+    pairs = [place_users(each, np.zeros(3)).colours[0, [0, 4]] for each in vans]
+    assert 0.3 < np.mean([(body != band).any() for body, band in pairs]) < 0.8
+    red = _walker(0.0, kinds=[Kind.POLICE], colours=[(255, 0, 0)])
+    body, band = place_users(red, np.zeros(3)).colours[0, [0, 4]]
+    assert body == pytest.approx([1.0, 0.0, 0.0])
+    assert band[2] > band[0]
