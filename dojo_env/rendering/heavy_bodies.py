@@ -10,7 +10,8 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from dojo_env.rendering.car_bodies import FINE, build_wheels
+from dojo_env.rendering.car_bodies import FINE
+from dojo_env.rendering.car_details import build_wheels
 from dojo_env.rendering.shapes import Face, Part, box, lights, loft, mirrored, moved, windows
 
 Floats = NDArray[np.float64]
