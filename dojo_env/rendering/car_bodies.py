@@ -252,6 +252,8 @@ def build_greenhouse(shape: CarShape, detail: int) -> list[Face]:
     for ahead, behind in pairwise(rows):
         left += [(np.array([ahead[k + 1], ahead[k], behind[k], behind[k + 1]]), Part.BODY) for k in range(3)]
     left += _pane_across(*screen, crown, (0.06, 0.93))
+    if detail == FINE:
+        left += _behind_screen(*screen, crown) + _roof_lines(head, crown)
     left += _pane_across(*window, crown, shape.rear_glass, tail=True)
     return mirrored(left)
 
@@ -284,3 +286,28 @@ def _pane_across(
             quad = np.array([below[k], above[k], above[k + 1], below[k + 1]])
             faces.append((quad[::-1] if tail else quad, Part.BODY if k == 0 else part))
     return faces
+
+
+def _behind_screen(low: Floats, high: Floats, bend: float, crown: float) -> list[Face]:
+    """Show the left half of what is seen through the windscreen: dashboard, a seat, and the mirror."""
+    faces: list[Face] = []
+    for (begin, end), (bottom, top), part in (
+        ((0.0, 0.95), (0.06, 0.16), Part.TRIM),
+        ((0.22, 0.68), (0.3, 0.68), Part.CABIN),
+        ((0.34, 0.56), (0.7, 0.83), Part.CABIN),
+        ((0.0, 0.1), (0.83, 0.91), Part.TRIM),
+    ):
+        rows = []
+        for up in (bottom, top):
+            row = _across(low, high, bend, crown, up)
+            rows.append([[np.interp(share, _SHARES[::-1], row[::-1, k]) for k in range(3)] for share in (end, begin)])
+        (a, b), (c, d) = np.array(rows) + [0.02, 0.0, 0.02]
+        faces.append((np.array([a, c, d, b]), part))
+    return faces
+
+
+def _roof_lines(head: Floats, crown: float) -> list[Face]:
+    """Draw the left seam between the roof and the body's side."""
+    a, b = (end * [1.0, 0.95, 1.0] + [0.0, 0.0, 0.1 * (crown - end[2]) + 0.012] for end in head)
+    side = np.array([0.0, 0.025, -0.004])
+    return [(np.array([a, a + side, b + side, b]), Part.TRIM)]

@@ -89,7 +89,12 @@ def _front(shape: CarShape, detail: int) -> list[Face]:
         return rows
 
     left = _patch(shape, lamp(0.0), Part.TRIM, ahead=True)
-    left += _patch(shape, lamp(0.018)[:5], Part.HEADLAMP, ahead=True, layer=1.6)
+    glass = lamp(0.018)
+    left += _patch(shape, glass[:5], Part.HEADLAMP, ahead=True, layer=1.6)
+    if detail == FINE:
+        for row, other in (glass[:2], glass[2:4]):
+            dark = [(y, low_ + 0.3 * (high_ - low_), high_ - 0.1 * (high_ - low_)) for y, low_, high_ in (row, other)]
+            left += _patch(shape, dark, Part.CHROME, ahead=True, layer=2.2)
     turn = _patch(shape, lamp(0.018)[4:], Part.LEFT, ahead=True, layer=1.6)
     faces = mirrored(left) + _indicators(turn)
     faces += _patch(shape, [(-0.86 * wide, roof - high, roof), (-wide, roof, roof)][::-1] , Part.TRIM, ahead=True)
