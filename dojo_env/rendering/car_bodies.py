@@ -2,8 +2,8 @@
 
 A shell is lofted through stations along the car: in each its half width, its lower edge (which follows the
 wheel arches) and its top are known, and a ring of corners runs over it; nose and tail lean back above and
-below the bumper. What is painted on it, is in `car_details`. Lengths are metres, x points to the nose and is 0
-there, y to the left, z up; faces turn counter-clockwise, from outside.
+below the bumper. What is painted on it is in `car_details`. Lengths are metres, x points to the nose and is
+0 there, y to the left, z up; faces turn counter-clockwise, from outside.
 """
 
 from dataclasses import dataclass
@@ -152,7 +152,7 @@ class CarShape:
         return (back if ahead else self.length - back), turned
 
     def _lean(self, place: float, z: float) -> float:
-        """Tell how far ahead of its station a point lies: nose and tail lean back over and under the bumper."""
+        """Tell how far ahead of its station a point lies: nose and tail lean back above and below bumpers."""
         front, rear = place / _LEAN_REACH, (self.length - place) / _LEAN_REACH
         if min(front, rear) >= 1.0:
             return 0.0
@@ -300,8 +300,10 @@ def _behind_screen(low: Floats, high: Floats, bend: float, crown: float) -> list
         rows = []
         for up in (bottom, top):
             row = _across(low, high, bend, crown, up)
-            rows.append([[np.interp(share, _SHARES[::-1], row[::-1, k]) for k in range(3)] for share in (end, begin)])
-        (a, b), (c, d) = np.array(rows) + [0.02, 0.0, 0.02]
+            rows.append(
+                [[np.interp(share, _SHARES[::-1], row[::-1, k]) for k in range(3)] for share in (end, begin)]
+            )
+        (a, b), (c, d) = np.array(rows) + np.array([0.02, 0.0, 0.02])
         faces.append((np.array([a, c, d, b]), part))
     return faces
 

@@ -4,18 +4,21 @@ Lamps, grille and plates are flat patches a few millimetres before the shell. Le
 the nose and is 0 there, y to the left, z up; faces turn counter-clockwise, from outside.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from itertools import pairwise
 
 import numpy as np
 
 from dojo_env.rendering.car_bodies import FINE, CarShape, Floats, build_greenhouse, build_shell
-from dojo_env.rendering.shapes import Face, Part, box, mirrored
+from dojo_env.rendering.shapes import Face, Part, box, mirrored, moved
 
 _GAP = 0.012
 """Metres from the shell to what is painted on it."""
 _FLAT = 1e-3
 """Metres; what is less high is not drawn."""
+_LAMP = ((0.0, 0.1), (0.6, 0.13), (0.75, 0.15), (0.87, 0.15), (0.945, 0.13), (0.985, 0.08))
+"""Outline of a head lamp: how far to the side, as a share of the half width (the first begins at the grille),
+and how high, metres."""
 Row = tuple[float, float, float]
 """Of a patch: metres to the left, lower and upper edge."""
 
@@ -41,7 +44,7 @@ def build_car(shape: CarShape, detail: int) -> list[Face]:
 
 
 def _patch(
-    shape: CarShape, rows: Sequence[Row], part: Part, *, ahead: bool, layer: float = 1.0
+    shape: CarShape, rows: Sequence[Row] | Floats, part: Part, *, ahead: bool, layer: float = 1.0
 ) -> list[Face]:
     """Paint a strip on the nose or the tail.
 
@@ -52,7 +55,6 @@ def _patch(
         ahead: it is on the nose, or else on the tail.
         layer: how many layers before the shell it lies.
     """
-
     columns = []
     for y, low, high in rows:
         # The shell bends at these heights; a patch that goes straight past one would lie behind it.
@@ -79,25 +81,21 @@ def _front(shape: CarShape, detail: int) -> list[Face]:
     wide, high = shape.grille[0] * half, shape.grille[1]
     roof = top - 0.03
 
-    def lamp(shrink: float) -> list[Row]:
-        ends = (((wide / half + 0.06), 0.1), (0.6, 0.13), (0.75, 0.15), (0.87, 0.15), (0.945, 0.13), (0.985, 0.08))
-        rows = []
-        for number, (share, tall) in enumerate(ends):
-            lift = 0.07 * shape.height * max(0.0, share - 0.6)
-            inset = shrink if number in (0, len(ends) - 1) else 0.0
-            rows.append((half * (share + (inset if number == 0 else -inset)), roof + lift - tall + shrink, roof + lift - shrink))
-        return rows
-
-    left = _patch(shape, lamp(0.0), Part.TRIM, ahead=True)
-    glass = lamp(0.018)
-    left += _patch(shape, glass[:5], Part.HEADLAMP, ahead=True, layer=1.6)
+    shares, tall = np.array(_LAMP).T
+    shares[0] = wide / half + 0.06
+    edge = roof + 0.07 * shape.height * np.maximum(0.0, shares - 0.6)
+    inset = np.array([0.018, *np.zeros(len(shares) - 2), -0.018])
+    housing = np.column_stack([half * shares, edge - tall, edge])
+    lens = np.column_stack([half * (shares + inset), edge - tall + 0.018, edge - 0.018])
+    left = _patch(shape, housing, Part.TRIM, ahead=True)
+    left += _patch(shape, lens[:5], Part.HEADLAMP, ahead=True, layer=1.6)
     if detail == FINE:
-        for row, other in (glass[:2], glass[2:4]):
-            dark = [(y, low_ + 0.3 * (high_ - low_), high_ - 0.1 * (high_ - low_)) for y, low_, high_ in (row, other)]
-            left += _patch(shape, dark, Part.CHROME, ahead=True, layer=2.2)
-    turn = _patch(shape, lamp(0.018)[4:], Part.LEFT, ahead=True, layer=1.6)
-    faces = mirrored(left) + _indicators(turn)
-    faces += _patch(shape, [(-0.86 * wide, roof - high, roof), (-wide, roof, roof)][::-1] , Part.TRIM, ahead=True)
+        mirror = lens.copy()
+        mirror[:, 1] += 0.3 * (lens[:, 2] - lens[:, 1])
+        mirror[:, 2] -= 0.1 * (lens[:, 2] - lens[:, 1])
+        for pair in (mirror[:2], mirror[2:4]):
+            left += _patch(shape, pair, Part.CHROME, ahead=True, layer=2.2)
+    faces = mirrored(left) + _indicators(_patch(shape, lens[4:], Part.LEFT, ahead=True, layer=1.6))
     faces += _patch(shape, _band(wide, (roof - high, roof)), Part.TRIM, ahead=True)
     faces += _patch(shape, _band(0.62 * half, (low + 0.09, low + 0.2)), Part.TRIM, ahead=True)
     faces += _plate(shape, max(low + 0.21, 0.36), ahead=True)
@@ -116,8 +114,19 @@ def _front_jewels(shape: CarShape, wide: float, roof: float, high: float) -> lis
     badge = [(-0.055, roof - 0.075, roof - 0.045), (-0.025, roof - 0.105, roof - 0.015),
              (0.025, roof - 0.105, roof - 0.015), (0.055, roof - 0.075, roof - 0.045)]  # fmt: skip
     faces += _patch(shape, badge, Part.CHROME, ahead=True, layer=2.4)
-    fog = _patch(shape, [(0.7 * half, low + 0.1, low + 0.2), (0.87 * half, low + 0.12, low + 0.2)], Part.TRIM, ahead=True)
-    fog += _patch(shape, [(0.75 * half, low + 0.13, low + 0.18), (0.83 * half, low + 0.13, low + 0.18)], Part.HEADLAMP, ahead=True, layer=1.6)
+    fog = _patch(
+        shape,
+        [(0.7 * half, low + 0.1, low + 0.2), (0.87 * half, low + 0.12, low + 0.2)],
+        Part.TRIM,
+        ahead=True,
+    )
+    fog += _patch(
+        shape,
+        [(0.75 * half, low + 0.13, low + 0.18), (0.83 * half, low + 0.13, low + 0.18)],
+        Part.HEADLAMP,
+        ahead=True,
+        layer=1.6,
+    )
     faces += mirrored(fog)
     return faces + _bonnet_lines(shape)
 
@@ -131,7 +140,10 @@ def _bonnet_lines(shape: CarShape) -> list[Face]:
         side = np.array([0.0, 0.014, -0.001])
         left.append((np.array([lines[0], lines[0] + side, lines[1] + side, lines[1]]), Part.TRIM))
     for place, thick in ((places[0], 0.014), (places[-1], 0.07)):
-        corners = [shape.ring(x)[4:] * [[1, 0.93, 1], [1, 1, 1], [1, 1, 1]] + [0, 0, 0.012] for x in (place, place + thick)]
+        corners = [
+            shape.ring(x)[4:] * [[1, 0.93, 1], [1, 1, 1], [1, 1, 1]] + [0, 0, 0.012]
+            for x in (place, place + thick)
+        ]
         (a, b, c), (d, e, f) = corners
         left += [(np.array([b, a, d, e]), Part.TRIM), (np.array([c, b, e, f]), Part.TRIM)]
     return mirrored(left)
@@ -166,7 +178,9 @@ def _indicators(left: list[Face]) -> list[Face]:
 
 def _plate(shape: CarShape, low: float, *, ahead: bool) -> list[Face]:
     """Screw a number plate on, 52 cm wide, with a few letters."""
-    faces = _patch(shape, [(-0.26, low, low + 0.11), (0.26, low, low + 0.11)], Part.WHITE, ahead=ahead, layer=2)
+    faces = _patch(
+        shape, [(-0.26, low, low + 0.11), (0.26, low, low + 0.11)], Part.WHITE, ahead=ahead, layer=2
+    )
     for y in (-0.19, -0.1, 0.02, 0.1, 0.18):
         letter = [(y - 0.025, low + 0.02, low + 0.09), (y + 0.025, low + 0.02, low + 0.09)]
         faces += _patch(shape, letter, Part.TRIM, ahead=ahead, layer=2.6)
@@ -176,7 +190,12 @@ def _plate(shape: CarShape, low: float, *, ahead: bool) -> list[Face]:
 def _sides(shape: CarShape, detail: int) -> list[Face]:
     """Hang the mirrors; from near draw sills, door gaps and handles, rails and an aerial."""
     mirror = box(-shape.cowl - 0.14, -shape.cowl - 0.32, 0.1, 0.0, 0.15, Part.BODY)
-    glass = np.array([(-shape.cowl - 0.325, y, z) for y, z in ((-0.085, 0.02), (-0.085, 0.13), (0.085, 0.13), (0.085, 0.02))])
+    glass = np.array(
+        [
+            (-shape.cowl - 0.325, y, z)
+            for y, z in ((-0.085, 0.02), (-0.085, 0.13), (0.085, 0.13), (0.085, 0.02))
+        ]
+    )
     lift = shape.ring(shape.cowl)[4] * [0, 1, 1] + [0.0, 0.1, 0.01]
     left: list[Face] = [(corners + lift, part) for corners, part in [*mirror, (glass, Part.GLASS)]]
     if detail != FINE:
@@ -198,7 +217,7 @@ def _sides(shape: CarShape, detail: int) -> list[Face]:
     if shape.rails:
         y, z = 0.9 * shape.lean * 0.5 * shape.width, shape.height
         ends = -shape.roof[0] - 0.15, -shape.roof[1] + 0.1
-        left += [(corners + [0.0, y, 0.0], part) for corners, part in box(*ends, 0.02, z - 0.07, z - 0.002, Part.CHROME)]
+        left += moved(box(*ends, 0.02, z - 0.07, z - 0.002, Part.CHROME), y)
     return mirrored(left)
 
 

@@ -70,7 +70,7 @@ def build_bus(
 
 
 def _bus_ends(length: float, height: float) -> list[Face]:
-    """Put on nose and tail what shows from near: where the bus goes, plates, bumpers, and the engine's grille."""
+    """Put on nose and tail what shows from near: a display, plates, bumpers, the engine's grille."""
     faces = _across(_GAP, 0.94, (0.82 * height, 0.92 * height), Part.TRIM)
     for begin, end in ((-0.62, -0.42), (-0.3, 0.62)):
         faces += _strip(3 * _GAP, begin, end, (0.845 * height, 0.9 * height), Part.STRIPE)
@@ -171,9 +171,7 @@ def _lorry_nose(height: float) -> list[Face]:
     return faces
 
 
-def _lorry_load(
-    begin: float, length: float, low: float, high: float, axles: Sequence[float]
-) -> list[Face]:
+def _lorry_load(begin: float, length: float, low: float, high: float, axles: Sequence[float]) -> list[Face]:
     """Put on a lorry's box its frame, doors and lamps, and side guards, a tank and an underrun bar below."""
     back, side = -length - _GAP, -begin - 0.02
     faces = _across(back, 1.06, (low - 0.22, low), Part.TRIM, ahead=False)

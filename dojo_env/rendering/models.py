@@ -131,8 +131,16 @@ def _far_car(shape: CarShape, detail: int) -> list[Face]:
 
 
 _HATCHBACK = CarShape(
-    length=4.1, width=1.77, height=1.48, cowl=0.98, roof=(1.83, 3.4), foot=3.95, axles=(0.8, 3.36),
-    rake=(0.2, 0.1), grille=(0.38, 0.12), tall_lamps=True,
+    length=4.1,
+    width=1.77,
+    height=1.48,
+    cowl=0.98,
+    roof=(1.83, 3.4),
+    foot=3.95,
+    axles=(0.8, 3.36),
+    rake=(0.2, 0.1),
+    grille=(0.38, 0.12),
+    tall_lamps=True,
 )
 _SALOON = CarShape(
     length=4.65, width=1.81, height=1.45, cowl=1.25, roof=(2.1, 3.2), foot=4.0, deck=0.7, axles=(0.86, 3.6),
@@ -148,8 +156,16 @@ _SUV = CarShape(
     panes=((0.07, 0.4), (0.43, 0.72), (0.76, 0.92)), rails=True, grille=(0.46, 0.2), rake=(0.16, 0.06),
 )  # fmt: skip
 _MINI = CarShape(
-    length=3.6, width=1.66, height=1.5, cowl=0.8, roof=(1.45, 2.95), foot=3.42, axles=(0.68, 3.0), wheel=0.3,
-    tall_lamps=True, grille=(0.3, 0.1),
+    length=3.6,
+    width=1.66,
+    height=1.5,
+    cowl=0.8,
+    roof=(1.45, 2.95),
+    foot=3.42,
+    axles=(0.68, 3.0),
+    wheel=0.3,
+    tall_lamps=True,
+    grille=(0.3, 0.1),
 )
 _VAN = CarShape(
     length=5.2, width=1.95, height=2.2, cowl=0.85, roof=(1.55, 5.12), foot=5.17,
