@@ -293,8 +293,8 @@ def _behind_screen(low: Floats, high: Floats, bend: float, crown: float) -> list
     faces: list[Face] = []
     for (begin, end), (bottom, top), part in (
         ((0.0, 0.95), (0.06, 0.16), Part.TRIM),
-        ((0.22, 0.68), (0.3, 0.68), Part.TRIM),
-        ((0.34, 0.56), (0.7, 0.83), Part.TRIM),
+        ((0.22, 0.68), (0.25, 0.68), Part.CABIN),
+        ((0.34, 0.56), (0.7, 0.83), Part.CABIN),
         ((0.0, 0.1), (0.83, 0.91), Part.TRIM),
     ):
         rows = []

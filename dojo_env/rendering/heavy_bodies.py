@@ -93,7 +93,7 @@ def _front_glass(share: float, heights: tuple[float, float], detail: int) -> lis
         tall = high - low
         faces += _across(_GAP, 0.9 * share, (low, low + 0.1 * tall), Part.TRIM)
         for begin, end in ((0.28, 0.68), (-0.68, -0.28)):
-            faces += _strip(1.5 * _GAP, begin, end, (low + 0.1 * tall, low + 0.5 * tall), Part.TRIM)
+            faces += _strip(1.5 * _GAP, begin, end, (low + 0.1 * tall, low + 0.5 * tall), Part.CABIN)
         faces += _across(1.5 * _GAP, 0.015, heights, Part.TRIM)
         for y in (-0.06, 0.5):
             x = 3 * _GAP

@@ -36,6 +36,8 @@ class Part(IntEnum):
     """What somebody has with him: a bag, an umbrella, a helmet, the frame of a bicycle."""
     STRIPE = 15
     """The bright stripe of a police car or a fire engine."""
+    CABIN = 16
+    """What is seen through panes: seats."""
 
 
 _SIDEWARD = 1e-3
