@@ -139,6 +139,11 @@ class CarShape:
         out = np.array([np.cos(turned) * (1 if ahead else -1), np.sin(turned) * np.sign(y), 0.0])
         return np.array([-place + self._lean(place, z), side * np.sign(y), z]), out
 
+    def corners(self, *, ahead: bool) -> Floats:
+        """Give the distances from the middle, ascending, at which a bumper bends; right ones are negative."""
+        shares = np.array([share for _, share in (_NOSE if ahead else _TAIL)])
+        return 0.5 * self.width * np.concatenate([-shares[::-1], shares])
+
     def bends(self, y: float, *, ahead: bool) -> Floats:
         """Give the heights, ascending, at which nose or tail bend at a distance from the middle."""
         return self.ring(self._around(y, ahead=ahead)[0])[1:4, 2]

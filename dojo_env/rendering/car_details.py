@@ -55,9 +55,13 @@ def _patch(
         ahead: it is on the nose, or else on the tail.
         layer: how many layers before the shell it lies.
     """
+    # The shell bends at these places and heights; a patch that goes straight past one would lie behind it.
+    ys, lows, highs = np.array(rows).T
+    knots = shape.corners(ahead=ahead)
+    places = np.unique([*ys, *knots[(knots > ys[0]) & (knots < ys[-1])]])
     columns = []
-    for y, low, high in rows:
-        # The shell bends at these heights; a patch that goes straight past one would lie behind it.
+    for y in places.tolist():
+        low, high = float(np.interp(y, ys, lows)), float(np.interp(y, ys, highs))
         bends = np.clip(shape.bends(y, ahead=ahead), low, high)
         found = [shape.skin(y, z, ahead=ahead) for z in (low, *bends, high)]
         columns.append([place + layer * _GAP * out for place, out in found])
@@ -72,7 +76,7 @@ def _patch(
 
 def _band(half: float, heights: tuple[float, float]) -> list[Row]:
     """Give the rows of a level strip across the middle."""
-    return [(y, *heights) for y in (-half, 0.0, half)]
+    return [(-half, *heights), (half, *heights)]
 
 
 def _front(shape: CarShape, detail: int) -> list[Face]:
@@ -178,9 +182,8 @@ def _indicators(left: list[Face]) -> list[Face]:
 
 def _plate(shape: CarShape, low: float, *, ahead: bool) -> list[Face]:
     """Screw a number plate on, 52 cm wide, with a few letters."""
-    faces = _patch(
-        shape, [(-0.26, low, low + 0.11), (0.26, low, low + 0.11)], Part.WHITE, ahead=ahead, layer=2
-    )
+    faces = _patch(shape, _band(0.28, (low - 0.02, low + 0.13)), Part.TRIM, ahead=ahead, layer=1.5)
+    faces += _patch(shape, _band(0.26, (low, low + 0.11)), Part.WHITE, ahead=ahead, layer=2.1)
     for y in (-0.19, -0.1, 0.02, 0.1, 0.18):
         letter = [(y - 0.025, low + 0.02, low + 0.09), (y + 0.025, low + 0.02, low + 0.09)]
         faces += _patch(shape, letter, Part.TRIM, ahead=ahead, layer=2.6)
