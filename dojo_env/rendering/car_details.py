@@ -118,20 +118,10 @@ def _front_jewels(shape: CarShape, wide: float, roof: float, high: float) -> lis
     badge = [(-0.055, roof - 0.075, roof - 0.045), (-0.025, roof - 0.105, roof - 0.015),
              (0.025, roof - 0.105, roof - 0.015), (0.055, roof - 0.075, roof - 0.045)]  # fmt: skip
     faces += _patch(shape, badge, Part.CHROME, ahead=True, layer=2.4)
-    fog = _patch(
-        shape,
-        [(0.7 * half, low + 0.1, low + 0.2), (0.87 * half, low + 0.12, low + 0.2)],
-        Part.TRIM,
-        ahead=True,
-    )
-    fog += _patch(
-        shape,
-        [(0.75 * half, low + 0.13, low + 0.18), (0.83 * half, low + 0.13, low + 0.18)],
-        Part.HEADLAMP,
-        ahead=True,
-        layer=1.6,
-    )
-    faces += mirrored(fog)
+    fog = [(0.7 * half, low + 0.1, low + 0.2), (0.87 * half, low + 0.12, low + 0.2)]
+    faces += mirrored(_patch(shape, fog, Part.TRIM, ahead=True))
+    lamp = [(0.75 * half, low + 0.13, low + 0.18), (0.83 * half, low + 0.13, low + 0.18)]
+    faces += mirrored(_patch(shape, lamp, Part.CHROME, ahead=True, layer=1.6))
     return faces + _bonnet_lines(shape)
 
 
@@ -170,8 +160,6 @@ def _rear(shape: CarShape, detail: int) -> list[Face]:
         faces += _patch(shape, _band(0.5 * half, (top - 0.06, top - 0.04)), Part.CHROME, ahead=False)
         seam = top - tall - 0.02
         faces += _patch(shape, _band(0.8 * half, (seam - 0.012, seam)), Part.TRIM, ahead=False)
-        reflector = [(0.76 * half, low + 0.24, low + 0.28), (0.9 * half, low + 0.24, low + 0.28)]
-        faces += mirrored(_patch(shape, reflector, Part.BRAKE, ahead=False))
     return faces
 
 

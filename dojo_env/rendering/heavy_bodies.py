@@ -99,7 +99,7 @@ def _front_glass(share: float, heights: tuple[float, float], detail: int) -> lis
             x = 3 * _GAP
             wiper = [(x, y, low + 0.02), (x, y + 0.03, low + 0.02), (x, y + 0.36, low + 0.42 * tall),
                      (x, y + 0.33, low + 0.42 * tall)]  # fmt: skip
-            faces.append((np.array(wiper), Part.TYRE))
+            faces.append((np.array(wiper), Part.TRIM))
     return faces
 
 
