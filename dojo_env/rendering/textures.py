@@ -291,7 +291,8 @@ def foliage(x, y, z, pixel):
     """Leaves, and the dark between them."""
     tone = 1.0 + 0.8 * _layered_noise(0.9 * (x + 0.37 * z), 0.9 * (y + 0.61 * z), 0.9 * pixel)
     leaves = _layered_noise(4.5 * (x - 0.43 * z), 4.5 * (y + 0.71 * z), 4.5 * pixel)
-    return (tone + 1.3 * leaves) * (0.45 if leaves < -0.16 else 1.0)
+    twigs = _layered_noise(9.0 * (x + y), 9.0 * z + 5.0 * (x - y), 9.0 * pixel)
+    return (tone + 1.3 * leaves + 2.2 * twigs) * (0.35 if leaves + 0.9 * twigs < -0.12 else 1.0)
 
 
 @kernel
