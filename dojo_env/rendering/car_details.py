@@ -109,7 +109,7 @@ def _front(shape: CarShape, detail: int) -> list[Face]:
 
 
 def _front_jewels(shape: CarShape, wide: float, roof: float, high: float) -> list[Face]:
-    """Add what shows from near: bars and badge of the grille, fog lamps, the bonnet's gap, wipers."""
+    """Add what shows from near: bars and badge of the grille, fog lamps, and gaps around the bonnet."""
     half, low = 0.5 * shape.width, shape.clearance
     faces = _patch(shape, _band(wide, (roof - 0.012, roof + 0.008)), Part.CHROME, ahead=True, layer=2)
     for share in (0.36, 0.7):
@@ -179,7 +179,7 @@ def _plate(shape: CarShape, low: float, *, ahead: bool) -> list[Face]:
 
 
 def _sides(shape: CarShape, detail: int) -> list[Face]:
-    """Hang the mirrors; from near draw sills, door gaps and handles, rails and an aerial."""
+    """Hang the mirrors; from near draw door gaps and handles, sills, and rails on the roof."""
     mirror = box(-shape.cowl - 0.14, -shape.cowl - 0.32, 0.1, 0.0, 0.15, Part.BODY)
     glass = np.array(
         [
