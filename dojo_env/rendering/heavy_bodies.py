@@ -159,7 +159,8 @@ def _lorry_nose(height: float) -> list[Face]:
     for z in np.arange(low + 0.08, high - 0.12, 0.13):
         faces += _across(2 * _GAP, 0.72, (z, z + 0.035), Part.CHROME)
     faces += _across(3 * _GAP, 0.12, (high - 0.32, high - 0.12), Part.CHROME)
-    faces += _across(_GAP / 2, 0.98, (0.47, 0.84), Part.TRIM) + _across(_GAP, 0.36, (0.66, 0.8), Part.BODY)
+    # Under the lamps, which lie 1 cm before the body.
+    faces += _across(-_GAP / 2, 0.98, (0.47, 0.84), Part.TRIM) + _across(_GAP, 0.36, (0.66, 0.8), Part.BODY)
     faces += _across(2 * _GAP, 0.2, (0.5, 0.61), Part.WHITE)
     y = 0.97 * _HALF
     for front, rear, z, tall in ((0.3, 0.325, 0.55, 0.86 * height), (1.5, 1.525, 1.2, 0.86 * height)):
@@ -174,7 +175,7 @@ def _lorry_nose(height: float) -> list[Face]:
 def _lorry_load(begin: float, length: float, low: float, high: float, axles: Sequence[float]) -> list[Face]:
     """Put on a lorry's box its frame, doors and lamps, and side guards, a tank and an underrun bar below."""
     back, side = -length - _GAP, -begin - 0.02
-    faces = _across(back, 1.06, (low - 0.22, low), Part.TRIM, ahead=False)
+    faces = _across(_GAP / 2 - length, 1.06, (low - 0.22, low), Part.TRIM, ahead=False)
     faces += _across(back - _GAP, 1.0, (0.52, 0.66), Part.CHROME, ahead=False)
     faces += _across(back - _GAP, 0.02, (low, high - 0.08), Part.TRIM, ahead=False)
     faces += _across(back, 1.06, (high - 0.09, high), Part.CHROME, ahead=False)
