@@ -4,13 +4,16 @@ import argparse
 import sys
 from collections.abc import Sequence
 
+from dojo_env.commands.benchmark import add_benchmark
 from dojo_env.commands.calibrate import add_calibrate
 from dojo_env.commands.cameras import add_cameras
 from dojo_env.commands.dataset import add_dataset
+from dojo_env.commands.evaluate import add_evaluate
 from dojo_env.commands.prove import add_prove
 from dojo_env.commands.replay import add_replay
 from dojo_env.commands.run import add_run
 from dojo_env.commands.scenarios import add_scenarios
+from dojo_env.commands.train import add_train
 from dojo_env.commands.watch import add_watch
 from dojo_env.commands.watch_video import add_watch_video
 from dojo_maps.command import Parser, run_command
@@ -25,6 +28,9 @@ COMMANDS = (
     add_dataset,
     add_calibrate,
     add_watch_video,
+    add_train,
+    add_evaluate,
+    add_benchmark,
 )
 
 
@@ -34,10 +40,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
     Args:
         arguments: None for the process's own.
     """
-    return run_command("dojo-env", _parser, arguments)
+    return run_command("dojo-env", build_parser, arguments)
 
 
-def _parser() -> argparse.ArgumentParser:
+def build_parser() -> argparse.ArgumentParser:
+    """Declare the commands and what each takes."""
     parser = Parser(
         prog="dojo-env", description="Traffic signal control on converted maps, with SUMO's traffic."
     )

@@ -3,9 +3,8 @@
 import logging
 import os
 import socket
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from pathlib import Path
 from typing import Any, TypeVar
 
 from dojo_env.errors import ConfigError, SimulationError
@@ -41,14 +40,13 @@ def set_environment(address: str) -> None:
 
 
 @contextmanager
-def open_cluster(address: str, slots: int, modules: Sequence[Path] = ()) -> Iterator[None]:
+def open_cluster(address: str, slots: int) -> Iterator[None]:
     """Connect to a cluster for as long as the context lasts.
 
     Args:
         address: HOST:PORT of a cluster's head, with a node of it on this machine; or `local`, which starts
             one that only this machine reaches, and ends it afterwards.
         slots: how much such a local one runs at once.
-        modules: folders of modules that nodes get from here; the packages are installed there.
 
     Raises:
         ConfigError: Ray is not installed, or no cluster answers.
@@ -66,7 +64,6 @@ def open_cluster(address: str, slots: int, modules: Sequence[Path] = ()) -> Iter
     try:
         ray.init(
             address,
-            runtime_env={"py_modules": [str(folder) for folder in modules]} if modules else None,
             log_to_driver=False,
             logging_level=logging.ERROR,
             **settings,

@@ -184,6 +184,7 @@ class SensingConfig:
         smooth: anti-alias what moves, too.
         show_links: draw each link's path in the colour it shows.
         look: `street`, or `plain` to draw road users faster and more simply.
+        parked: cars stand parked where the map has room for them.
     """
 
     conditions: Conditions | Mapping[str, tuple[float, float]] = field(default_factory=Conditions)
@@ -195,6 +196,7 @@ class SensingConfig:
     smooth: bool = False
     show_links: bool = False
     look: str = "street"
+    parked: bool = True
 
     def __post_init__(self) -> None:
         """Refuse what cannot be."""

@@ -25,6 +25,10 @@ class EncoderError(SourceError, ConfigError):
     """An encoder's file is missing, unreadable, or no network that encodes pictures."""
 
 
+class PolicyError(SourceError, ConfigError):
+    """A policy's file is missing, damaged, or no weights of this version."""
+
+
 class DatasetError(SourceError, ConfigError):
     """A file of a data set is missing, unreadable, or not what it should be."""
 

@@ -48,7 +48,17 @@ class Instant:
         signals: each signal that agents control, by id.
     """
 
-    __slots__ = ("_approaches", "_lanes", "_moment", "_simulation", "_snapshot", "signals", "time", "traffic")
+    __slots__ = (
+        "_approaches",
+        "_crossings",
+        "_lanes",
+        "_moment",
+        "_simulation",
+        "_snapshot",
+        "signals",
+        "time",
+        "traffic",
+    )
 
     def __init__(
         self,
@@ -73,6 +83,7 @@ class Instant:
         self._snapshot: Snapshot | None = None
         self._lanes = dict(lanes)
         self._approaches: dict[str, Approach] = {}
+        self._crossings: frozenset[str] | None = None
 
     @classmethod
     def of_views(cls, time: float, signals: Mapping[str, SignalView]) -> Self:
@@ -94,6 +105,7 @@ class Instant:
         )  # fmt: skip
         instant._simulation, instant._moment, instant._snapshot = None, 0, None
         instant._lanes, instant._approaches = {}, {}
+        instant._crossings = frozenset()
         return instant
 
     @property
@@ -148,6 +160,22 @@ class Instant:
             self._approaches[signal] = _read_approach(simulation, self.signals[signal].plan)
         return self._approaches[signal]
 
+    def list_wanted_walks(self, signal: str) -> tuple[int, ...]:
+        """List the links at which somebody on foot stands and waits.
+
+        Args:
+            signal: one of those that agents control.
+
+        Raises:
+            StaleInstantError: it was not asked for before SUMO moved on.
+        """
+        walks = self.signals[signal].plan.walks
+        if not walks:
+            return ()
+        if self._crossings is None:
+            self._crossings = frozenset(self._present("waiting walkers").list_wanted_crossings())
+        return tuple(link for link, crossing in walks if crossing in self._crossings)
+
     def measure_all(self) -> "Instant":
         """Measure at once all that can be asked for; returns itself.
 
@@ -159,6 +187,7 @@ class Instant:
             self._snapshot = self.snapshot
             for signal in self.signals:
                 self.approach(signal)
+                self.list_wanted_walks(signal)
             self._simulation = None
         return self
 

@@ -169,10 +169,13 @@ class LocalWorld(World):
     def run(self, controller: Controller, seed: int) -> Episode:
         """See `World`."""
         controller.reset(seed)
-        self.reset(seed)
+        observations, _ = self.reset(seed)
+        controller.meet(self.spaces())
         infos: list[dict[str, Any]] = []
         while not self._ended:
-            infos.append(self.step(controller.act(self.perceive()))[3])
+            controller.see(observations)
+            observations, _, _, info = self.step(controller.act(self.perceive()))
+            infos.append(info)
         return infos, self.metrics()
 
     def watch(self, on_second: Callable[[Snapshot], None]) -> None:

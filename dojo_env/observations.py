@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from dojo_env.errors import ConfigError, refuse_other_arguments
 from dojo_env.instant import Instant
+from dojo_env.phase_features import CONSTRAINTS, PHASE_FEATURES, PhaseReader
 from dojo_env.sensors.base import SensorSettings
 from dojo_env.sensors.eyes import Eyes
 from dojo_env.signals.plan import SignalPlan
@@ -67,7 +68,42 @@ class Features:
         return np.array([*phases, view.may_change, *view.lanes.shares], dtype=np.float32)
 
 
-OBSERVERS: dict[str, ObserverFactory] = {"features": Features}
+class Phases:
+    """A vector per phase, for policies of any junction; as many rows as the signal of the most phases has.
+
+    `phases` (n, features) of `phase_features.PhaseReader`, `mask` (n,) of 1 for each phase that there is, and
+    `constraints`.
+    """
+
+    def __init__(self, _eyes: Eyes, plans: Mapping[str, SignalPlan]) -> None:
+        """Measure the signals."""
+        self._readers = {signal: PhaseReader(plan) for signal, plan in plans.items()}
+        self._counts = {signal: len(plan.phases) for signal, plan in plans.items()}
+        self._rows = max(self._counts.values(), default=0)
+
+    def space(self, signal: str) -> spaces.Dict:
+        """The same for every signal."""
+        return spaces.Dict(
+            phases=spaces.Box(0.0, np.inf, (self._rows, len(PHASE_FEATURES)), np.float32),
+            mask=spaces.MultiBinary(self._rows),
+            constraints=spaces.Box(0.0, np.inf, (len(CONSTRAINTS),), np.float32),
+        )
+
+    def reset(self, seed: int) -> None:
+        """Forget when phases were green."""
+        for reader in self._readers.values():
+            reader.reset()
+
+    def observe(self, signal: str, instant: Instant) -> dict[str, NDArray[Any]]:
+        """Read the phases."""
+        reader, count = self._readers[signal], self._counts[signal]
+        phases = np.zeros((self._rows, len(PHASE_FEATURES)), np.float32)
+        phases[:count] = reader.read(signal, instant)
+        mask = (np.arange(self._rows) < count).astype(np.int8)
+        return {"phases": phases, "mask": mask, "constraints": reader.constraints(instant.signals[signal])}
+
+
+OBSERVERS: dict[str, ObserverFactory] = {"features": Features, "phases": Phases}
 """Observers by name, beside those of `sensor_observations`."""
 _SEEING = ("bev", "multi_view", "detector")
 

@@ -19,7 +19,8 @@ class PerceivedInstant(Instant):
     """What was measured of each signal's lanes by detectors; nothing else can be asked for.
 
     Vehicles go by the numbers of their tracks. Which link each will take no camera tells, so those of a lane
-    are dealt out to its links in turn. What emissions they have is not told either, and counts as none.
+    are dealt out to its links in turn. What emissions they have is not told either, and counts as none; nor
+    who waits on foot, and nobody counts as waiting.
     """
 
     __slots__ = ()
@@ -39,6 +40,7 @@ class PerceivedInstant(Instant):
             }
         )
         self._simulation, self._moment, self._snapshot = None, 0, None
+        self._crossings = frozenset()
         self._lanes = {
             lane: tuple(f"{signal} {number}" for number in numbers)
             for signal, each in measured.items()

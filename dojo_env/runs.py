@@ -8,15 +8,15 @@ from typing import Any
 import numpy as np
 
 from dojo_env.config import build_config
-from dojo_env.controllers import make_controller
+from dojo_env.controllers import Controller, make_controller
 from dojo_env.metrics import SIX
-from dojo_env.watch import FilmShow, open_views
+from dojo_env.watch import FilmShow, choose_looks, open_views
 from dojo_env.watching.video import open_video
 from dojo_env.world_process import open_world
 
 
 def run_controller(
-    name: str,
+    controller: str | Controller,
     seeds: Sequence[int] | int,
     *,
     on_step: Callable[[dict[str, Any]], None] = lambda _info: None,
@@ -31,7 +31,7 @@ def run_controller(
     not take this one along.
 
     Args:
-        name: of the controller.
+        controller: its name, or one that is there already.
         seeds: one episode each; or how many, from the scenario's own seed on, or from 0.
         on_step: is told what `info` told after each decision, when an episode is over.
         on_episode: is then told its figures.
@@ -43,22 +43,25 @@ def run_controller(
         ConfigError: the controller or a setting is unknown, or the video cannot be written.
         SimulationError: SUMO refuses the scenario.
     """
-    controller = make_controller(name)
-    config = build_config(**{"show_links": video is not None, **keywords, **controller.settings})
+    acting = make_controller(controller) if isinstance(controller, str) else controller
+    config = build_config(**{"show_links": video is not None, **keywords, **acting.settings})
     figures = []
     with ExitStack() as stack:
         film = stack.enter_context(open_video(video)) if video is not None else None
         world = stack.enter_context(closing(open_world(config, own_process=True)))
         show = None
         if film is not None:
-            title = f"{config.scenario.name}, {name}"
-            show = FilmShow(*open_views(config), title, film, on_stage=on_stage)
+            title = f"{config.scenario.name}, {acting}"
+            views = open_views(
+                build_config(**{"show_links": True, **choose_looks(acting.settings), **keywords})
+            )
+            show = FilmShow(*views, title, film, on_stage=on_stage)
             world.watch(show.add)
         first = config.seed or 0
         for seed in range(first, first + seeds) if isinstance(seeds, int) else seeds:
             if show is not None:
                 show.begin(seed)
-            infos, found = world.run(controller, seed)
+            infos, found = world.run(acting, seed)
             for info in infos:
                 on_step(info)
             on_episode(found)

@@ -51,6 +51,8 @@ class Lights(IntFlag):
     LEFT = 2
     RIGHT = 4
     BLUE = 8
+    OFF = 16
+    """Nobody is in it: no lamp shines, whatever the hour."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -131,6 +133,14 @@ class Snapshot:
                 value.setflags(write=False)
             object.__setattr__(self, name, value)
         object.__setattr__(self, "signals", MappingProxyType(self.signals))
+
+    def joined(self, others: "Snapshot") -> "Snapshot":
+        """Give the same instant with others among the road users."""
+        values = self.__getstate__()
+        added = {name: np.concatenate([values[name], getattr(others, name)]) for name, _, _ in _COLUMNS}
+        return Snapshot.trusted(
+            **{**values, **added, "ids": self.ids + others.ids, "lanes": self.lanes + others.lanes}
+        )
 
     def _refuse(self, what: str, wrong: NDArray[np.bool_]) -> None:
         if wrong.any():

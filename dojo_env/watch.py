@@ -9,7 +9,7 @@ from typing import Any, Self
 
 from dojo_env.camera import read_cameras
 from dojo_env.config import EnvConfig, SignalConfig, build_config
-from dojo_env.controllers import make_controller
+from dojo_env.controllers import Controller, make_controller
 from dojo_env.errors import ConfigError
 from dojo_env.managers.map import MapManager
 from dojo_env.metadrive import export_recording
@@ -144,18 +144,38 @@ def open_views(config: EnvConfig) -> tuple[Eyes, Plans]:
     return Eyes(bundle, config.sensing), plans
 
 
-def watch(controller: str, *, seed: int = 0, port: int = 0, browser: bool = True, **keywords: Any) -> None:
+def choose_looks(settings: Mapping[str, Any]) -> dict[str, Any]:
+    """Choose from an environment's settings what people see, too: not how large agents' pictures are."""
+    return {name: value for name, value in settings.items() if name not in ("observation", "width", "height")}
+
+
+def watch(
+    controller: str | Controller,
+    *,
+    seed: int = 0,
+    port: int = 0,
+    browser: bool = True,
+    **keywords: Any,
+) -> None:
     """Show an episode live, until interrupted.
+
+    Args:
+        controller: its name, or one that is there already.
+        seed: of the episode.
+        port: of the page; 0 takes any that is free.
+        browser: open one on the page.
+        keywords: settings of the environment.
 
     Raises:
         ConfigError: the controller or a setting is unknown, or the port is taken.
         SimulationError: SUMO refuses the scenario.
     """
-    acts = make_controller(controller)
+    acts = make_controller(controller) if isinstance(controller, str) else controller
     config = build_config(**{**_LOOKS, **keywords, **acts.settings})
-    title = f"{config.scenario.name}, {controller}, seed {seed}"
+    looks = build_config(**{**choose_looks(acts.settings), **_LOOKS, **keywords})
+    title = f"{config.scenario.name}, {acts}, seed {seed}"
     with closing(open_world(config, own_process=True)) as world:
-        show = LiveShow(*open_views(config), title, port=port, browser=browser)
+        show = LiveShow(*open_views(looks), title, port=port, browser=browser)
         with closing(show):
             show.begin(seed)
             world.watch(show.add)

@@ -107,6 +107,17 @@ def _add_bundle_options(parser: argparse.ArgumentParser) -> None:
         help="signal heads across the junction, too (default: where OpenStreetMap data's country has them)",
     )
     parser.add_argument(
+        "--drive",
+        choices=("left", "right"),
+        help="the side that OpenStreetMap data's traffic keeps to (default: the country's)",
+    )
+    parser.add_argument(
+        "--terrain",
+        metavar="FILE.tif",
+        type=Path,
+        help="a GeoTIFF of elevations that the streets of OpenStreetMap data follow",
+    )
+    parser.add_argument(
         "--export", nargs="+", action="extend", default=[], choices=EXPORT_NAMES, help="also write"
     )
     parser.add_argument("--jobs", metavar="N", type=_positive, help="threads to use (default: one per core)")
@@ -139,6 +150,8 @@ def _convert(options: argparse.Namespace) -> int:
         jobs=options.jobs,
         far_side_signals=options.far_side_signals,
         demand=getattr(options, "demand", 0.0),
+        drive=options.drive,
+        terrain=options.terrain,
     )
     written, report = convert(options.source, options.output, wanted, on_stage=Progress(quiet=options.quiet))
     road_map, counts = written.road_map, report["counts"]

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 from dojo_maps import bundle
 from dojo_maps.demand import write_demand
@@ -29,11 +29,13 @@ from dojo_maps.sources.cityflow import CityFlowNetwork
 from dojo_maps.sources.cityflow_files import find_files, is_cityflow
 from dojo_maps.sources.enrich_net import enrich_network
 from dojo_maps.sources.files import find_network
+from dojo_maps.sources.geotiff import read_elevations
 from dojo_maps.sources.opendrive import OpenDriveNetwork
 from dojo_maps.sources.osm import is_osm, read_osm
 from dojo_maps.sources.osm.completeness.score import score_network
+from dojo_maps.sources.osm.network.osm_network import OsmNetwork
 from dojo_maps.sources.osm.pipeline import build_network
-from dojo_maps.sources.osm.read.country import has_far_side_signals
+from dojo_maps.sources.osm.read.country import read_country
 from dojo_maps.sources.osm.read.data import OsmData
 from dojo_maps.sources.osm.surroundings.props import read_context
 from dojo_maps.sources.sumo_net import read_network
@@ -55,6 +57,8 @@ class ConvertOptions:
         far_side_signals: give traffic signal heads across the junction, too; None does so for OpenStreetMap
             data of countries that have them.
         demand: vehicles per hour to write beside the map, None for what its junctions can take, 0 for none.
+        drive: left or right, the side that traffic keeps to on OpenStreetMap data; None for its country's.
+        terrain: a GeoTIFF of elevations that the streets of OpenStreetMap data follow.
     """
 
     generated: bool = True
@@ -64,6 +68,8 @@ class ConvertOptions:
     jobs: int | None = None
     far_side_signals: bool | None = None
     demand: float | None = 0.0
+    drive: Literal["left", "right"] | None = None
+    terrain: Path | None = None
 
 
 def convert(
@@ -95,6 +101,10 @@ def convert(
     path, name = find_network(source)
     folder = Path(folder) if folder is not None else Path(f"{name}.dojo")
     bundle.check_replaceable(folder)
+    if options.drive not in (None, "left", "right"):
+        raise UsageError(f"--drive {options.drive}: expected left or right")
+    if not is_osm(path) and (options.drive, options.terrain) != (None, None):
+        raise UsageError("--drive and --terrain are for OpenStreetMap data; other networks say it themselves")
     if options.enrich_net and is_osm(path):
         raise UsageError(
             "--enrich-net is for SUMO networks; an import has sidewalks and crossings of its own"
@@ -110,8 +120,14 @@ def _convert(
     changes, quality, base, routes, far_side = None, None, None, "", False
     if is_osm(path):
         extract = read_osm(path)
-        far_side = has_far_side_signals(extract)
-        base, described, issues, quality = _import_osm(extract, path, name, on_stage)
+        country = read_country(extract, options.drive)
+        far_side = country.far_side_signals
+        raster = None if options.terrain is None else read_elevations(options.terrain)
+        on_stage("Building the network")
+        network = build_network(
+            extract, path=path, name=name, sha256=sha256_of(path), country=country, raster=raster
+        )
+        base, described, issues, quality = _import_osm(extract, network)
         data, lost = reapply_edits(base, folder, (*described.origin, 0.0))
         if data is not base:
             edited, _ = read_network(data, path=path, name=name, sha256=described.source.sha256)
@@ -177,12 +193,9 @@ def _import_other(
 
 
 def _import_osm(
-    extract: OsmData, path: Path, name: str, on_stage: Callable[[str], None]
+    extract: OsmData, network: OsmNetwork
 ) -> tuple[bytes, RoadMap, tuple[Issue, ...], dict[str, Any]]:
-    """Build the network of an OpenStreetMap extract and measure it against the extract."""
-    sha256 = sha256_of(path)
-    on_stage("Building the network")
-    network = build_network(extract, path=path, name=name, sha256=sha256)
+    """Measure the network of an OpenStreetMap extract against the extract, and add what lies beside it."""
     quality, losses = score_network(extract, network)
     context, notes = read_context(extract, network.road_map)
     source = replace(network.road_map.source, kind="osm")

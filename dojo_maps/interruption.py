@@ -50,6 +50,10 @@ class Interruption:
         """Raise from here on, but where the module of this function imports what it needs."""
         self._work = function.__code__
 
+    def explain(self, words: str) -> None:
+        """Tell the user more of it, such as how to go on."""
+        self._words = words
+
     def take(self) -> bool:
         """Make it happen, unless it has happened."""
         if not self._first.acquire(blocking=False):
@@ -135,6 +139,12 @@ def begin_command(name: str, words: str) -> None:
         given = given[2 if given[0] in ("-X", "-W") else 1 :]
     if given and given[0].rpartition(os.sep)[2].partition(".")[0].replace("_", "-") == name:
         begin(words)
+
+
+def explain(words: str) -> None:
+    """Say this when the command is interrupted, instead of what was said at its beginning."""
+    if present is not None:
+        present.explain(words)
 
 
 def held() -> contextlib.AbstractContextManager[None]:

@@ -26,6 +26,15 @@ class Progress:
             print(f"{seconds:6.1f} s  {stage}", file=sys.stderr, flush=True)  # noqa: T201
 
 
+def say(words: str) -> None:
+    """Say a line of a run of minutes or hours on standard error, at a terminal or not."""
+    print(words, file=sys.stderr, flush=True)  # noqa: T201
+
+
+def say_nothing(_words: str) -> None:
+    """Take the place of `say` where a user wants quiet."""
+
+
 @contextmanager
 def quiet_output() -> Iterator[None]:
     """Keep what C code says off standard error: libraries greet who loads them, and tell what they try."""

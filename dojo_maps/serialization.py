@@ -13,6 +13,7 @@ from functools import cache
 from typing import Any, Union, get_args, get_origin, get_type_hints
 
 import numpy as np
+from numpy.typing import NDArray
 
 from dojo_maps.description import FORMAT, VERSION, RoadMap, points
 from dojo_maps.errors import DescriptionError
@@ -88,7 +89,7 @@ def _decode(kind: Any, value: Any, where: str) -> Any:
         if value is None:
             return None
         return _decode(next(arm for arm in get_args(kind) if arm is not type(None)), value, where)
-    if origin is np.ndarray:
+    if origin in (np.ndarray, NDArray):  # `NDArray` is a type of its own since numpy 2.5.
         return _decode_points(value, where)
     if origin is tuple:
         return _decode_tuple(get_args(kind), value, where)

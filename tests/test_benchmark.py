@@ -10,13 +10,13 @@ from functools import partial
 from pathlib import Path
 
 import pytest
-from commands import run_tool, start_tool, wait_for_file
+from commands import run_env, start_env, wait_for_file
 
+from dojo_env.benchmark.rows import list_groups
 from dojo_env.metrics import SIX
 from dojo_env.runs import run_controller
-from learning.rows import CONTROLLERS
 
-benchmark = partial(run_tool, "benchmark")
+benchmark = partial(run_env, "benchmark")
 
 
 def test_rows_are_run_once_and_stand_beside_published_figures(tmp_path: Path) -> None:
@@ -50,15 +50,15 @@ def test_bad_input_is_one_line_and_a_status(tmp_path: Path) -> None:
 
 
 def test_all_that_does_not_learn_has_a_short_name(tmp_path: Path) -> None:
-    done = benchmark("--controllers", "--scenarios", "two-way", "--seeds", 1, "--seconds", 10,
+    done = benchmark("--rows", "controllers", "--scenarios", "two-way", "--seeds", 1, "--seconds", 10,
                      "--results", tmp_path)  # fmt: skip
     assert done.returncode == 0, done.stderr
-    assert {folder.name for folder in (tmp_path / "two-way").iterdir()} == set(CONTROLLERS)
+    assert {folder.name for folder in (tmp_path / "two-way").iterdir()} == set(list_groups()["controllers"])
 
 
 def start_row(results: Path) -> subprocess.Popen[str]:
     """Run a benchmark until its row trains."""
-    running = start_tool("benchmark", "--rows", "A2C-F", "--scenarios", "two-way", "--results", results)
+    running = start_env("benchmark", "--rows", "A2C-F", "--scenarios", "two-way", "--results", results)
     wait_for_file(results / "two-way" / "A2C-F" / "training.json", running)
     return running
 
@@ -87,6 +87,6 @@ def test_row_that_is_killed_is_one_line(tmp_path: Path) -> None:
     os.kill(int(row), signal.SIGKILL)
     _, told = running.communicate(timeout=60)
     assert running.returncode == 4
-    assert "benchmark: a row's process was killed" in told  # Its environments may speak after it.
+    assert "dojo-env: a row's process was killed" in told  # Its environments may speak after it.
     assert "BrokenProcessPool" not in told
     wait_for_end_of_group(running.pid)

@@ -347,13 +347,15 @@ def kept(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder with weights, a checkpoint and settings of a training."""
     torch = pytest.importorskip("torch")
     pytest.importorskip("stable_baselines3")
-    from learning import settings, tensor_files  # noqa: PLC0415
+    from dojo_env.learning import settings, tensor_files  # noqa: PLC0415
 
     folder = tmp_path_factory.mktemp("run")
     weights = {"layer": torch.arange(60, dtype=torch.float32)}
-    tensor_files.save(weights, folder / "policy.pt")
+    tensor_files.save_tensors(weights, folder / "policy.pt")
     parts = dict.fromkeys(("parameters", "counters", "torch", "numpy", "actions", "buffer"))
-    tensor_files.save({**parts, "known": {"rows": [], "best": 1.5}, **weights}, folder / "checkpoint.pt")
+    tensor_files.save_tensors(
+        {**parts, "known": {"rows": [], "best": 1.5}, **weights}, folder / "checkpoint.pt"
+    )
     torch.save(weights, folder / "old.pt")
     settings.write_training(settings.Training(scenario="two-way"), folder / "training.json")
     old = {"training": {"scenario": "two-way"}, "versions": {}}
@@ -362,16 +364,16 @@ def kept(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def reader_of(name: str) -> Callable[[Path], Any]:
-    from learning import models, settings, tensor_files  # noqa: PLC0415
+    from dojo_env.learning import checkpoints, settings, tensor_files  # noqa: PLC0415
 
     if name.endswith(".json"):
         return settings.read_training
-    return models.read_checkpoint if name == "checkpoint.pt" else tensor_files.load
+    return checkpoints.read_checkpoint if name == "checkpoint.pt" else tensor_files.load_tensors
 
 
 @pytest.mark.parametrize("name", ["policy.pt", "checkpoint.pt", "training.json"])
 def test_every_flipped_bit_of_what_a_training_keeps_is_refused(name: str, kept: Path, tmp_path: Path) -> None:
-    from learning.settings import RunFileError  # noqa: PLC0415
+    from dojo_env.learning.settings import RunFileError  # noqa: PLC0415
 
     good, read = (kept / name).read_bytes(), reader_of(name)
     read(kept / name)
@@ -388,7 +390,7 @@ def test_every_flipped_bit_of_what_a_training_keeps_is_refused(name: str, kept: 
 def test_what_a_training_keeps_is_refused_when_it_is_cut(
     share: float, name: str, kept: Path, tmp_path: Path
 ) -> None:
-    from learning.settings import RunFileError  # noqa: PLC0415
+    from dojo_env.learning.settings import RunFileError  # noqa: PLC0415
 
     good, path = (kept / name).read_bytes(), tmp_path / name
     path.write_bytes(good[: int(share * len(good))])
@@ -397,7 +399,7 @@ def test_what_a_training_keeps_is_refused_when_it_is_cut(
 
 
 def test_what_was_kept_before_there_were_checksums_is_read(kept: Path, tmp_path: Path) -> None:
-    from learning.settings import RunFileError  # noqa: PLC0415
+    from dojo_env.learning.settings import RunFileError  # noqa: PLC0415
 
     assert len(reader_of("old.pt")(kept / "old.pt")["layer"]) == 60
     assert reader_of("old.json")(kept / "old.json").scenario == "two-way"
@@ -417,7 +419,7 @@ def test_policies_that_are_kept_with_the_results_are_read(kept: Path) -> None:
 
 def test_code_in_a_checkpoint_is_not_run(kept: Path, tmp_path: Path) -> None:
     torch = pytest.importorskip("torch")
-    from learning.settings import RunFileError  # noqa: PLC0415
+    from dojo_env.learning.settings import RunFileError  # noqa: PLC0415
 
     class Harm:
         def __reduce__(self) -> tuple[Any, ...]:

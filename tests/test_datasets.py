@@ -159,9 +159,12 @@ def test_pixels_of_a_mask_lie_in_its_box_in_space(pictures: Pictures, folder: Pa
 
 def test_boxes_hold_what_they_say(pictures: Pictures) -> None:
     assert {picture.is_empty for picture in pictures} == {True, False}
+    assert {each.is_parked for picture in pictures for each in picture.objects} == {True, False}
     for picture in pictures:
         assert not (picture.is_empty and picture.objects)
         for each in picture.objects:
+            assert each.is_parked == each.id.startswith("generated:parked:")
+            assert not each.is_parked or (each.speed, each.lane, each.movement) == (0.0, "", "")
             left, top, right, bottom = each.box
             assert 0 <= left < right <= 320
             assert 0 <= top < bottom <= 224

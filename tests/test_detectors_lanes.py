@@ -62,6 +62,9 @@ def test_vehicles_are_placed_on_their_lanes(change, kinds, scene, cameras):
         placed = Grounding(picture.camera, grid).locate(found)
         missing += len(clear) - len(placed.rows)
         for number, row, front in zip(placed.detections, placed.rows, placed.fronts, strict=True):
+            if boxes.parked[clear[number]]:
+                assert grid.lanes[grid.lane[row]] == ""
+                continue
             true = rows[boxes.ids[clear[number]]]
             off.append(np.linalg.norm(front - snapshot.positions[true]))
             heading = snapshot.headings[true]
@@ -236,3 +239,12 @@ def test_run_takes_a_detector_file(tmp_path, capsys):
 def test_impossible_video_detectors_are_refused(wrong):
     with pytest.raises(ConfigError, match="expected"):
         VideoDetector(**wrong)
+
+
+def test_parked_cars_are_found_and_counted_on_no_lane(scene, cameras):
+    """Who sees every box sees the parked cars, too; the map says that their bays are no lanes."""
+    pictures = Renderer(scene).render(traffic.empty(scene.road_map), cameras, ("boxes",))
+    found = [list_true_boxes(picture.boxes) for picture in pictures]
+    assert sum(len(each.boxes) for each in found) > 10
+    lanes = [lane.id for lane in scene.road_map.lanes]
+    assert LaneWatch(cameras, scene.road_map, lanes).update(0.0, found).vehicles.sum() == 0

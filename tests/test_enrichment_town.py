@@ -18,6 +18,7 @@ from dojo_maps.geometry.pieces import build_pieces, lane_strips
 from dojo_maps.input_files import read_bytes
 from dojo_maps.meshes.buildings import raise_outlines
 from dojo_maps.meshes.mesh import is_watertight
+from dojo_maps.meshes.surroundings import surrounding_meshes
 from dojo_maps.sources.files import find_network
 from dojo_maps.sources.sumo_net import read_network
 
@@ -126,11 +127,83 @@ def test_what_is_generated_says_so_and_has_names_of_its_own(town: tuple[RoadMap,
         assert len({thing.id for thing in things}) == len(things)
 
 
-def test_forecourts_have_no_holes_and_keep_the_sidewalks(town: tuple[RoadMap, RoadMap]) -> None:
+def test_forecourts_have_no_holes_and_sidewalks_give_way_to_bays_only(town: tuple[RoadMap, RoadMap]) -> None:
     bare, built = town
-    assert built.sidewalks[: len(bare.sidewalks)] == bare.sidewalks
-    paved = [shapely.Polygon(walk.polygon[:, :2]) for walk in built.sidewalks[len(bare.sidewalks) :]]
-    assert all(shape.is_valid and shape.area > 1.0 for shape in paved)
+    bays = shapely.union_all(_outlines(_props(built, "parking")))
+    kept = {walk.id: walk for walk in built.sidewalks}
+    for walk in bare.sidewalks:
+        before, after = (shapely.Polygon(each.polygon[:, :2]) for each in (walk, kept[walk.id]))
+        if not before.buffer(0).intersects(bays):
+            assert kept[walk.id] is walk
+        assert after.is_valid
+    paved = [walk for walk in built.sidewalks if "forecourt" in walk.id]
+    assert all(shapely.Polygon(walk.polygon[:, :2]).is_valid and not walk.holes for walk in paved)
+
+
+def _pavement(road_map: RoadMap) -> shapely.Geometry:
+    rings = [(thing.polygon, thing.holes) for thing in road_map.sidewalks]
+    rings += [(thing.polygon, ()) for thing in road_map.walking_areas]
+    return shapely.union_all(
+        [shapely.Polygon(ring[:, :2], [hole[:, :2] for hole in holes]).buffer(0) for ring, holes in rings]
+    )
+
+
+def test_cars_are_parked_in_bays_and_in_nobodys_way(town: tuple[RoadMap, RoadMap]) -> None:
+    _, built = town
+    cars, bays = _outlines(_props(built, "parked_car")), _outlines(_props(built, "parking"))
+    assert len(cars) >= (0 if built.name == "ingolstadt1" else 20)
+    assert shapely.union_all(cars).area == pytest.approx(shapely.area(cars).sum(), abs=1e-6)
+    assert shapely.covered_by(cars, shapely.union_all(bays).buffer(1e-3)).all()
+    assert shapely.intersection(shapely.union_all(bays), _pavement(built)).area < 0.05
+    junctions = [shapely.Polygon(j.polygon[:, :2]) for j in built.junctions if len(j.polygon) > 2]
+    crossings = [shapely.Polygon(crossing.polygon[:, :2]) for crossing in built.crossings]
+    posts = _feet([prop for prop in built.props if prop.position is not None])
+    for others, distance in (
+        (_driven(built), 0.05),
+        (shapely.union_all(junctions), 10.0),
+        (shapely.union_all(crossings), 4.0),
+        (shapely.union_all(_outlines(_props(built, "building"))), 1.5),
+        (shapely.union_all(posts), 0.5),
+    ):
+        assert shapely.distance(cars, others).min(initial=100.0) > distance
+
+
+def test_pavement_leads_around_every_bay(town: tuple[RoadMap, RoadMap]) -> None:
+    _, built = town
+    walks = {walk.id: shapely.Polygon(walk.polygon[:, :2]) for walk in built.sidewalks if walk.road}
+    for bay in _props(built, "parking"):
+        there, back = np.split(bay.polygon[:, :2], 2)
+        behind = shapely.LineString(back + 1.0 * (back - there[::-1]) / 2.2)
+        own = [shape for name, shape in walks.items() if name.split(":")[1] == dict(bay.tags)["road"]]
+        assert shapely.union_all(own).buffer(1e-3).covers(behind)
+
+
+def test_shelters_stand_on_the_pavement_and_face_the_street(town: tuple[RoadMap, RoadMap]) -> None:
+    _, built = town
+    shelters = _props(built, "shelter")
+    cars, driven = shapely.union_all(_outlines(_props(built, "parked_car"))), _driven(built)
+    for shelter in shelters:
+        heading = heading_of(shelter)
+        ahead = np.array([np.cos(heading), np.sin(heading)])
+        place = np.array(shelter.position[:2])
+        ground = shapely.LineString(
+            [place - 1.7 * ahead[::-1] * [-1, 1], place + 1.7 * ahead[::-1] * [-1, 1]]
+        )
+        assert driven.distance(ground.buffer(0.6, cap_style="flat")) > 0.3
+        assert driven.distance(shapely.Point(place + 1.5 * ahead)) == 0.0
+        assert cars.distance(ground) > 7.0 or cars.is_empty
+    assert shelters or built.name == "cologne1"
+
+
+def test_stops_that_a_source_tells_of_get_shelters_beside_their_street() -> None:
+    bare = _furnished("cologne1")
+    (invented,) = _props(build_town(bare), "shelter")
+    x, y = np.array(invented.position[:2]) + 3.0 * np.array([np.cos(heading_of(invented)), 0.0])
+    stop = Prop(id="stop", kind="bus_stop", height=0.0, position=(float(x), float(y), 0.0))
+    source = replace(bare.source, kind="osm")
+    (shelter,) = _props(build_town(replace(bare, source=source, props=(*bare.props, stop))), "shelter")
+    assert np.hypot(*(np.array(shelter.position[:2]) - [x, y])) < 4.0
+    assert heading_of(shelter) == pytest.approx(heading_of(invented), abs=0.1)
 
 
 def test_a_source_that_tells_of_houses_gets_lamps_only() -> None:
@@ -184,3 +257,28 @@ def test_a_gable_roof_is_closed_and_encloses_what_it_should() -> None:
 def test_heading_of_is_east_where_the_tag_is_no_heading(text: str) -> None:
     prop = Prop(id="a", kind="lamp", height=8.0, position=(0.0, 0.0, 0.0), tags=(("heading", text),))
     assert heading_of(prop) == 0.0
+
+
+def test_conifers_alone_have_crowns_and_no_leaves() -> None:
+    bare = _furnished("cologne1")
+    x, y = bare.origin
+    fir = Prop(id="fir", kind="tree", height=9.0, position=(x, y, 0.0), tags=(("leaf_type", "needleleaved"),))
+    (crown, trunk) = surrounding_meshes(replace(bare, props=(fir,)))
+    assert (crown.name, trunk.name) == ("tree", "tree/trunk")
+    assert is_watertight(crown)
+    assert crown.vertices[:, 2].max() == pytest.approx(9.0)
+
+
+def test_a_crown_stays_within_its_room_whatever_the_species() -> None:
+    bare = _furnished("cologne1")
+    trees = [
+        Prop(id=f"{k}", kind="tree", height=10.0, position=(bare.origin[0] + 70.0 * k, bare.origin[1], 0.0))
+        for k in range(12)
+    ]
+    crowns, leaves, _ = surrounding_meshes(replace(bare, props=tuple(trees)))
+    for mesh in (crowns, leaves):
+        for k, name in enumerate(mesh.ids):
+            places = mesh.vertices[np.unique(mesh.faces[mesh.sources == k])]
+            away = np.hypot(places[:, 0] - 70.0 * int(name), places[:, 1])
+            assert away.max() < 1.25 * 0.32 * 1.15 * 10.0
+            assert 1.0 < places[:, 2].min() < places[:, 2].max() < 10.6

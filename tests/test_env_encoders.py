@@ -97,6 +97,7 @@ def test_efficientnet_is_the_network_that_its_authors_published() -> None:
     np.testing.assert_allclose(load_encoder(EFFICIENTNET).encode(seen), expected, rtol=1e-3, atol=1e-3)
 
 
+@pytest.mark.sampled(0)
 def test_trained_features_tell_the_queue_of_each_lane_better_than_random_ones(tmp_path: Path) -> None:
     found = tmp_path / "rows.json"
     command = [sys.executable, REPOSITORY / "tools" / "bench_encoders.py", "--json", found, "--frames", "45",

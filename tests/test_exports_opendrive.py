@@ -159,7 +159,8 @@ def test_write_opendrive_has_the_street_s_furniture(network_path, tmp_path, name
     pavement = [lane for lane in sidewalks if lane.find("userData") is None]
     assert len(pavement) == len(generated)
     widths = {float(lane.find("width").get("a")) for lane in pavement}
-    assert all(1.9 < width < 2.3 for width in widths)
+    # The mean along a road; around parking bays there is more of it.
+    assert all(1.9 < width < 2.9 for width in widths), widths
 
 
 def test_write_opendrive_outlines_a_crosswalk_where_it_lies(network_path, tmp_path):

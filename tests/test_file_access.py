@@ -13,6 +13,7 @@ READING = {
     "open", "fdopen", "read_bytes", "read_text", "load", "loads", "loadtxt", "genfromtxt", "fromfile",
     "memmap", "ZipFile", "GzipFile", "BZ2File", "ParserCreate", "fromstring", "iterparse", "XML",
     "imread", "VideoCapture", "FileProcessor", "DictReader", "reader",
+    "TiffFile",
 }  # fmt: skip
 """Names of functions that read files, or turn bytes of anybody's into values."""
 NOT_FILES = {"webbrowser", "Rerun"}
@@ -22,7 +23,7 @@ OWN_READERS = {
     "dojo_maps/safe_xml.py": {"ParserCreate"},
     "dojo_maps/safe_json.py": {"loads"},
     "dojo_env/plain_arrays.py": {"ZipFile", "open"},
-    "tools/learning/tensor_files.py": {"ZipFile", "load", "open"},
+    "dojo_env/learning/tensor_files.py": {"ZipFile", "load", "open"},
 }
 """The readers themselves."""
 EXPLAINED = {
@@ -32,11 +33,12 @@ EXPLAINED = {
     "dojo_maps/sources/line_numbers.py": {"ParserCreate"},
     "dojo_maps/sources/net_tree.py": {"fromstring"},
     "dojo_maps/sources/edits.py": {"fromstring", "read_bytes"},
+    "dojo_maps/sources/geotiff.py": {"TiffFile"},
     "dojo_maps/sources/osm/read/osm_pbf.py": {"FileProcessor"},
     # What netconvert has just written into a scratch folder.
     "dojo_maps/repair/splicing.py": {"fromstring"},
     "dojo_maps/sources/netconvert.py": {"read_bytes"},
-    "dojo_maps/sources/osm/pipeline.py": {"read_bytes", "read_text"},
+    "dojo_maps/sources/osm/network/netconvert_run.py": {"read_bytes", "read_text"},
     # What is written, not read; what a process of ours says; what a user types; a web server's answer.
     "dojo_env/commands/watch_video.py": {"open"},
     "dojo_env/sumo_files.py": {"fdopen"},
@@ -51,17 +53,19 @@ EXPLAINED = {
     "tools/bench_env.py": {"loads"},
     "tools/bench_render.py": {"loads"},
     "tools/bench_validate.py": {"loads"},
-    "tools/train.py": {"loads"},
-    "tools/fuzz.py": {"read_bytes", "read_text", "open", "load"},
+    "dojo_env/commands/train.py": {"loads"},
+    "dojo_env/benchmark/rows.py": {"loads"},
+    "tools/fuzz.py": {"read_bytes", "read_text", "open"},
     "tools/random_damage.py": {"load", "loads"},
     "tools/survey_networks.py": {"loads", "read_text"},
     # Films: regular files of known kinds, or a stream that a user names.
     "dojo_env/films/source.py": {"VideoCapture"},
     # What this process has just written, and files of the packages themselves.
-    "tools/learning/cluster_rows.py": {"read_bytes"},
+    "dojo_env/benchmark/cluster.py": {"read_bytes"},
     "dojo_maps/whole_file.py": {"open"},
     "dojo_maps/report/page.py": {"read_text"},
     "dojo_maps/viewer.py": {"read_bytes", "ZipFile"},
+    "dojo_maps/sources/osm/read/boundaries.py": {"read_text"},
     "dojo_env/demand.py": {"read_bytes"},
     "dojo_env/cache.py": {"read_bytes", "open"},
     "dojo_env/datasets/cluster.py": {"read_bytes"},

@@ -16,18 +16,19 @@ pytest.importorskip("stable_baselines3")
 
 from stable_baselines3.common.buffers import NStepReplayBuffer
 
-from learning.buffers import NStepDictReplayBuffer
-from learning.evaluation import run_policy
-from learning.rows import CONSTRAINTS, LEARNED, find_training
-from learning.run_row import describe, find_folder, is_done, run_row
-from learning.settings import Training
+from dojo_env.benchmark.row_runs import describe, find_folder, is_done, run_row
+from dojo_env.benchmark.rows import FOLDER, ONE_SIGNAL, find_row, list_groups, read_packaged_rows, read_row
+from dojo_env.learning.evaluation import run_policy
+from dojo_env.learning.replay_buffer import NStepDictReplayBuffer
+from dojo_env.learning.settings import RunFileError, Training
 
 
 def short_task(row: str) -> dict[str, Any]:
-    whole = find_training(row, "two-way")
+    whole = find_row(row).find_training("two-way")
     settings = {"n_steps": 60, "batch_size": 60} if whole.algorithm == "ppo" else {}
     training = dataclasses.replace(whole, **SHORT, hyperparameters=settings)
-    return {**describe(row, "two-way", 2, 300), "training": dataclasses.asdict(training)}
+    task = describe(find_row(row), "two-way", seeds=2, seconds=300)
+    return {**task, "training": dataclasses.asdict(training)}
 
 
 def test_row_is_trained_once_and_evaluated_to_the_same_figures(tmp_path: Path) -> None:
@@ -64,26 +65,51 @@ def test_policy_of_another_observation_is_refused(tmp_path: Path) -> None:
         run_policy(other, find_folder("A2C-F", "two-way", tmp_path), [0])
 
 
-def test_every_row_of_the_table_has_settings() -> None:
-    for row in LEARNED:
-        for scenario in ("two-way", "cologne1"):
-            assert find_training(row, scenario).environment["scenario"] == scenario
+def test_every_row_has_settings_that_work_and_the_files_name() -> None:
+    groups = list_groups()
+    for row in read_packaged_rows().values():
+        assert row.summary
+        assert (FOLDER / find_folder(row.name, "", Path()).name).with_suffix(".toml").is_file()
+    for name in (*groups["learned"], *groups["varied"]):
+        for scenario in ONE_SIGNAL:
+            assert find_row(name).find_training(scenario).environment["scenario"] == scenario
 
 
-def test_settings_that_fewer_rows_share_win(monkeypatch: pytest.MonkeyPatch) -> None:
-    own = {
-        ("two-way", "learned"): {"steps": 1, "min_green": 7, "hyperparameters": {"batch_size": 1}},
-        ("two-way", "DQN"): {"steps": 2, "hyperparameters": {"batch_size": 2, "n_steps": 4}},
-        ("two-way", "DQN-MV"): {"steps": 3, "hyperparameters": {"batch_size": 3}},
-    }
-    monkeypatch.setattr("learning.rows.OWN_SETTINGS", own)
-    found = {row: find_training(row, "two-way") for row in ("PPO-MV", "DQN-F", "DQN-MV")}
-    assert {row: (each.steps, each.min_green) for row, each in found.items()} == {
-        "PPO-MV": (1, 7), "DQN-F": (2, 7), "DQN-MV": (3, 7)
-    }  # fmt: skip
-    used = found["DQN-MV"].hyperparameters
-    assert [used[name] for name in ("batch_size", "n_steps", "buffer_size")] == [3, 4, 20_000]
-    assert describe("SOTL", "two-way", 5, 3600)["settings"] == {**CONSTRAINTS["paper"], "min_green": 8}
+def test_a_row_is_a_file_that_can_be_copied_and_changed(tmp_path: Path) -> None:
+    packaged = (FOLDER / "DQN-MV.toml").read_text()
+    changed = packaged.replace('"DQN-MV"', '"mine"').replace("train_freq = 1", "train_freq = 1, gamma = 0.5")
+    (tmp_path / "mine.toml").write_text(changed)
+    row = find_row(str(tmp_path / "mine.toml"))
+    assert row.name == "mine"
+    usual, own = (each.find_training("cologne1").hyperparameters for each in (find_row("DQN-MV"), row))
+    assert own == {**usual, "gamma": 0.5}
+    assert row.find_training("grid4x4").hyperparameters["buffer_size"] == 20_000
+    assert describe(find_row("SOTL"), "two-way", seeds=5, seconds=3600)["settings"]["min_green"] == 8
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        ("name = ", "not TOML"),
+        ('controller = "sotl"', "name = None"),
+        ('name = "../up/"', "expected letters"),
+        ('name = "a"\ncontroller = "magic"', "expected one of"),
+        ('name = "a"\ncontroller = "sotl"\n[training]', "a row has a controller"),
+        ('name = "a"\ncolour = 1', "colour: unknown"),
+        ('name = "a"\ntraining = 3', "expected tables"),
+        ('name = "a"\n[scenarios]\ncologne1 = 3', "expected tables"),
+    ],
+)
+def test_a_file_that_is_no_row_is_refused(content: str, words: str, tmp_path: Path) -> None:
+    (tmp_path / "row.toml").write_text(content)
+    with pytest.raises(RunFileError, match=words):
+        read_row(tmp_path / "row.toml")
+
+
+def test_unknown_settings_of_a_row_are_refused(tmp_path: Path) -> None:
+    (tmp_path / "row.toml").write_text('name = "a"\n[training]\nwings = 2')
+    with pytest.raises(ConfigError, match=r"row a: .*wings"):
+        read_row(tmp_path / "row.toml").find_training("cologne1")
 
 
 def sample_from(buffer: Any) -> Any:

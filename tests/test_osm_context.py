@@ -15,7 +15,7 @@ from dojo_maps.description import LaneKind, Prop, RoadMap
 from dojo_maps.geometry.pieces import lane_strips
 from dojo_maps.sources.osm import read_osm
 from dojo_maps.sources.osm.read.lengths import read_length
-from dojo_maps.sources.osm.surroundings import props as osm_context
+from dojo_maps.sources.osm.rules import SurroundingRules, ThingRules
 from dojo_maps.sources.osm.surroundings.props import building_height, read_context, tree_height
 
 Place = tuple[float, float]
@@ -137,9 +137,10 @@ def test_areas_share_the_ground_with_the_terrain(bundle: Bundle) -> None:
     assert areas["terrain"].intersection(areas["terrain/green"]).area < 0.1
 
 
-def test_context_is_bounded(bundle: Bundle, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(osm_context.MOST, "building", 2)
-    props, issues = read_context(read_osm(street().write(tmp_path / "street.osm")), bundle.road_map)
+def test_context_is_bounded(bundle: Bundle, tmp_path: Path) -> None:
+    data = read_osm(street().write(tmp_path / "street.osm"))
+    few = SurroundingRules(things={"building": ThingRules(most=2, least_area=4.0)})
+    props, issues = read_context(data, bundle.road_map, few)
     kept = [prop for prop in props if prop.kind == "building"]
     assert len(kept) == 2
     assert [issue.check for issue in issues] == ["osm.context_left_out"]

@@ -11,7 +11,7 @@ from osm_drawings import Drawing
 
 from dojo_maps.errors import SourceError
 from dojo_maps.sources.osm import read_osm
-from dojo_maps.sources.osm.graph.road_graph import build_graph
+from dojo_maps.sources.osm.graph.steps import build_graph
 
 pytestmark = pytest.mark.sampled(5)
 

@@ -20,9 +20,8 @@ from dojo_maps.cli import main
 from dojo_maps.conversion import convert
 from dojo_maps.description import Phase
 from dojo_maps.sources.netconvert import NetconvertError, NetconvertResult, run_netconvert
-from dojo_maps.sources.osm import pipeline as osm_network
 from dojo_maps.sources.osm import read_osm
-from dojo_maps.sources.osm.read.country import drives_left, has_far_side_signals
+from dojo_maps.sources.osm.network import netconvert_run
 
 CONTROLLERS = {
     "cross": 1, "dual_carriageways": 1, "dog_leg": 1, "slip_lane": 1, "triangle": 0, "roundabout": 0,
@@ -287,19 +286,7 @@ def test_import_tells_of_turns_that_are_forbidden_at_times(tmp_path: Path) -> No
     assert "https://www.openstreetmap.org/relation/1" in issue["message"]
 
 
-def test_import_drives_on_the_side_of_the_country(tmp_path: Path) -> None:
-    assert drives_left(read_osm(cross(SYDNEY).write(tmp_path / "a.osm")))
-    assert not drives_left(read_osm(cross().write(tmp_path / "b.osm")))
-    tagged = cross()
-    tagged.ways[0][1]["driving_side"] = "left"
-    assert drives_left(read_osm(tagged.write(tmp_path / "c.osm")))
-    turning = DRAWINGS["roundabout"]()
-    turning.ways[0][0].reverse()
-    assert drives_left(read_osm(turning.write(tmp_path / "d.osm")))
-
-
 def test_import_hangs_signals_on_the_far_side_where_the_country_does(tmp_path: Path) -> None:
-    assert not has_far_side_signals(read_osm(cross().write(tmp_path / "a.osm")))
     bundle, _ = convert(str(cross(SYDNEY).write(tmp_path / "b.osm")), tmp_path / "b.dojo")
     assert any(head.far_side for head in bundle.road_map.signals[0].heads)
 
@@ -325,7 +312,7 @@ def test_import_leaves_out_what_netconvert_fails_on(
             raise NetconvertError("netconvert crashed (SIGSEGV); it gave no reason")
         return run_netconvert(arguments, folder=folder, timeout=timeout)
 
-    monkeypatch.setattr(osm_network, "run_netconvert", crash)
+    monkeypatch.setattr(netconvert_run, "run_netconvert", crash)
     _, report = convert(str(cross().write(tmp_path / "a.osm")), tmp_path / "a.dojo")
     issues = [issue for issue in report["issues"] if issue["check"] == "osm.netconvert_failed"]
     assert len(issues) == attempts
@@ -338,7 +325,7 @@ def test_import_says_so_when_netconvert_fails_whatever_is_left_out(
     def crash(arguments: list[str], **_: Any) -> NetconvertResult:
         raise NetconvertError("netconvert crashed (SIGSEGV); it gave no reason")
 
-    monkeypatch.setattr(osm_network, "run_netconvert", crash)
+    monkeypatch.setattr(netconvert_run, "run_netconvert", crash)
     path = cross().write(tmp_path / "a.osm")
     assert main(["import-osm", str(path), "-o", str(tmp_path / "a.dojo")]) == 4
     assert "SIGSEGV" in capsys.readouterr().err

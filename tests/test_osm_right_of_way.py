@@ -5,7 +5,8 @@ from pathlib import Path
 
 import libsumo
 import pytest
-from osm_drawings import HELSINKI, LONDON, SIGNAL, Drawing
+import sumolib
+from osm_drawings import HELSINKI, LONDON, SIGNAL, SYDNEY, Drawing
 
 from dojo_maps.bundle import Bundle
 from dojo_maps.conversion import ConvertOptions, convert
@@ -87,9 +88,8 @@ def test_roundabout_is_a_ring_with_right_of_way(drawing: Drawing, parts: int, tm
     check_ring(built(drawing, tmp_path), parts)
 
 
-@pytest.mark.parametrize("arms", [4, 5])
-def test_small_roundabout_lets_its_own_traffic_through(arms: int, tmp_path: Path) -> None:
-    bundle = built(ring(2.0 * arms - 2.0, arms, **TAGGED), tmp_path, demand=150 * arms)
+def check_traffic(bundle: Bundle) -> None:
+    """A network's own demand arrives, and nobody waits two minutes."""
     files = ["-n", str(bundle.folder / "network.net.xml"), "-r", str(bundle.folder / "demand.rou.xml")]
     libsumo.start(["sumo", *files, "--no-step-log", "--no-warnings", "--time-to-teleport", "120"])
     try:
@@ -105,6 +105,12 @@ def test_small_roundabout_lets_its_own_traffic_through(arms: int, tmp_path: Path
     assert arrived > 0.9 * departed > 100
 
 
+@pytest.mark.parametrize("arms", [4, 5])
+def test_small_roundabout_lets_its_own_traffic_through(arms: int, tmp_path: Path) -> None:
+    bundle = built(ring(2.0 * arms - 2.0, arms, **TAGGED), tmp_path, demand=150 * arms)
+    check_traffic(bundle)
+
+
 def test_square_of_one_way_streets_is_no_roundabout(tmp_path: Path) -> None:
     d = Drawing()
     corners = [(-25, -25), (25, -25), (25, 25), (-25, 25)]
@@ -113,7 +119,7 @@ def test_square_of_one_way_streets_is_no_roundabout(tmp_path: Path) -> None:
         d.way((x * 6, y * 6), (x, y), **STREET)
     bundle = built(d, tmp_path)
     inside = [road.id for road in bundle.road_map.roads if road.id.startswith("1001#")]
-    assert {"m"} & set().union(*(states(bundle, road) for road in inside))
+    assert {"m", "="} & set().union(*(states(bundle, road) for road in inside))
 
 
 def crossroads(**middle: str) -> Drawing:
@@ -129,15 +135,82 @@ def kind(bundle: Bundle) -> str:
     return max(bundle.road_map.junctions, key=lambda junction: len(junction.incoming)).kind
 
 
-@pytest.mark.parametrize(
-    ("centre", "expected"), [(HELSINKI, "left_before_right"), (LONDON, "right_before_left")]
-)
+CROSSWAYS = {"W": "1001#0", "E": "-1001#1", "S": "1002#0", "N": "-1002#1"}
+"""The roads that arrive at crossroads, from each side."""
+
+
+def yields_to(bundle: Bundle, waiting: str, others: str) -> set[str]:
+    """Ask the network whom a vehicle that goes straight on waits for, by the sides that they come from."""
+    net = sumolib.net.readNet(str(bundle.folder / "network.net.xml"))
+    node = net.getEdge(CROSSWAYS[waiting]).getToNode()
+    straight = {
+        c.getFrom().getID(): c
+        for c in node.getConnections()
+        if c.getDirection() == "s" and c.getFromLane().allows("passenger")
+    }
+    own = straight[CROSSWAYS[waiting]]
+    return {side for side in others if node.forbids(straight[CROSSWAYS[side]], own)}
+
+
+@pytest.mark.parametrize(("centre", "first"), [(HELSINKI, "E"), (LONDON, "W")])
 def test_mini_roundabout_yields_to_who_circulates(
-    centre: tuple[float, float], expected: str, tmp_path: Path
+    centre: tuple[float, float], first: str, tmp_path: Path
 ) -> None:
+    """From the north: who keeps right meets those from the east, who keeps left those from the west."""
     drawing = crossroads(highway="mini_roundabout")
     drawing.centre = centre
-    assert kind(built(drawing, tmp_path)) == expected
+    assert yields_to(built(drawing, tmp_path), "N", "EW") == {first}
+
+
+TOKYO, NEW_YORK = (139.7, 35.7), (-74.0, 40.8)
+
+
+def streets(centre: tuple[float, float], *, arms: int = 4, **minor: str) -> Drawing:
+    d = Drawing(centre=centre)
+    d.way((-150, 0), (0, 0), (150, 0), **STREET)
+    d.way((0, -150), (0, 0), *([(0, 150)] if arms == 4 else []), **(STREET | minor))
+    return d
+
+
+@pytest.mark.parametrize(
+    ("centre", "first"),
+    [(HELSINKI, "W"), (NEW_YORK, "W"), (SYDNEY, "W"), (TOKYO, "E")],
+    ids=["Finland", "United States", "Australia", "Japan"],
+)  # fmt: skip
+def test_equal_streets_let_one_side_go_first(centre: tuple[float, float], first: str, tmp_path: Path) -> None:
+    bundle = built(streets(centre), tmp_path)
+    assert yields_to(bundle, "N", "EW") == {first}
+    assert yields_to(bundle, "S", "EW") == {"EW".replace(first, "")}
+
+
+@pytest.mark.parametrize("centre", [LONDON, NEW_YORK], ids=["Britain", "United States"])
+def test_road_that_ends_gives_way_where_the_country_has_it_so(
+    centre: tuple[float, float], tmp_path: Path
+) -> None:
+    bundle = built(streets(centre, arms=3), tmp_path)
+    assert kind(bundle) == "priority"
+    assert "M" not in states(bundle, CROSSWAYS["S"])
+
+
+def test_right_goes_first_at_a_t_junction_in_finland(tmp_path: Path) -> None:
+    assert kind(built(streets(HELSINKI, arms=3), tmp_path)) == "right_before_left"
+
+
+@pytest.mark.parametrize(
+    "minor",
+    [{"highway": "living_street"}, {"highway": "tertiary"}, {"priority_road": "designated"}],
+    ids=["smaller", "bigger", "priority road"],
+)
+def test_streets_that_are_not_equal_have_priorities(minor: dict[str, str], tmp_path: Path) -> None:
+    bundle = built(streets(HELSINKI, **minor), tmp_path)
+    assert kind(bundle) == "priority"
+    first = "W" if "living_street" in minor.values() else "S"
+    assert "M" in states(bundle, CROSSWAYS[first])
+
+
+def test_equal_crossroads_let_their_own_traffic_through(tmp_path: Path) -> None:
+    """Vehicles from all four sides wait for each other, and none for ever."""
+    check_traffic(built(streets(HELSINKI), tmp_path, demand=800))
 
 
 def test_all_way_stop_stops_all(tmp_path: Path) -> None:

@@ -13,11 +13,12 @@ from test_osm_import import check_no_dead_ends
 from dojo_maps.bundle import Bundle
 from dojo_maps.conversion import convert
 from dojo_maps.sources.netconvert import NetconvertResult, run_netconvert
-from dojo_maps.sources.osm import pipeline as osm_network
 from dojo_maps.sources.osm import read_osm
-from dojo_maps.sources.osm.graph.heights import compute_heights
-from dojo_maps.sources.osm.graph.road_graph import RoadGraph, build_graph
-from dojo_maps.sources.osm.plain.junction_outlines import mend_outlines
+from dojo_maps.sources.osm.graph.road_graph import RoadGraph
+from dojo_maps.sources.osm.graph.steps import build_graph
+from dojo_maps.sources.osm.layout.heights import compute_heights
+from dojo_maps.sources.osm.network import netconvert_run
+from dojo_maps.sources.osm.network.junction_outlines import mend_outlines
 
 STREET = {"highway": "tertiary", "lanes": "2"}
 ONE_WAY = {"highway": "tertiary", "oneway": "yes"}
@@ -131,7 +132,7 @@ def test_roads_drawn_twice_are_one(tmp_path: Path) -> None:
     }
     assert len(lanes) == 4
     assert set(lanes.values()) == {(1, 1)}
-    assert set(graph.doubled) == {1002, 1005}
+    assert set(graph.unread.doubled) == {1002, 1005}
     _, report = built(d, tmp_path)
     found = [issue for issue in report["issues"] if issue["check"] == "osm.parallel_ways"]
     assert len(found) == 2
@@ -151,8 +152,7 @@ def test_road_is_down_where_it_passes_under_a_bridge(tmp_path: Path) -> None:
     d.way((-60, 0), (60, 0), bridge="yes", layer="1", **STREET)
     d.way((60, 0), (100, 30), **STREET)
     d.way((-60, 0), (-60, 40), (0, 40), (0, -150), **STREET)
-    graph = graph_of(d, tmp_path)
-    heights = compute_heights(graph)
+    graph, heights = compute_heights(graph_of(d, tmp_path))
     under = [node for node in graph.places if node < 0]
     assert len(under) == 1
     assert heights.get(under[0], 0.0) == 0.0
@@ -167,8 +167,7 @@ def test_tunnel_is_at_its_level_where_it_passes_above_a_deeper_one(tmp_path: Pat
     d.way((0, 0), (-20, 20), (-300, 20), tunnel="yes", layer="-1", **STREET)
     d.way((0, 0), (-40, -20), (-40, 300), tunnel="yes", layer="-2", **STREET)
     d.way((0, 0), (20, 0), (200, 0), tunnel="yes", layer="-3", **STREET)
-    graph = graph_of(d, tmp_path)
-    heights = compute_heights(graph)
+    graph, heights = compute_heights(graph_of(d, tmp_path))
     above = [node for node in graph.places if node < 0]
     assert [heights[node] for node in above] == [-5.0]
 
@@ -185,7 +184,7 @@ def test_crossing_without_a_place_is_left_out(tmp_path: Path, monkeypatch: pytes
         assert bool(found) == (gone in (folder / "input.con.xml").read_text())
         return result
 
-    monkeypatch.setattr(osm_network, "run_netconvert", spoil)
+    monkeypatch.setattr(netconvert_run, "run_netconvert", spoil)
     _, report = built(cross(), tmp_path)
     lost = [issue["message"] for issue in report["issues"] if issue["check"] == "osm.netconvert_failed"]
     assert len(lost) == 1
@@ -225,7 +224,7 @@ def test_lanes_of_a_junction_drawn_one_by_one_are_not_tied(tmp_path: Path) -> No
     d = Drawing()
     d.way((-100, 0), (100, 0), (100, 100), **ONE_WAY)
     d.way((5, -100), (0, 100), (100, 100), **ONE_WAY)
-    assert not graph_of(d, tmp_path).unshared
+    assert not graph_of(d, tmp_path).unread.unshared
 
 
 def test_ramps_in_a_building_lie_on_their_levels(tmp_path: Path) -> None:

@@ -5,14 +5,16 @@ import pytest
 
 from dojo_maps.sources.osm.layout.arms import trim
 from dojo_maps.sources.osm.plain.lane_connections import connect_lanes
-from dojo_maps.sources.osm.read.country import read_speed
+from dojo_maps.sources.osm.read.country import Country, read_speed
 from dojo_maps.sources.osm.read.lane_tags import LaneTags, LaneUse
 from dojo_maps.sources.osm.read.way_tags import RoadTags, read_road
 
+FINLAND = Country(code="FI", left_hand=False, told_by="a test")
 
-def road(*, left_hand: bool = False, lon: float = 24.9, lat: float = 60.2, **tags: str) -> RoadTags:
+
+def road(*, left_hand: bool = False, code: str = "FI", **tags: str) -> RoadTags:
     named = {"highway": "secondary"} | {key.replace("__", ":"): value for key, value in tags.items()}
-    found, _ = read_road(named, lon=lon, lat=lat, left_hand=left_hand)
+    found, _ = read_road(named, Country(code=code, left_hand=left_hand, told_by="a test"))
     assert found is not None
     return found
 
@@ -103,7 +105,7 @@ def test_read_road_keeps_cycle_lanes_on_their_side_where_traffic_keeps_left() ->
 )
 def test_read_road_says_what_it_does_not_keep(tags: dict[str, str], word: str) -> None:
     named = {"highway": "secondary"} | {key.replace("__", ":"): value for key, value in tags.items()}
-    (told,) = read_road(named, lon=24.9, lat=60.2, left_hand=False)[1]
+    (told,) = read_road(named, FINLAND)[1]
     assert word in told
 
 
@@ -124,7 +126,7 @@ def test_read_road_reads_widths_in_any_unit(text: str) -> None:
     ],
 )
 def test_read_road_leaves_out_what_cars_do_not_use(tags: dict[str, str]) -> None:
-    assert read_road(tags, lon=0, lat=0, left_hand=False)[0] is None
+    assert read_road(tags, FINLAND)[0] is None
 
 
 def test_read_road_keeps_roads_for_buses() -> None:
@@ -168,7 +170,7 @@ def test_read_speed_knows_none(text: str) -> None:
 
 
 def test_read_road_takes_the_speed_of_the_country() -> None:
-    assert road(lon=-100, lat=40, highway="residential").speed == pytest.approx(25 * 0.44704, abs=0.01)
+    assert road(code="US", highway="residential").speed == pytest.approx(25 * 0.44704, abs=0.01)
     assert road(highway="residential").speed == pytest.approx(40 / 3.6, abs=0.01)
 
 

@@ -7,12 +7,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-from commands import make_row, run_tool
+from commands import make_row, run_env, run_tool
 
 from dojo_env.metrics import SIX
 
 pytest.importorskip("stable_baselines3")
-kept = pytest.importorskip("learning.kept")
+kept = pytest.importorskip("dojo_env.benchmark.kept_rows")
 plot = pytest.importorskip("plot")
 
 ROWS = ("MaxPressure", "Cycle")
@@ -22,7 +22,7 @@ KINDS = ("hour", "training", "figures")
 @pytest.fixture(scope="module")
 def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("kept") / "results"
-    done = run_tool("benchmark", "--rows", *ROWS, "--scenarios", "two-way", "--seeds", 2, "--seconds", 300,
+    done = run_env("benchmark", "--rows", *ROWS, "--scenarios", "two-way", "--seeds", 2, "--seconds", 300,
                     "--results", folder)  # fmt: skip
     assert done.returncode == 0, done.stderr
     make_row(folder, "PPO-F")
@@ -73,10 +73,8 @@ def test_report_is_made_whole_from_the_rows(results: Path) -> None:
         assert (results / name).is_file()
     assert text.count("](pictures/") == len(KINDS)
     assert f"| PPO-F | {compare(results, 'travel_time')} |" in text
-    assert "| two-way | PPO-BEV* | not run | `python tools/benchmark.py --rows 'PPO-BEV*'" in text
-    assert (
-        "| two-way | Cycle |  | `python tools/benchmark.py --rows Cycle --scenarios two-way --seeds 2" in text
-    )
+    assert "| two-way | PPO-BEV* | not run | `dojo-env benchmark --rows 'PPO-BEV*'" in text
+    assert "| two-way | Cycle |  | `dojo-env benchmark --rows Cycle --scenarios two-way --seeds 2" in text
     assert run_tool("report", "--results", results, "--paper", results / "paper.json").returncode == 0
     assert (results / "README.md").read_text() == text
 

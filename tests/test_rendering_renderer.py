@@ -13,6 +13,7 @@ from conftest import REPOSITORY, command_environment
 from dojo_env.camera import Camera
 from dojo_env.conditions import Conditions
 from dojo_env.errors import ConfigError, SnapshotError
+from dojo_env.parked_cars import FIRST_NUMBER
 from dojo_env.rendering.classes import SEMANTIC_OF_KIND, Semantic
 from dojo_env.rendering.compiling import kernel
 from dojo_env.rendering.lanes import draw_lane_map, find_lane
@@ -48,6 +49,7 @@ def snapshot(scene, signal):
 
 def test_outputs_are_those_asked_for_and_agree(scene, cameras, snapshot):
     renderer = Renderer(scene)
+    everyone = snapshot.joined(scene.parked)
     for camera, picture in zip(cameras, renderer.render(snapshot, cameras, ALL), strict=True):
         size = (camera.height, camera.width)
         assert picture.rgb.shape == (*size, 3)
@@ -66,8 +68,10 @@ def test_outputs_are_those_asked_for_and_agree(scene, cameras, snapshot):
             assert tuple(picture.boxes.picture[k]) == box
             assert picture.boxes.pixels[k] == mask.sum()
             assert 0 < picture.boxes.visible[k] <= 1
-            row = snapshot.numbers.tolist().index(number)
-            assert (picture.semantic[mask] == SEMANTIC_OF_KIND[snapshot.kinds[row]]).all()
+            row = everyone.numbers.tolist().index(number)
+            assert picture.boxes.ids[k] == everyone.ids[row]
+            assert picture.boxes.parked[k] == (number >= FIRST_NUMBER)
+            assert (picture.semantic[mask] == SEMANTIC_OF_KIND[everyone.kinds[row]]).all()
     alone = renderer.render(snapshot, cameras[:1], ("depth",))[0]
     assert alone.rgb is None
     assert alone.instance is None
@@ -288,7 +292,8 @@ def _darkened(scene, hour, overcast):
     before = renderer.render(traffic.empty(scene.road_map), [camera])[0].rgb.astype(float)
     after = renderer.render(car, [camera], ("rgb", "instance"))[0]
     share = 1.0 - after.rgb.sum(axis=2) / before.sum(axis=2)
-    return np.where(after.instance == 0, share, np.nan), after.instance > 0
+    covered = after.instance == car.numbers[0]
+    return np.where(covered, np.nan, share), covered
 
 
 def test_car_touches_the_ground_under_a_closed_sky(scene):
@@ -384,7 +389,8 @@ def _bare(scene):
     """Nothing but the road map."""
     return replace(scene, vertices=np.empty((0, 3)), faces=np.empty((0, 3), np.int32),
                    normals=np.empty((0, 3)), semantics=np.empty(0, np.uint8), surfaces=np.empty(0, np.uint8),
-                   colours=np.empty((0, 3), np.float32), things=np.empty((0, 3), np.float32))  # fmt: skip
+                   colours=np.empty((0, 3), np.float32), things=np.empty((0, 3), np.float32),
+                   parked=Snapshot(time=0.0))  # fmt: skip
 
 
 def test_empty_scene_is_bare_ground_and_sky(scene):
@@ -423,3 +429,51 @@ def test_snapshot_without_a_pose_is_refused_by_name(scene, column):
 def test_unknown_signals_and_short_states_show_nothing(scene, cameras):
     odd = replace(traffic.empty(scene.road_map), signals={"nobody": "GGG", scene.road_map.signals[0].id: "G"})
     assert Renderer(scene, show_links=True).render(odd, cameras[:1])[0].rgb.std() > 1
+
+
+@pytest.mark.parametrize("change", [{}, {"distortion": (-0.2, 0.05, 0.0, 0.0)}])
+@pytest.mark.parametrize("hour", [12.0, 23.0])
+def test_parked_cars_look_as_if_they_had_just_stopped(scene, cameras, hour, change):
+    """What is drawn once into the background is what is drawn as road users in each frame, and no more."""
+    empty = Snapshot(time=0.0)
+    conditions = Conditions(hour=hour)
+    bare = Renderer(replace(scene, parked=empty), conditions=conditions)
+    seen = [replace(camera, **change) for camera in cameras]
+    stood, moved = (
+        Renderer(scene, conditions=conditions).render(empty, seen, ALL),
+        bare.render(scene.parked, seen, ALL),
+    )
+    assert sum(len(picture.boxes.ids) for picture in stood) > 10
+    for still, moving in zip(stood, moved, strict=True):
+        if not change:
+            assert np.array_equal(still.rgb, moving.rgb)
+        for name in ("depth", "semantic", "instance"):
+            assert np.array_equal(getattr(still, name), getattr(moving, name))
+        for name in ("ids", "numbers", "picture", "pixels", "visible", "corners"):
+            assert np.array_equal(getattr(still.boxes, name), getattr(moving.boxes, name))
+        assert still.boxes.parked.all()
+    without = Renderer(scene, conditions=conditions).render(empty, seen, ALL, parked=False)
+    for one, other in zip(without, bare.render(empty, seen, ALL), strict=True):
+        assert np.array_equal(one.rgb, other.rgb)
+        assert not len(one.boxes.ids)
+
+
+def test_who_drives_past_hides_a_parked_car(scene, cameras):
+    """A car before a parked one takes its pixels; the box tells the share that is left."""
+    camera = replace(next(each for each in cameras if each.name == "bev"), width=1424, height=1024)
+    car = scene.parked
+    above = replace(
+        car, ids=tuple(f"over {name}" for name in car.ids), numbers=np.arange(1, len(car.ids) + 1),
+        positions=car.positions + np.array([0.0, 0.0, 3.0]), sizes=car.sizes * [0.5, 1.0, 1.0],
+    )  # fmt: skip
+    (free,) = Renderer(scene).render(Snapshot(time=0.0), [camera], ALL)
+    (hidden,) = Renderer(scene).render(above, [camera], ALL)
+    left = dict(zip(hidden.boxes.ids, hidden.boxes.visible, strict=True))
+    inside = [
+        k
+        for k, name in enumerate(free.boxes.ids)
+        if free.boxes.visible[k] > 0.95 and free.boxes.pixels[k] > 40
+    ]
+    assert inside
+    for k in inside:
+        assert 0.2 < left[free.boxes.ids[k]] < 0.85

@@ -6,7 +6,8 @@ import re
 import pytest
 from commands import REPOSITORY, TOOLS
 
-from learning import run_row
+from dojo_env.benchmark import row_runs
+from dojo_env.benchmark.rows import find_row
 
 RESULTS = TOOLS / "results"
 KEPT = [json.loads(path.read_text(encoding="utf-8")) for path in sorted(RESULTS.glob("*/*/figures.json"))]
@@ -14,8 +15,10 @@ KEPT = [json.loads(path.read_text(encoding="utf-8")) for path in sorted(RESULTS.
 
 @pytest.mark.parametrize("kept", KEPT, ids=lambda kept: f"{kept['scenario']}-{kept['row']}")
 def test_kept_row_needs_no_new_run(kept: dict[str, object]) -> None:
-    task = run_row.describe(kept["row"], kept["scenario"], kept["seeds"], kept["seconds"])
-    assert run_row.is_done(task, RESULTS)
+    task = row_runs.describe(
+        find_row(kept["row"]), kept["scenario"], seeds=kept["seeds"], seconds=kept["seconds"]
+    )
+    assert row_runs.is_done(task, RESULTS)
 
 
 def test_readme_tells_what_was_measured() -> None:
@@ -41,7 +44,7 @@ def test_readme_tells_how_policies_do_in_other_light() -> None:
         ("PPO-BEV, in any light", "PPO-BEV random"),
         ("PPO-MV, in any light", "PPO-MV random"),
     ):
-        path = RESULTS / "cologne1" / row / "robustness.json"
+        path = RESULTS / "cologne1" / row.replace(" ", "-") / "robustness.json"
         under = json.loads(path.read_text(encoding="utf-8"))["under"]
         (cells,) = re.findall(rf"^\| {name} \| (.*) \|$", text, re.MULTILINE)
         for column, cell in zip(header.split(" | "), cells.split(" | "), strict=True):

@@ -1,6 +1,5 @@
 """Training: an interrupted run goes on to the same result; errors are told before any work."""
 
-import argparse
 import csv
 import gc
 import os
@@ -14,21 +13,24 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
-from commands import TOOLS, run_tool, start_tool, wait_for_file
+from commands import run_env, start_env, wait_for_file
 from conftest import command_environment
 from gymnasium import spaces
 
+from dojo_env.cli import build_parser, main
+from dojo_env.commands.train import choose_folder, read_pairs, read_training
 from dojo_env.errors import ConfigError
-from learning.settings import Training
-from train import add_arguments, choose_folder, main, read_arguments, read_pairs
+from dojo_env.learning.settings import Training
 
 if TYPE_CHECKING:
     from stable_baselines3.common.vec_env import VecEnv
 
 torch = pytest.importorskip("torch")
 pytest.importorskip("stable_baselines3")
-environments = pytest.importorskip("learning.environments")
-models = pytest.importorskip("learning.models")
+environments = pytest.importorskip("dojo_env.learning.environments")
+models = pytest.importorskip("dojo_env.learning.algorithms")
+files = pytest.importorskip("dojo_env.learning.checkpoints")
+tensors = pytest.importorskip("dojo_env.learning.tensor_files")
 
 QUICK = {
     "ppo": ["--scenario", "two-way", "--algorithm", "ppo", "--set", "n_steps=24", "batch_size=24"],
@@ -43,17 +45,18 @@ SIZE = ["--processes", "2", "--seconds", "120", "--steps", "144", "--every", "1"
 ONE = ["--processes", "1", "--seconds", "120", "--steps", "24"]
 
 
-train = partial(run_tool, "train")
+train = partial(run_env, "train")
 
 
 def interrupt(folder: Path, *arguments: object) -> None:
     """Kill a run hard, with all of its processes, once it has written a checkpoint."""
-    running = start_tool("train", *arguments, "--out", folder)
+    running = start_env("train", *arguments, "--out", folder)
     wait_for_file(folder / "checkpoint.pt", running)
     os.killpg(running.pid, signal.SIGKILL)
     running.communicate()
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize("kind", QUICK)
 def test_interrupted_run_goes_on_to_the_same_result(kind: str, tmp_path: Path) -> None:
     if kind == "encoded":
@@ -90,18 +93,18 @@ def test_weights_of_overlapping_patches_are_another_policys(tmp_path: Path) -> N
         models.build_policy(Training(observation="bev", patches=patches), seen, actions)
         for patches in ("apart", "overlapping")
     )
-    models.save_policy(overlapping, tmp_path / "policy.pt")
+    files.save_policy(overlapping, tmp_path / "policy.pt")
     with pytest.raises(ConfigError, match="weights of another policy"):
-        models.load_policy(apart, tmp_path / "policy.pt")
+        files.load_policy(apart, tmp_path / "policy.pt")
 
 
 def test_a_checkpoint_takes_no_memory_until_it_is_used(tmp_path: Path) -> None:
     size = 1 << 27
     buffer = torch.ones(size, dtype=torch.uint8)
     kept = {**dict.fromkeys(("parameters", "counters", "torch", "numpy", "actions")), "buffer": buffer}
-    models.save({**kept, "known": {"rows": []}}, tmp_path / "checkpoint.pt")
+    tensors.save_tensors({**kept, "known": {"rows": []}}, tmp_path / "checkpoint.pt")
     before = own_memory()
-    state = models.read_checkpoint(tmp_path / "checkpoint.pt")
+    state = files.read_checkpoint(tmp_path / "checkpoint.pt")
     assert len(state["buffer"]) == size
     assert own_memory() - before < size // 2
 
@@ -114,10 +117,10 @@ def test_a_model_that_goes_on_lets_go_of_its_checkpoint(tmp_path: Path) -> None:
     with closing(environments.open_environments(training)) as running:
         model = models.build_model(training, running)
         model.learn(training.decisions, log_interval=None)
-        models.save_checkpoint(model, path, {"rows": []})
-        state = models.read_checkpoint(path)
+        files.save_checkpoint(model, path, {"rows": []})
+        state = files.read_checkpoint(path)
         assert str(path) in Path("/proc/self/maps").read_text()
-        models.restore_checkpoint(model, state, path)
+        files.restore_checkpoint(model, state, path)
         del state
         gc.collect()
         assert str(path) not in Path("/proc/self/maps").read_text()
@@ -166,9 +169,9 @@ def act_at_random(running: "VecEnv", number: int) -> list[float]:
 def test_processes_start_with_what_takes_long_to_import() -> None:
     script = """
 import multiprocessing
-from learning.environments import open_environments
-from learning.processes import LOADED_ONCE
-from learning.settings import Training
+from dojo_env.learning.environments import open_environments
+from dojo_env.learning.episode_processes import LOADED_ONCE
+from dojo_env.learning.settings import Training
 
 if __name__ == "__main__":
     open_environments(Training(algorithm="a2c", processes=1, seconds=60)).close()
@@ -178,12 +181,12 @@ if __name__ == "__main__":
     process.join()
     raise SystemExit(process.exitcode)
 """
-    done = subprocess.run([sys.executable, "-c", script], check=False, cwd=TOOLS, env=command_environment())
+    done = subprocess.run([sys.executable, "-c", script], check=False, env=command_environment())
     assert done.returncode == 0
 
 
 def test_bad_arguments_are_one_line_before_any_work(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+    tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
     kept = tmp_path / "kept"
     done = train(*QUICK["ppo"], *ONE, "--out", kept)
@@ -211,8 +214,9 @@ def test_bad_arguments_are_one_line_before_any_work(
         ("no such file", [*QUICK["ppo"], "--out", tmp_path / "a", "--resume"]),
     ]
     for words, arguments in wrong:
-        monkeypatch.setattr(sys, "argv", ["train", *map(str, arguments)])
-        assert main() == (3 if words in ("no such file", "cannot read it") else 2), arguments
+        assert main(["train", "--quiet", *map(str, arguments)]) == (
+            3 if words in ("no such file", "cannot read it") else 2
+        ), arguments
         told = capfd.readouterr().err
         assert words in told
         assert len(told.strip().splitlines()) == 1, told
@@ -244,7 +248,5 @@ def test_count_is_whole_and_at_least_one(setting: str) -> None:
     ],
 )  # fmt: skip
 def test_run_is_named_by_what_it_learns(given: list[str], named: str) -> None:
-    parser = argparse.ArgumentParser()
-    add_arguments(parser)
-    options = parser.parse_args(given)
-    assert choose_folder(options, read_arguments(options)) == Path(named)
+    options = build_parser().parse_args(["train", *given])
+    assert choose_folder(options.out, read_training(options)) == Path(named)

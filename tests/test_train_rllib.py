@@ -13,14 +13,14 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from commands import start_tool
+from commands import start_env
 
 pytest.importorskip("stable_baselines3")
 cluster_utils = pytest.importorskip("ray.cluster_utils")
 torch = pytest.importorskip("torch")
 
-TRAIN = ("train_rllib", "--scenario", "two-way", "--seconds", 300, "--set", "n_steps=30", "batch_size=60",
-         "--runners", 2, "--every", 1)  # fmt: skip
+TRAIN = ("train", "--scenario", "two-way", "--seconds", 300, "--set", "n_steps=30", "batch_size=60",
+         "--processes", 2, "--every", 1)  # fmt: skip
 NODE = {
     "RAY_USAGE_STATS_ENABLED": "0",
     "RAY_enable_worker_prestart": "0",
@@ -34,7 +34,7 @@ BENCHMARK = ("benchmark", "--rows", "MaxPressure", "Cycle", "--scenarios", "two-
 
 
 def run(tool: str, *arguments: object) -> tuple[int, str]:
-    return wait(start_tool(tool, *arguments))
+    return wait(start_env(tool, *arguments))
 
 
 def wait(running: subprocess.Popen[str], seconds: float = 300) -> tuple[int, str]:
@@ -104,8 +104,8 @@ def test_training_goes_on_when_it_is_interrupted_and_when_a_node_is_lost(
     cluster: Any, tmp_path: Path
 ) -> None:
     folder, steps = tmp_path / "run", 6 * ROUND
-    command = (*TRAIN, "--steps", steps, "--address", cluster.address, "--out", folder)
-    running = start_tool(*command)
+    command = (*TRAIN, "--steps", steps, "--ray", cluster.address, "--out", folder)
+    running = start_env(*command)
     written = wait_for_checkpoint(folder, running)
     os.killpg(running.pid, signal.SIGINT)
     status, errors = wait(running, 60)
@@ -114,7 +114,7 @@ def test_training_goes_on_when_it_is_interrupted_and_when_a_node_is_lost(
     assert "Traceback" not in errors
     before = read_curve(folder)
 
-    running = start_tool(*command, "--resume")
+    running = start_env(*command, "--resume")
     wait_for_checkpoint(folder, running, written)
     cluster.remove_node(next(iter(cluster.worker_nodes)), allow_graceful=False)
     status, errors = wait(running)
@@ -129,20 +129,17 @@ def test_training_goes_on_when_it_is_interrupted_and_when_a_node_is_lost(
 
 
 def test_bad_arguments_are_one_line_before_any_work(tmp_path: Path) -> None:
-    wrong: list[tuple[str, str, tuple[object, ...]]] = [
-        ("RLlib has no a2c", "train_rllib", ("--algorithm", "a2c", "--out", tmp_path / "a")),
-        ("averages no weights", "train_rllib", ("--averaged-weights", "--out", tmp_path / "a")),
-        ("nowhere", "train_rllib", ("--scenario", "nowhere", "--out", tmp_path / "a")),
-        ("no such file", "train_rllib", ("--resume", "--out", tmp_path / "a")),
-        ("no Ray cluster answers", "train_rllib", ("--address", "127.0.0.1:1", "--out", tmp_path / "a")),
-        (
-            "no Ray cluster answers",
-            "benchmark",
-            (*BENCHMARK[1:], "--ray", "127.0.0.1:1", "--results", tmp_path),
-        ),
+    here, folder = ("--ray", "local"), ("--out", tmp_path / "a")
+    wrong: list[tuple[str, tuple[object, ...]]] = [
+        ("RLlib has no a2c", ("train", *here, "--algorithm", "a2c", *folder)),
+        ("no averaged weights", ("train", *here, "--averaged-weights", *folder)),
+        ("nowhere", ("train", *here, "--scenario", "nowhere", *folder)),
+        ("no such file", ("train", *here, "--resume", *folder)),
+        ("no Ray cluster answers", ("train", "--ray", "127.0.0.1:1", *folder)),
+        ("no Ray cluster answers", (*BENCHMARK, "--ray", "127.0.0.1:1", "--results", tmp_path)),
     ]
-    for words, script, arguments in wrong:
-        status, errors = run(script, *arguments)
+    for words, (command, *arguments) in wrong:
+        status, errors = run(command, "--quiet", *arguments)
         assert status == (3 if words == "no such file" else 2), arguments
         assert words in errors
         assert len(errors.strip().splitlines()) == 1, errors

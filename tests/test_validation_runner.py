@@ -39,7 +39,7 @@ CODES = {
     *(f"PED{k:03}" for k in range(1, 10)),
     *(f"SUM{k:03}" for k in range(1, 3)),
     *(f"OSM{k:03}" for k in range(1, 14)),
-    *(f"IMP{k:03}" for k in range(1, 22)),
+    *(f"IMP{k:03}" for k in (*range(1, 23), 25, 26)),
 }
 
 

@@ -2,7 +2,7 @@
 
 Pictures of 1280 x 896 are taken through the approaches' cameras, evenly over an hour under MaxPressure. A
 vehicle counts that is at least 24 px high and more than 60 % visible: neither hidden nor cut off by the
-picture's edge. It is found where a box overlaps its own by half (intersection over union), the best pairs
+picture's edge; driven or parked. It is found where a box overlaps its own by half (intersection over union), the best pairs
 first. People count alike. Riders count apart, found as people or as what they ride, since detectors learn the
 two apart. A false alarm is a vehicle's box on no road user; each camera also looks at the empty street.
 Counts are those of single looks, per lane, beside the true ones and those that perfect boxes would give.
@@ -212,7 +212,7 @@ def look(
             watch.reset()
             return watch.update(at, seen).vehicles
 
-        empty = world.eyes.look(Snapshot(time=0.0), cameras, ("rgb",))
+        empty = world.eyes.look(Snapshot(time=0.0), cameras, ("rgb", "boxes"))
         for snapshot in snapshots:
             pictures = world.eyes.look(snapshot, cameras, ("rgb", "boxes"))
             perfect = count(snapshot.time, [list_true_boxes(picture.boxes) for picture in pictures])
@@ -228,9 +228,10 @@ def look(
                 tally.off_truth += np.abs(counts - true).tolist()
                 tally.off_perfect += np.abs(counts - perfect).tolist()
         for name, model in models.items():
-            tallies[name].on_empty += sum(
-                int((model.detect(picture.rgb).kinds != Kind.PEDESTRIAN).sum()) for picture in empty
-            )
+            alone = Tally()
+            for picture in empty:
+                match(model.detect(picture.rgb), picture, "", alone)
+            tallies[name].on_empty += alone.false
     world.close()
     return tallies
 

@@ -16,10 +16,10 @@ import numpy as np
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.vec_env import VecEnvWrapper
 
-from learning.environments import open_environments
-from learning.machine import prepare_process
-from learning.models import build_model
-from learning.settings import ALGORITHMS, Training
+from dojo_env.learning.algorithms import build_model
+from dojo_env.learning.environments import open_environments
+from dojo_env.learning.process_setup import prepare_process
+from dojo_env.learning.settings import ALGORITHMS, Training
 
 GOAL = 0.6
 """Of features' steps per second, with pictures."""

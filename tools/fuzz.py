@@ -213,11 +213,11 @@ def _make_policy(folder: Path) -> Path:
     """Make weights such as a training keeps, sealed as it seals them."""
     import torch
 
-    from learning.tensor_files import save
+    from dojo_env.learning.tensor_files import save_tensors
 
     torch.set_num_threads(1)
     path = folder / "policy.pt"
-    save({"layer": torch.arange(600.0).reshape(20, 30), "steps": 7}, path)
+    save_tensors({"layer": torch.arange(600.0).reshape(20, 30), "steps": 7}, path)
     return path
 
 
@@ -310,10 +310,10 @@ def _replay(folder: Path, _chance: random.Random) -> int:
 
 def _load_policy(folder: Path, _chance: random.Random) -> int:
     """Load weights: whatever is damaged in them must be noticed."""
-    from learning.tensor_files import load
+    from dojo_env.learning.tensor_files import load_tensors
 
     try:
-        load(folder / "policy.pt")
+        load_tensors(folder / "policy.pt")
     except DojoError as error:
         print(f"dojo-env: {' '.join(str(error).split())}", file=sys.stderr)
         return error.exit_status

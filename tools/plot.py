@@ -17,12 +17,12 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import ScalarFormatter
 
+from dojo_env.benchmark.kept_rows import KeptRow, read_kept
+from dojo_env.learning.result_files import Numbers, Published, read_published
 from dojo_env.metrics import SIX
 from dojo_maps.command import Parser, run_command
 from dojo_maps.interruption import begin
 from dojo_maps.whole_file import replaced
-from learning.kept import KeptRow, read_kept
-from learning.outcomes import Numbers, Published, read_published
 
 REFERENCE = "MaxPressure"
 ALL_TRIPS = "travel_time_all"

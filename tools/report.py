@@ -10,18 +10,18 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from statistics import fmean, median
 
+from dojo_env.benchmark.kept_rows import KeptRow, read_kept
+from dojo_env.benchmark.rows import SCENARIOS, list_rows, read_packaged_rows
+from dojo_env.benchmark.tables import write_tables
 from dojo_env.config import SignalConfig
+from dojo_env.learning.result_files import Published, read_published
+from dojo_env.learning.settings import ALGORITHMS, INTERVAL, REWARD, RunFileError, Training
 from dojo_env.metrics import SIX
 from dojo_maps.command import Parser, run_command
 from dojo_maps.input_files import read_bytes
 from dojo_maps.interruption import begin
 from dojo_maps.whole_file import write_text
-from learning.kept import KeptRow, read_kept
-from learning.outcomes import Published, read_published
-from learning.rows import OWN_SETTINGS, ROWS, SCENARIOS
-from learning.settings import ALGORITHMS, INTERVAL, REWARD, RunFileError, Training
 from plot import TITLES, WINDOW, draw_all
-from result_table import write_tables
 
 RIVAL = "MaxPressure"
 """What a policy must beat to be worth its training: a rule that knows all vehicles."""
@@ -108,7 +108,7 @@ folder first. `tools/robustness.py` makes the matrix."""
 def write_report(results: Path, paper: Path | None) -> Path:
     """Write tables, pictures and the report; returns the report's path."""
     published = read_published(paper)
-    table = write_tables(results, ROWS, published)
+    table = write_tables(results, published)
     pictures = draw_all(results, published)
     kept = read_kept(results)
     matrix = results / MATRIX
@@ -135,7 +135,7 @@ def _intergreen(results: Path) -> list[str]:
     folder = results / "intergreen"
     if not read_kept(folder):
         return []
-    table = write_tables(folder, ROWS, {})
+    table = write_tables(folder, {})
     return [f"## With the changes of a street\n\n{_STREET}\n", table.replace("\n### ", "\n\n### ")]
 
 
@@ -218,11 +218,14 @@ def _show(results: Path, pictures: Iterable[Path]) -> str:
 def _settings() -> str:
     """Tell what all trainings have in common, and the algorithms' own settings."""
     usual, rules = Training(), SignalConfig()
-    own = [
-        f"{settings['min_green']} for {rows} on {scenario}"
-        for (scenario, rows), settings in OWN_SETTINGS.items()
-        if "min_green" in settings
-    ]
+    own: dict[tuple[int, str], list[str]] = {}
+    for row in read_packaged_rows().values():
+        for scenario in SCENARIOS:
+            if "min_green" in (settings := row.scenarios.get(scenario, {})):
+                own.setdefault((settings["min_green"], scenario), []).append(row.name)
+    others = "; ".join(
+        f"{least} on {scenario} for {', '.join(names)}" for (least, scenario), names in own.items()
+    )
     algorithms = "\n".join(
         f"- {name.upper()}: {', '.join(f'{key} {value:g}' for key, value in settings.items())}."
         for name, settings in ALGORITHMS.items()
@@ -230,7 +233,7 @@ def _settings() -> str:
     return f"""## Settings
 
 - A decision every {INTERVAL} s, {rules.yellow_time:g} s yellow, {rules.min_green:g} s minimum green (but \
-{", ".join(own)}).
+{others}).
 - Trainings: {usual.steps:,} decisions in {usual.processes} environments side by side, episodes of \
 {usual.seconds:,} s, images of {usual.height} x {usual.width} pixels unless a row's settings say otherwise.
 - Reward, unless a row has its own: {_tell_reward(REWARD)}; what is bad counts as negative.
@@ -250,8 +253,8 @@ def _commands(kept: Mapping[str, Mapping[str, KeptRow]]) -> str:
         for name, row in there.items():
             cells = (name, _tell_training(row), f"`{row.result['command']}`")
             lines.append(_line(scenario, cells))
-        for name in (name for name in SCENARIOS.get(scenario, ()) if name not in there):
-            words = ["python", "tools/benchmark.py", "--rows", name, "--scenarios", scenario]
+        for name in (name for name in list_rows(scenario) if name not in there):
+            words = ["dojo-env", "benchmark", "--rows", name, "--scenarios", scenario]
             missing.append(_line(scenario, (name, "not run", f"`{shlex.join(words)}`")))
     return "\n".join([*lines, *missing, ""])
 

@@ -13,45 +13,19 @@ from dataclasses import asdict, fields, is_dataclass
 from pathlib import Path
 from typing import Any
 
-from dojo_env.conditions import PRESETS, Conditions
+from dojo_env.benchmark.kept_rows import KeptRow, read_kept
 from dojo_env.errors import ConfigError
+from dojo_env.learning.other_conditions import CAMERAS, DETECTORS, list_conditions
+from dojo_env.learning.result_files import read_result
+from dojo_env.learning.settings import POLICY, SETTINGS, RunFileError, list_versions, read_training
 from dojo_env.metrics import SIX
 from dojo_env.runs import summarize
-from dojo_env.sensors.detector import Detector
 from dojo_maps.command import Parser, run_command
 from dojo_maps.input_files import sha256_of
 from dojo_maps.interruption import begin
 from dojo_maps.whole_file import write_json, write_table, write_text
-from learning.kept import KeptRow, read_kept
-from learning.outcomes import read_result
-from learning.settings import (
-    CONDITIONS,
-    IMAGES,
-    POLICY,
-    SETTINGS,
-    RunFileError,
-    list_versions,
-    read_training,
-)  # fmt: skip
 
 FILE = "robustness.json"
-CAMERAS: dict[str, dict[str, Any]] = {
-    **{name: {"conditions": PRESETS[name]} for name in ("day", "dusk", "night", "rain", "fog")},
-    "moved-camera": {"conditions": Conditions(shake_m=0.3, shake_deg=2.0)},
-    "noise": {"conditions": Conditions(noise=12.0)},
-    "dirty-lens": {"conditions": Conditions(dirt=0.6)},
-    "random": {"conditions": CONDITIONS["random"]},
-}
-"""What a policy that sees images may meet; `random` draws as `--conditions random` does in training."""
-DETECTORS: dict[str, dict[str, Any]] = {
-    "features": {"observation": "features"},
-    "perfect-detector": {"observation": Detector(least_pixels=1, least_visible=0.0)},
-    "detector": {"observation": Detector()},
-    "noisy-detector": {"observation": Detector(missed=0.1, false_alarms=0.1)},
-    "noisier-detector": {"observation": Detector(missed=0.3, false_alarms=0.3)},
-    "late-detector": {"observation": Detector(missed=0.1, false_alarms=0.1, latency=2)},
-}
-"""What a policy that sees features may be fed with."""
 _TEXT = """## Under other conditions
 
 Policies as they were trained, evaluated under conditions that most of them never met: travel time / \
@@ -64,7 +38,7 @@ and see of each pixel how far it is from its own mean in the episode.
 def run_under(row: KeptRow, names: Sequence[str], seeds: int, seconds: int) -> None:
     """Evaluate a row's policy under those of the named conditions that it can meet; all without names."""
     training = read_training(row.folder / SETTINGS)
-    known = CAMERAS if training.observation in IMAGES else DETECTORS
+    known = list_conditions(training)
     words = ["python", "tools/robustness.py", "--scenarios", training.scenario, "--rows", row.name,
              "--seeds", str(seeds), "--seconds", str(seconds)]  # fmt: skip
     basis = {
@@ -80,7 +54,7 @@ def run_under(row: KeptRow, names: Sequence[str], seeds: int, seconds: int) -> N
         told = {setting: _plain(value) for setting, value in known[name].items()}
         if done.get(name, {}).get("changes") == told:
             continue
-        from learning.evaluation import run_policy  # torch takes long to load
+        from dojo_env.learning.evaluation import run_policy  # torch takes long to load
 
         episodes, _ = run_policy(training, row.folder, range(seeds), num_seconds=seconds, **known[name])
         figures = {key: value for key, value in summarize(episodes).items() if key in SIX}
@@ -111,7 +85,7 @@ def find_rows(results: Path, scenarios: Sequence[str], names: Sequence[str] | No
         ready = {name: row for name, row in rows.items() if (row.folder / POLICY).is_file()}
         if missing := set(names or ()) - set(ready):
             raise ConfigError(
-                f"{scenario}: no policy of {', '.join(sorted(missing))}; run benchmark.py first"
+                f"{scenario}: no policy of {', '.join(sorted(missing))}; run dojo-env benchmark first"
             )
         found += [row for name, row in ready.items() if names is None or name in names]
     return found

@@ -4,6 +4,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
+from dojo_env.commands.options import add_ray_option
 from dojo_maps.command import Commands, add_command
 from dojo_maps.progress import Progress
 
@@ -61,14 +62,9 @@ def add_dataset(commands: Commands) -> None:
     make.add_argument("--picture", metavar="KIND", help="jpg or png (default: jpg; kitti: png)")
     make.add_argument("--quality", type=int, metavar="N", help="of JPEG (default: 92)")
     make.add_argument("--no-smooth", action="store_true", help="no anti-aliasing of what moves: faster")
+    make.add_argument("--no-parked", action="store_true", help="no parked cars")
     make.add_argument("--jobs", type=int, metavar="N", help="processes (default: one per core)")
-    make.add_argument(
-        "--ray",
-        nargs="?",
-        const="local",
-        metavar="ADDRESS",
-        help="on a Ray cluster (default: one of this machine)",
-    )
+    add_ray_option(make, "make it on a Ray cluster")
 
 
 def _dataset(options: argparse.Namespace) -> int:
@@ -89,6 +85,7 @@ def _dataset(options: argparse.Namespace) -> int:
         on_stage=Progress(quiet=options.quiet),
         depth=options.depth,
         smooth=not options.no_smooth,
+        parked=not options.no_parked,
         **settings,
     )
     totals = made["counts"]["totals"]

@@ -1,9 +1,15 @@
 """Options that several commands share."""
 
 import argparse
-from typing import Any
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 from dojo_env.camera_presets import CAMERA_PRESETS, PAPER
+from dojo_env.clusters import LOCAL
+from dojo_maps.progress import say
+
+if TYPE_CHECKING:
+    from dojo_env.controllers import Controller
 
 
 def add_sensing_options(parser: argparse.ArgumentParser) -> None:
@@ -37,9 +43,50 @@ def read_sensing(options: argparse.Namespace) -> dict[str, Any]:
     return {name: value for name, value in wanted.items() if value}
 
 
+def find_controller(name: str, scenario: str) -> "Controller":
+    """Find who controls the signals: a controller by its name, or a policy that `dojo-env train` kept.
+
+    Args:
+        name: of the controller; or a run's folder, or the policy in it.
+        scenario: that it will control; it is said where a policy was trained on another.
+
+    Raises:
+        ConfigError: there is none of that name.
+        RunFileError: the folder or file holds no policy.
+    """
+    from dojo_env.controllers import CONTROLLERS, make_controller
+
+    path = Path(name)
+    if path.is_dir() and (path / "policy.npz").is_file():
+        path /= "policy.npz"
+    if path.suffix == ".npz":
+        from dojo_env.controllers.phase_competition import PhaseCompetition
+
+        return PhaseCompetition(path)
+    if name in CONTROLLERS or not (path.suffix == ".pt" or path.is_dir()):
+        return make_controller(name)
+    from dojo_env.learning.policy_controller import PolicyController
+
+    policy = PolicyController(path)
+    if Path(policy.trained_on).stem != Path(scenario).stem:
+        say(f"dojo-env: warning: {name}: trained on {policy.trained_on}, and this is {scenario}")
+    return policy
+
+
 def read_yellow(text: str) -> float | str:
     """Read seconds, or "speed"."""
     try:
         return text if text == "speed" else float(text)
     except ValueError:
         raise argparse.ArgumentTypeError(f'{text!r} is neither a number of seconds nor "speed"') from None
+
+
+def add_ray_option(parser: argparse.ArgumentParser, purpose: str) -> None:
+    """Add `--ray`, with or without an address; see `dojo_env.clusters.open_cluster`."""
+    parser.add_argument(
+        "--ray",
+        nargs="?",
+        const=LOCAL,
+        metavar="HOST:PORT",
+        help=f"{purpose}: HOST:PORT of its head; without it, one of this machine",
+    )

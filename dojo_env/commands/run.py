@@ -6,7 +6,7 @@ from collections import Counter
 from pathlib import Path
 from typing import Any
 
-from dojo_env.commands.options import add_sensing_options, read_sensing, read_yellow
+from dojo_env.commands.options import add_sensing_options, find_controller, read_sensing, read_yellow
 from dojo_env.errors import ConfigError
 from dojo_maps.command import Commands, add_command
 from dojo_maps.progress import Progress
@@ -20,7 +20,9 @@ def add_run(commands: Commands) -> None:
     """Add the command to the parser."""
     run = add_command(commands, "run", _run, "run a controller and print its figures")
     run.add_argument("--scenario", required=True, help="a packaged scenario such as cologne1, or a .sumocfg")
-    run.add_argument("--controller", required=True, metavar="NAME", help="such as max-pressure or fixed-time")
+    run.add_argument(
+        "--controller", required=True, metavar="NAME", help="such as max-pressure, or a policy.pt"
+    )
     run.add_argument(
         "--seeds", type=int, default=1, metavar="N", help="how many episodes, each with the next seed"
     )
@@ -70,7 +72,7 @@ def _run(options: argparse.Namespace) -> int:
             print(f"seed {figures['seed']}: travel time {figures['travel_time']:.2f} s", file=sys.stderr)
 
     figures = run_controller(
-        options.controller,
+        find_controller(options.controller, options.scenario),
         options.seeds,
         on_episode=tell,
         on_stage=Progress(quiet=options.quiet),

@@ -2,7 +2,7 @@
 
 import argparse
 
-from dojo_env.commands.options import add_view_options, read_sensing
+from dojo_env.commands.options import add_view_options, find_controller, read_sensing
 from dojo_env.errors import ConfigError
 from dojo_maps.command import Commands, add_command
 
@@ -14,7 +14,10 @@ def add_watch(commands: Commands) -> None:
         "--scenario", default="cologne1", metavar="NAME", help="a packaged scenario, or a .sumocfg"
     )
     watch.add_argument(
-        "--controller", default="max-pressure", metavar="NAME", help="who controls the signals"
+        "--controller",
+        default="max-pressure",
+        metavar="NAME",
+        help="who controls the signals, or a policy.pt",
     )
     watch.add_argument("--seed", type=int, default=0, metavar="N", help="of SUMO's random numbers")
     watch.add_argument(
@@ -30,7 +33,7 @@ def _watch(options: argparse.Namespace) -> int:
     if not 0 <= options.port < 1 << 16:
         raise ConfigError("--port: expected a number from 0 to 65535")
     watch(
-        options.controller,
+        find_controller(options.controller, options.scenario),
         seed=options.seed,
         port=options.port,
         browser=not options.no_browser,

@@ -1,10 +1,11 @@
-"""Controllers that do not learn, by name, under the same constraints as agents."""
+"""Controllers by name, under the same constraints as agents: rules, SUMO's logics, one that has learned."""
 
 from collections.abc import Callable, Mapping
 
 from dojo_env.controllers.base import Controller
 from dojo_env.controllers.fixed_time import Cycle
 from dojo_env.controllers.max_pressure import MaxPressure, MaxPressureOfThePaper
+from dojo_env.controllers.phase_competition import PhaseCompetition
 from dojo_env.controllers.queue_pressure import QueuePressure
 from dojo_env.controllers.random_choice import RandomChoice
 from dojo_env.controllers.sotl import Sotl, SotlOfThePaper
@@ -24,6 +25,7 @@ _MAKERS: Mapping[str, Callable[[], Controller]] = {
     "max-pressure-paper": MaxPressureOfThePaper,
     "queue-pressure": QueuePressure,
     "random": RandomChoice,
+    "learned": PhaseCompetition,
 }
 CONTROLLERS = tuple(_MAKERS)
 """The controllers' names."""
@@ -37,7 +39,9 @@ def make_controller(name: str) -> Controller:
     """
     if name not in _MAKERS:
         raise ConfigError(f"controller {name!r}: expected one of {', '.join(CONTROLLERS)}")
-    return _MAKERS[name]()
+    controller = _MAKERS[name]()
+    controller.name = name
+    return controller
 
 
 __all__ = ["CONTROLLERS", "Controller", "make_controller"]

@@ -3,21 +3,37 @@
 from collections.abc import Mapping
 from typing import Any
 
+from gymnasium import spaces
+
 from dojo_env.instant import Instant
 
 
 class Controller:
     """Leaves every signal to a program; the others override `choose`.
 
-    `settings` are keywords that the environment needs for it.
+    Attributes:
+        name: what people call it.
+        settings: keywords that the environment needs for it.
     """
+
+    name = ""
 
     def __init__(self, settings: Mapping[str, Any] | None = None) -> None:
         """Note the settings."""
         self.settings = dict(settings or {})
 
+    def __str__(self) -> str:
+        """Tell its name."""
+        return self.name or type(self).__name__
+
     def reset(self, seed: int) -> None:
         """Begin an episode."""
+
+    def meet(self, known: Mapping[str, tuple[spaces.Space[Any], spaces.Discrete]]) -> None:
+        """Take each signal's observation and action space, before an episode's first decision."""
+
+    def see(self, observations: Mapping[str, Any]) -> None:
+        """Take what each signal observes, before `act` at every decision."""
 
     def choose(self, signal: str, instant: Instant) -> int:
         """Choose a phase; without a change, the present one."""

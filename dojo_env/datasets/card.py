@@ -20,6 +20,7 @@ _TITLES = {
     "pictures by weather": "weather",
     "pictures by controller": "who set the signals",
     "objects by category": "category",
+    "objects by place": "where it is",
     "objects by height": "height of the box, pixels",
     "objects by occlusion": "visible share",
     "objects by truncation": "share outside of the picture",
@@ -39,7 +40,8 @@ _EXPLANATION = (
     "the map is at K (R X + t)), light and weather, SUMO's time and seed, the letters of each signal; and of "
     "each road user its boxes in the picture and in space, its mask (COCO's compressed run lengths), the "
     "keypoints of vehicles (corners of the box in space, wheels, lamps), its track (unique within its "
-    "episode), visible share, truncation, speed, lane, movement, and the signal's link that it comes to.",
+    "episode), visible share, truncation, whether it is parked, speed, lane, movement, and the signal's link "
+    "that it comes to.",
 )
 _OCCLUSIONS = ("0: 90 % and more", "1: 50 to 90 %", "2: less than 50 %")
 _CUT = 0.02
@@ -97,6 +99,7 @@ def _values(label: ObjectLabel, light: str, weather: str) -> Sequence[tuple[str,
     share = label.truncated
     return (
         ("category", label.category.value),
+        ("place", "parked" if label.is_parked else "on the road"),
         ("height", _bin(label)),
         ("occlusion", _OCCLUSIONS[label.occlusion]),
         ("truncation", "none" if share < _CUT else "up to a half" if share < 0.5 else "more than half"),

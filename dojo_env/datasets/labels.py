@@ -86,7 +86,7 @@ class ObjectLabel:
 
     Attributes:
         track: number of the road user, the same in all pictures of an episode.
-        id: SUMO's.
+        id: SUMO's; of a parked car the map's.
         kind: what it is.
         box: of its visible pixels.
         whole_box: of its box in space, as far as that is before the camera; not cut by the border.
@@ -132,6 +132,11 @@ class ObjectLabel:
         return _CATEGORIES.get(self.kind, Category.CAR)
 
     @property
+    def is_parked(self) -> bool:
+        """Whether it is a parked car of the map, which SUMO does not know."""
+        return bool(self.lights & Lights.OFF)
+
+    @property
     def occlusion(self) -> int:
         """KITTI's level: 0 fully visible, 1 partly hidden, 2 more than half hidden; never 3, unknown."""
         return sum(self.visible < limit for limit in (0.9, 0.5))
@@ -155,6 +160,7 @@ class ObjectLabel:
             "id": self.id,
             "category": self.category.value,
             "kind": self.kind.name.lower(),
+            "parked": self.is_parked,
             "box": self.box,
             "whole_box": _rounded(self.whole_box, 2),
             "pixels": self.pixels,
@@ -174,7 +180,7 @@ class ObjectLabel:
             "lane": self.lane,
             "movement": self.movement,
             "signal": None if self.link is None else asdict(self.link),
-            "lights": [light.name.lower() for light in Lights if light & self.lights and light.name],
+            "lights": [light.name.lower() for light in Lights(self.lights & ~Lights.OFF) if light.name],
         }
 
 

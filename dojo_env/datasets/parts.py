@@ -3,6 +3,7 @@
 import re
 from collections import Counter
 from collections.abc import Iterator
+from dataclasses import replace
 from functools import lru_cache
 from json import dumps
 from pathlib import Path
@@ -91,7 +92,7 @@ class Stage:
         """Open it."""
         self.world = open_scenario(settings, scenario, "fixed-time")
         bundle = self.world.map.bundle
-        self.eyes = Eyes(bundle, SensingConfig(smooth=settings.smooth))
+        self.eyes = Eyes(bundle, SensingConfig(smooth=settings.smooth, parked=settings.parked))
         signals = self.world.signals
         self.cameras = choose_cameras(settings.cameras, self.eyes.scene, signals, settings.size)
         self.ways = Ways(bundle.road_map)
@@ -125,7 +126,7 @@ def take_pictures(settings: DatasetSettings, job: Job, tree: Path) -> Iterator[P
     conditions = draw_conditions(settings.conditions, int(random.integers(2**31)))
     stage = open_stage(settings, job.scenario)
     imaging = settings.imaging[int(random.integers(len(settings.imaging)))]
-    stage.eyes.config = SensingConfig(conditions=conditions, imaging=imaging, smooth=settings.smooth)
+    stage.eyes.config = replace(stage.eyes.config, conditions=conditions, imaging=imaging)
     stage.eyes.reset(int(random.integers(2**31)))
     shooting = _Shooting(settings, job, tree, stage, controller)
     for run in range(_MOST_RUNS):
@@ -194,9 +195,11 @@ class _Shooting:
             if not places:
                 continue
             snapshot = without_users(sample.snapshot) if is_empty else sample.snapshot
-            instant = Instant(snapshot, sample.links, stage.ways, stage.eyes.scene.origin)
+            scene = stage.eyes.scene
+            everyone = snapshot if is_empty else snapshot.joined(scene.parked)
+            instant = Instant(everyone, sample.links, stage.ways, scene.origin)
             for k in places:
-                (picture,) = stage.eyes.look(snapshot, [stage.cameras[k]], OUTPUTS)
+                (picture,) = stage.eyes.look(snapshot, [stage.cameras[k]], OUTPUTS, parked=not is_empty)
                 yield self._keep(picture, instant, snapshot, k, run=run, seed=seed, is_empty=is_empty)
 
     def _keep(

@@ -48,6 +48,7 @@ class DatasetSettings:
         picture: `jpg` or `png`; None takes the format's own.
         quality: of JPEG, 1 to 100.
         smooth: anti-alias what moves.
+        parked: cars stand parked where the map has them; pictures of empty roads have none.
     """
 
     scenarios: tuple[str, ...]
@@ -70,6 +71,7 @@ class DatasetSettings:
     picture: str | None = None
     quality: int = 92
     smooth: bool = True
+    parked: bool = True
 
     def __post_init__(self) -> None:
         """Refuse what cannot be, and settle what depends on the format.
@@ -140,10 +142,8 @@ class DatasetSettings:
             value = getattr(self, each.name)
             if value == (each.default if each.name == "format" else getattr(usual, each.name)):
                 continue
-            if each.name == "smooth":
-                words.append("--no-smooth")
-            elif value is True:
-                words.append(f"--{each.name}")
+            if isinstance(value, bool):
+                words.append(f"--{'' if value else 'no-'}{each.name}")
             else:
                 words.append(f"--{each.name.replace('_', '-')} {_write(each.name, value)}")
         return " ".join(words)

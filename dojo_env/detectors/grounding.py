@@ -6,7 +6,7 @@ computed which box a vehicle of that kind would have in the picture, lens and sl
 where its box fits best. What fits nowhere is not on the road.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -66,7 +66,7 @@ class LaneGrid:
     """The places where a vehicle's front may be; arrays have one row each.
 
     Attributes:
-        lanes: ids of the lanes; the last one is "", for the ways across junctions.
+        lanes: ids of the lanes; the last one is "", for the ways across junctions and parking bays.
         lane: (n,) number of the lane.
         way: (n,) number of the lane or of the way across a junction: places of one way follow each other.
         place: (n,) metres from the way's start.
@@ -108,6 +108,7 @@ def build_grid(road_map: RoadMap, cameras: Sequence[Camera]) -> LaneGrid:
     eyes = np.array([camera.position[:2] for camera in cameras])
     ways = [(lane.id, lane.shape) for lane in road_map.lanes if lane.kind in _LANE_KINDS]
     ways += [("", connection.shape) for connection in road_map.connections]
+    ways += [("", line) for line in _parking_lines(road_map)]
     found: list[tuple[str, Floats]] = []
     for name, shape in ways:
         places = _sample(shape)
@@ -127,6 +128,14 @@ def build_grid(road_map: RoadMap, cameras: Sequence[Camera]) -> LaneGrid:
         place=table[:, 5],
         left=table[:, 6],
     )
+
+
+def _parking_lines(road_map: RoadMap) -> Iterator[Floats]:
+    """List the middles of parking bays, whose outlines run along the kerb and back."""
+    for prop in road_map.props:
+        if prop.kind == "parking" and prop.polygon is not None and len(prop.polygon) % 2 == 0:
+            there, back = np.split(prop.polygon, 2)
+            yield (there + back[::-1]) / 2
 
 
 def _sample(shape: Floats) -> Floats:

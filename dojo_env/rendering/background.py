@@ -43,6 +43,7 @@ class Background:
         headlit: the same in the full light of head lamps; by day the same array as `lit`.
         depths: (h, w) float32, 1 / metres along the axis, 0 for the sky.
         semantics: (h, w) `Semantic`.
+        instances: (h, w) int32, the number of the parked car that is seen, 0 where there is none.
     """
 
     lit: Picture
@@ -50,6 +51,7 @@ class Background:
     headlit: Picture
     depths: NDArray[np.float32]
     semantics: Picture
+    instances: NDArray[np.int32]
 
 
 def draw_background(scene: Scene, view: View, light: Light, samples: int = SAMPLES) -> Background:
@@ -77,6 +79,7 @@ def draw_background(scene: Scene, view: View, light: Light, samples: int = SAMPL
         headlit=headlit.copy() if light.headlights > 0 else lit,
         depths=np.ascontiguousarray(depths[own]),
         semantics=np.append(scene.semantics, np.uint8(Semantic.SKY))[tags[own]],
+        instances=np.zeros((view.height, view.width), np.int32),
     )
 
 

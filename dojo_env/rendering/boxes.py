@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from dojo_env.camera import Camera
 from dojo_env.rendering.compiling import kernel
+from dojo_env.rendering.parked import Parked
 from dojo_env.rendering.target import Target
 from dojo_env.rendering.traffic import Users
 from dojo_env.snapshot import Snapshot
@@ -22,9 +23,10 @@ class Boxes:
     """The road users of which at least one pixel is visible; arrays have one row each.
 
     Attributes:
-        ids: SUMO's ids.
+        ids: SUMO's ids, or those of the map.
         numbers: (k,) the numbers that the instance picture shows.
         kinds: (k,) `Kind`.
+        parked: (k,) whether they are parked cars of the map, which SUMO does not know.
         picture: (k, 4) left, top, right, bottom of the visible pixels; right and bottom are exclusive.
         pixels: (k,) visible pixels.
         visible: (k,) visible share of the pixels that would show if nothing stood in front; the part outside
@@ -37,6 +39,7 @@ class Boxes:
     ids: tuple[str, ...]
     numbers: NDArray[np.int32]
     kinds: NDArray[np.uint8]
+    parked: NDArray[np.bool_]
     picture: NDArray[np.int32]
     pixels: NDArray[np.int32]
     visible: NDArray[np.float64]
@@ -63,6 +66,7 @@ class Boxes:
             ids=tuple(self.ids[k] for k in kept),
             numbers=self.numbers[kept],
             kinds=self.kinds[kept],
+            parked=self.parked[kept],
             picture=picture[kept],
             pixels=self.pixels[kept],
             visible=self.visible[kept],
@@ -72,27 +76,39 @@ class Boxes:
 
 
 def measure_boxes(
-    target: Target, count_alone: Callable[[Ints], Ints], users: Users, snapshot: Snapshot, camera: Camera
+    seen: tuple[Target, Ints],
+    count_alone: Callable[[Ints], Ints],
+    users: Users,
+    snapshot: Snapshot,
+    parked: Parked,
+    camera: Camera,
 ) -> Boxes:
     """Measure every visible road user in a picture that was just drawn.
 
     Args:
-        target: the picture's buffers.
+        seen: the picture's buffers, and (h, w) the numbers of the parked cars behind what moves.
         count_alone: tells how many pixels some road users would cover if each were alone.
         users: the road users.
         snapshot: where they come from.
+        parked: the parked cars.
         camera: the camera.
     """
-    pixels, spans = _measure(target.tags, target.owners, len(snapshot.ids))
+    target, standing = seen
+    count, cars = len(snapshot.ids), parked.cars
+    first = int(cars.numbers[0]) if len(cars.ids) else 0
+    pixels, spans = _measure(target.tags, target.owners, standing, first, count, count + len(cars.ids))
     shown = np.flatnonzero(pixels).astype(np.int32)
-    alone = count_alone(shown)
-    places = users.places[shown] + users.origin
-    corners = np.einsum("kij,cj->kci", users.frames[shown], _CORNERS) + places[:, None]
+    moving, still = shown[shown < count], shown[shown >= count] - count
+    alone = np.concatenate([count_alone(moving), parked.alone[still]])
+    frames = np.concatenate([users.frames[moving], parked.users.frames[still]])
+    places = np.concatenate([users.places[moving], parked.users.places[still]]) + users.origin
+    corners = np.einsum("kij,cj->kci", frames, _CORNERS) + places[:, None]
     projected, _ = camera.project(corners.reshape(-1, 3))
     return Boxes(
-        ids=tuple(snapshot.ids[k] for k in shown),
-        numbers=snapshot.numbers[shown],
-        kinds=snapshot.kinds[shown],
+        ids=(*(snapshot.ids[k] for k in moving), *(cars.ids[k] for k in still)),
+        numbers=np.concatenate([snapshot.numbers[moving], cars.numbers[still]]),
+        kinds=np.concatenate([snapshot.kinds[moving], cars.kinds[still]]),
+        parked=shown >= count,
         picture=spans[shown],
         pixels=pixels[shown],
         visible=np.minimum(1.0, pixels[shown] / np.maximum(alone, 1)),
@@ -102,18 +118,21 @@ def measure_boxes(
 
 
 @kernel
-def _measure(tags, owners, count):
-    """Count each road user's visible pixels, and find the box they lie in."""
+def _measure(tags, owners, standing, first, count, total):
+    """Count each road user's visible pixels, and find the box they lie in; parked cars come after `count`."""
     height, width = tags.shape
-    pixels = np.zeros(count, dtype=np.int32)
-    spans = np.zeros((count, 4), dtype=np.int32)
-    for k in range(count):
+    pixels = np.zeros(total, dtype=np.int32)
+    spans = np.zeros((total, 4), dtype=np.int32)
+    for k in range(total):
         spans[k, 0], spans[k, 1] = width, height
     for row in range(height):
         for column in range(width):
-            tag = tags[row, column]
-            if tag >= 0 and owners[tag] >= 0:
+            tag, k = tags[row, column], -1
+            if tag >= 0:
                 k = owners[tag]
+            elif standing[row, column] > 0:
+                k = count + standing[row, column] - first
+            if k >= 0:
                 pixels[k] += 1
                 spans[k, 0], spans[k, 1] = min(spans[k, 0], column), min(spans[k, 1], row)
                 spans[k, 2], spans[k, 3] = max(spans[k, 2], column + 1), max(spans[k, 3], row + 1)

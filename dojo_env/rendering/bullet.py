@@ -14,7 +14,7 @@ from dojo_env.rendering.classes import SEMANTIC_COLOURS, SEMANTIC_OF_KIND, Seman
 from dojo_env.rendering.outputs import OUTPUTS, BulletDrawing, Picture, check_outputs
 from dojo_env.rendering.scene import Scene
 from dojo_env.rendering.traffic import Users, library, place_users
-from dojo_env.snapshot import Snapshot
+from dojo_env.snapshot import Lights, Snapshot
 from dojo_maps.errors import ToolMissingError
 from dojo_maps.progress import quiet_output
 
@@ -76,6 +76,7 @@ class BulletWorld:
         self._looks: dict[str, tuple[Any, ...]] = {}
         self._colours: dict[str, bytes] = {}
         self._shapes: dict[tuple[Any, ...], tuple[int, int, int]] = {}
+        self._given: tuple[Snapshot, bool] | None = None
         self._shown: Snapshot | None = None
         self._unseen = self._bullet.createVisualShape(
             self._bullet.GEOM_SPHERE, radius=1e-6, rgbaColor=[0.0] * 4, physicsClientId=self._client
@@ -109,15 +110,22 @@ class BulletWorld:
         if self._client < 0:
             raise ConfigError("this bullet world is closed; make another")
 
-    def show(self, snapshot: Snapshot) -> None:
+    def show(self, snapshot: Snapshot, *, parked: bool = True) -> None:
         """Put the road users of an instant in their places.
+
+        Args:
+            snapshot: the instant.
+            parked: whether the scene's parked cars are there, too.
 
         Raises:
             ConfigError: the world is closed.
         """
         self._require_open()
-        if snapshot is self._shown:
+        if (snapshot, parked) == self._given:
             return
+        self._given = (snapshot, parked)
+        if parked:
+            snapshot = snapshot.joined(self._scene.parked)
         users = place_users(snapshot, self._scene.origin)
         sizes = map(tuple, np.linalg.norm(users.frames, axis=1).round(6).tolist())
         looks = dict(zip(snapshot.ids, zip(users.models.tolist(), sizes, strict=True), strict=True))
@@ -137,7 +145,12 @@ class BulletWorld:
         self._shown = snapshot
 
     def render(
-        self, snapshot: Snapshot, cameras: Iterable[Camera], outputs: Sequence[str] = ("rgb",)
+        self,
+        snapshot: Snapshot,
+        cameras: Iterable[Camera],
+        outputs: Sequence[str] = ("rgb",),
+        *,
+        parked: bool = True,
     ) -> tuple[Picture, ...]:
         """Draw one instant through each camera with pybullet's own software renderer.
 
@@ -145,7 +158,7 @@ class BulletWorld:
             ConfigError: an output has no such name, or a camera's lens bends.
         """
         wanted = check_outputs(outputs, bullet=True)
-        self.show(snapshot)
+        self.show(snapshot, parked=parked)
         return tuple(self._picture(camera, wanted) for camera in cameras)
 
     def cast_rays(self, starts: Floats, ends: Floats) -> Hits:
@@ -169,12 +182,17 @@ class BulletWorld:
         return Hits(np.where(bodies >= 0, share * length, np.inf), semantic, instance)
 
     def contacts(self, distance: float = 0.0) -> tuple[Contact, ...]:
-        """List the road users whose convex hulls come this near (metres) at the instant shown last."""
+        """List the road users whose convex hulls come this near (metres) at the instant shown last.
+
+        Parked cars are asked for who comes near them, not for each other.
+        """
         self._require_open()
         if self._shown is None:
             return ()
         found = []
         for i, k in _near_pairs(place_users(self._shown, self._scene.origin), distance):
+            if (self._shown.lights[[i, k]] == Lights.OFF).all():
+                continue
             first, second = self._shown.ids[i], self._shown.ids[k]
             points = self._bullet.getClosestPoints(
                 self._bodies[first][1], self._bodies[second][1], distance, physicsClientId=self._client

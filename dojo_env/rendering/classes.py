@@ -45,11 +45,13 @@ class Surface(IntEnum):
     FOLIAGE = 7
     WATER = 8
     METAL = 9
+    GLASS = 10
 
 
 LAYERS = {
     "terrain": (Semantic.TERRAIN, Surface.GRASS, (104, 128, 78)),
     "road": (Semantic.ROAD, Surface.ASPHALT, (92, 91, 89)),
+    "road/parking": (Semantic.ROAD, Surface.ASPHALT, (104, 103, 101)),
     "junction": (Semantic.ROAD, Surface.ASPHALT, (90, 89, 87)),
     "rail": (Semantic.RAIL, Surface.BALLAST, (112, 101, 90)),
     "sidewalk": (Semantic.SIDEWALK, Surface.PAVING, (168, 164, 156)),
@@ -65,8 +67,11 @@ LAYERS = {
     "building/sign": (Semantic.BUILDING, Surface.METAL, (140, 142, 144)),
     "building/sign/rim": (Semantic.BUILDING, Surface.PLAIN, (196, 40, 36)),
     "building/sign/face": (Semantic.BUILDING, Surface.PLAIN, (240, 240, 238)),
+    "building/shelter": (Semantic.BUILDING, Surface.METAL, (86, 92, 98)),
+    "building/shelter/glass": (Semantic.BUILDING, Surface.GLASS, (190, 206, 210)),
     "tree": (Semantic.TREE, Surface.FOLIAGE, (66, 104, 52)),
     "tree/hedge": (Semantic.TREE, Surface.FOLIAGE, (58, 94, 46)),
+    "tree/leaves": (Semantic.TREE, Surface.FOLIAGE, (78, 118, 58)),
     "tree/trunk": (Semantic.TREE, Surface.PLAIN, (92, 74, 58)),
     "terrain/green": (Semantic.TERRAIN, Surface.GRASS, (92, 122, 66)),
     "terrain/water": (Semantic.WATER, Surface.WATER, (70, 100, 120)),

@@ -20,8 +20,8 @@ _COARSER = 3.0
 _BODY, _GLASS, _HEADLAMP, _BRAKE, _LEFT, _RIGHT, _BLUE = (
     int(part) for part in (Part.BODY, Part.GLASS, Part.HEADLAMP, Part.BRAKE, Part.LEFT, Part.RIGHT, Part.BLUE)
 )
-_LIT_BRAKE, _LIT_LEFT, _LIT_RIGHT, _LIT_BLUE = (
-    int(light) for light in (Lights.BRAKE, Lights.LEFT, Lights.RIGHT, Lights.BLUE)
+_LIT_BRAKE, _LIT_LEFT, _LIT_RIGHT, _LIT_BLUE, _OFF = (
+    int(light) for light in (Lights.BRAKE, Lights.LEFT, Lights.RIGHT, Lights.BLUE, Lights.OFF)
 )
 _PALETTE = to_linear(
     np.array(
@@ -246,7 +246,8 @@ def _shade_face(users, k, models, face, height, inside, veil, light, plain, shad
     """Light a face: what it emits, or sun and sky on its colour and what it mirrors of them; then fog."""
     part = models.parts[face]
     own = _OWN[part]
-    glow = _emission(part, users.lights[k], light[WEATHER, 0])
+    lights = users.lights[k]
+    glow = -1.0 if lights & _OFF else _emission(part, lights, light[WEATHER, 0])
     square = facing = level = 0.0
     seen = -models.planes[face, 3]
     for axis in range(3):

@@ -9,9 +9,11 @@ from dojo_env.camera import Camera
 from dojo_env.rendering.background import Background, draw_background
 from dojo_env.rendering.canvas import Canvas
 from dojo_env.rendering.lighting import Light
+from dojo_env.rendering.parked import Parked, park_cars
 from dojo_env.rendering.scene import Scene
 from dojo_env.rendering.target import Target
 from dojo_env.rendering.view import View, view_of
+from dojo_env.snapshot import Snapshot
 
 Places = NDArray[np.float32]
 
@@ -24,6 +26,7 @@ class Eye:
         view: the straight view that frames are drawn in; larger than the picture where a lens bends.
         canvas: what they are drawn into.
         background: what the picture shows where nothing moves, bent by the lens.
+        parked: the cars that stand in the background.
         rows: (h, w) row of the straight view that each pixel of the picture shows; None for a perfect lens.
         columns: (h, w) its column.
     """
@@ -31,6 +34,7 @@ class Eye:
     view: View
     canvas: Canvas
     background: Background
+    parked: Parked
     rows: NDArray[np.intp] | None = None
     columns: NDArray[np.intp] | None = None
 
@@ -46,17 +50,27 @@ class Eye:
         )
 
 
-def open_eye(scene: Scene, camera: Camera, light: Light, factor: int, *, samples: int, plain: bool) -> Eye:
-    """Draw a camera's background, `factor` pixels wide and high for each of its own.
+def open_eye(
+    scene: Scene, cars: Snapshot, camera: Camera, light: Light, factor: int, *, samples: int, plain: bool
+) -> Eye:
+    """Draw a camera's background.
 
-    Each of these has `samples` across and down. What moves is drawn more cheaply where the look is `plain`.
+    Args:
+        scene: the static world.
+        cars: that are parked in it.
+        camera: the camera.
+        light: what shines on it.
+        factor: pixels across and down for each of the camera's own.
+        samples: that each of these has across and down.
+        plain: road users are drawn more cheaply.
     """
     view = view_of(camera, scene.origin).scaled(factor)
     if not camera.distortion:
-        background = draw_background(scene, view, light, samples)
-        return Eye(
-            view=view, canvas=Canvas(view, background.depths, light, plain=plain), background=background
+        background, parked = park_cars(
+            draw_background(scene, view, light, samples), cars, scene.origin, view, light, plain=plain
         )
+        canvas = Canvas(view, background.depths, light, plain=plain)
+        return Eye(view=view, canvas=canvas, background=background, parked=parked)
     from dojo_env.rendering.lens import bend_background, straightened  # noqa: PLC0415 - OpenCV is large; few need it
 
     x, y = straightened(camera, view)
@@ -67,12 +81,15 @@ def open_eye(scene: Scene, camera: Camera, light: Light, factor: int, *, samples
         height=view.height + top + bottom,
         width=view.width + left + right,
     )
-    straight = draw_background(scene, wide, light, samples)
+    straight, parked = park_cars(
+        draw_background(scene, wide, light, samples), cars, scene.origin, wide, light, plain=plain
+    )
     x, y = x + np.float32(left), y + np.float32(top)
     return Eye(
         view=wide,
         canvas=Canvas(wide, straight.depths, light, plain=plain),
         background=bend_background(straight, x, y),
+        parked=parked,
         rows=np.clip(np.floor(y).astype(np.intp), 0, wide.height - 1),
         columns=np.clip(np.floor(x).astype(np.intp), 0, wide.width - 1),
     )

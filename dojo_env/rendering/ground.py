@@ -11,10 +11,9 @@ import numpy as np
 
 from dojo_env.rendering.compiling import inner, kernel
 from dojo_env.rendering.raster import STATIC
-from dojo_env.rendering.target import keep_span
+from dojo_env.rendering.target import LEVELS, keep_span
+from dojo_env.snapshot import Lights
 
-LEVELS = 31
-"""Steps from none to full shadow, contact or light; each takes five bits of a tag."""
 BEAM_LENGTH = 22.0
 """How far head lamps reach, metres."""
 _HEIGHT_REACH = 0.8
@@ -29,6 +28,7 @@ _BEAM_FOOT, _BEAM_SPREAD = 1.3, 0.2
 """Half width of the light at the nose, and what it gains each metre."""
 _NARROW = 0.7
 """Road users narrower than this have no head lamps, metres."""
+_OFF = int(Lights.OFF)
 _EDGES = np.array(
     [(0, 1), (1, 3), (3, 2), (2, 0), (4, 5), (5, 7), (7, 6), (6, 4), (0, 4), (1, 5), (2, 6), (3, 7)]
 )
@@ -58,7 +58,7 @@ def draw_on_ground(near, users, profiles, sun, headlights, plain, view, target):
         if plain and shadows:
             shadows = 1
         _fill(False, shadows, prisms, corners, plane, view, seen, bounds, target)
-        if headlights and plane[6, 1] > _NARROW:
+        if headlights and plane[6, 1] > _NARROW and not users.lights[k] & _OFF:
             for corner in range(8):
                 far = corner >> 2
                 half = _BEAM_FOOT + far * _BEAM_SPREAD * BEAM_LENGTH

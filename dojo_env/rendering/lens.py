@@ -52,4 +52,5 @@ def bend_background(straight: Background, x: Places, y: Places) -> Background:
         headlit=headlit,
         depths=straight.depths[rows, columns],
         semantics=straight.semantics[rows, columns],
+        instances=straight.instances[rows, columns],
     )

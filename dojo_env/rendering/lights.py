@@ -8,10 +8,8 @@ from dojo_env.rendering.compiling import inner, kernel
 from dojo_env.rendering.lighting import SRGB
 from dojo_env.rendering.raster import NEARER, draw_face
 from dojo_env.rendering.scene import LAMP_COLOURS
-from dojo_env.rendering.target import project, touch, turn
+from dojo_env.rendering.target import LAMP, PATH, project, touch, turn
 
-LAMP, PATH = -1, -2
-"""Owners of faces that belong to no road user."""
 _LAMP_RADIUS, _LAMP_CORNERS, _LAMP_OUT = 0.115, 12, 0.015
 """A lit lamp lies this far before the unlit one, metres."""
 _LEAST_LAMP, _SMALL_LAMP = 1.2, 2.5

@@ -31,10 +31,8 @@ def encode_masks(instance: Ints, numbers: Ints) -> Shown:
         instance: (h, w) the number of the road user that each pixel shows.
         numbers: (k,) whose masks are wanted.
     """
-    places = np.full(int(instance.max(initial=0)) + 1, -1, np.int32)
-    known = numbers < len(places)
-    places[numbers[known]] = np.flatnonzero(known)
-    pixels, boxes = _measure(instance, places, len(numbers))
+    order = np.argsort(numbers)
+    pixels, boxes = _measure(instance, numbers[order], order)
     sides = boxes[:, 2:] - boxes[:, :2]
     # A column begins at most one run a pixel, and one more; a count takes at most six letters.
     most = int((sides[:, 0] * (sides[:, 1] + 1)).max(initial=0)) + 2
@@ -47,15 +45,18 @@ def encode_masks(instance: Ints, numbers: Ints) -> Shown:
 
 
 @kernel
-def _measure(instance, places, count):
-    """Count the pixels of each number, and find the box they lie in."""
+def _measure(instance, known, order):
+    """Count the pixels of each number, of which `known` holds all in order, and find the box they lie in."""
     height, width = instance.shape
-    pixels, boxes = np.zeros(count, np.int32), np.zeros((count, 4), np.int32)
+    pixels, boxes = np.zeros(len(order), np.int32), np.zeros((len(order), 4), np.int32)
+    last, place = 0, len(known)
     for row in range(height):
         for column in range(width):
             number = instance[row, column]
-            if number > 0 and places[number] >= 0:
-                k = places[number]
+            if number != last:
+                last, place = number, np.searchsorted(known, number)
+            if place < len(known) and known[place] == number:
+                k = order[place]
                 if pixels[k] == 0:
                     boxes[k, 0], boxes[k, 1] = column, row
                 pixels[k] += 1

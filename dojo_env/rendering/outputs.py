@@ -19,10 +19,7 @@ from dojo_env.rendering.boxes import Boxes, measure_boxes
 from dojo_env.rendering.classes import SEMANTIC_OF_KIND, Semantic
 from dojo_env.rendering.compiling import kernel
 from dojo_env.rendering.eye import Eye
-from dojo_env.rendering.ground import LEVELS
-from dojo_env.rendering.lights import LAMP
-from dojo_env.rendering.raster import STATIC
-from dojo_env.rendering.target import Target
+from dojo_env.rendering.target import Target, label, resolve
 from dojo_env.rendering.traffic import Users
 from dojo_env.snapshot import Snapshot
 
@@ -134,7 +131,7 @@ def check_outputs(names: Iterable[str], *, bullet: bool = False) -> frozenset[st
 def _paint(drawing: Drawing) -> NDArray[np.uint8]:
     target, background = drawing.target, drawing.eye.background
     picture = background.lit.copy()
-    _resolve(target.tags, target.spans, target.shades, background.shaded, background.headlit, picture)
+    resolve(target.tags, target.spans, target.shades, background.shaded, background.headlit, picture)
     return picture if drawing.factor == 1 else _averaged(picture)
 
 
@@ -146,27 +143,26 @@ def _depth(drawing: Drawing) -> NDArray[np.float32]:
 def _semantic(drawing: Drawing) -> NDArray[np.uint8]:
     classes = np.append(SEMANTIC_OF_KIND[drawing.snapshot.kinds], np.uint8(Semantic.SIGNAL))
     target = drawing.target
-    return _label(target.tags, target.owners, classes, drawing.eye.background.semantics)
+    return label(target.tags, target.owners, classes, drawing.eye.background.semantics)
 
 
 def _instance(drawing: Drawing) -> NDArray[np.int32]:
     target = drawing.target
     numbers = np.append(drawing.snapshot.numbers, np.int32(0))
-    return _label(target.tags, target.owners, numbers, np.zeros_like(target.tags))
+    return label(target.tags, target.owners, numbers, drawing.eye.background.instances)
 
 
 def _boxes(drawing: Drawing) -> Boxes:
-    alone = partial(drawing.eye.canvas.count_pixels, drawing.users)
-    return measure_boxes(drawing.target, alone, drawing.users, drawing.snapshot, drawing.camera)
+    eye, users = drawing.eye, drawing.users
+    alone = partial(eye.canvas.count_pixels, users)
+    seen = (drawing.target, eye.background.instances)
+    return measure_boxes(seen, alone, users, drawing.snapshot, eye.parked, drawing.camera)
 
 
 def _bullet_depth(drawing: BulletDrawing) -> NDArray[np.float32]:
     near, far = drawing.camera.near, drawing.camera.far
     return (far * near / (far - (far - near) * drawing.buffer)).astype(np.float32)
 
-
-_CONTACT = 0.72
-"""Share of the light that a road user keeps from the ground right under it."""
 
 OUTPUTS: Mapping[str, Output] = MappingProxyType(
     {
@@ -220,37 +216,3 @@ def _averaged(fine):
                         total += fine[row * SAMPLES + i, column * SAMPLES + j, c]
                 picture[row, column, c] = total // SAMPLES**2
     return picture
-
-
-@kernel
-def _resolve(tags, spans, shades, shaded, headlit, picture):
-    """Put the colours of what moves, of shadows and of head lamps into a copy of the lit background."""
-    for row in range(tags.shape[0]):
-        for column in range(spans[row, 0], spans[row, 1]):
-            tag = tags[row, column]
-            if tag == STATIC:
-                continue
-            if tag >= 0:
-                for c in range(3):
-                    picture[row, column, c] = shades[tag, c]
-            else:
-                held = STATIC - tag
-                shadow, light = (held & LEVELS) / LEVELS, (held >> 10) / LEVELS
-                left = 1.0 - _CONTACT * (held >> 5 & LEVELS) / LEVELS
-                for c in range(3):
-                    plain = float(picture[row, column, c])
-                    value = (plain + shadow * (shaded[row, column, c] - plain)) * left
-                    value += light * (headlit[row, column, c] - plain)
-                    picture[row, column, c] = int(min(255.0, max(0.0, value)) + 0.5)
-
-
-@kernel
-def _label(tags, owners, values, background):
-    """Give every pixel of a road user its value; a lamp has the last one, anything else the background's."""
-    labels = background.copy()
-    for row in range(tags.shape[0]):
-        for column in range(tags.shape[1]):
-            tag = tags[row, column]
-            if tag >= 0 and owners[tag] >= LAMP:
-                labels[row, column] = values[owners[tag]]
-    return labels

@@ -20,6 +20,9 @@ _Passes = Sequence[tuple[int, Sequence[_Maker]]]
 """How a camera is drawn: samples a pixel has across and down, and the outputs made of each drawing."""
 
 
+_NOBODY = Snapshot(time=0.0)
+
+
 class Renderer:
     """Draws snapshots of one scene under one state of light and weather."""
 
@@ -53,10 +56,15 @@ class Renderer:
         self._light = compute_light(conditions or Conditions())
         self._rain = conditions.rain if conditions else 0.0
         self._faces = SignalFaces(scene)
-        self._eyes: dict[tuple[Camera, int], Eye] = {}
+        self._eyes: dict[tuple[Camera, int, bool], Eye] = {}
 
     def render(
-        self, snapshot: Snapshot, cameras: Iterable[Camera], outputs: Sequence[str] = ("rgb",)
+        self,
+        snapshot: Snapshot,
+        cameras: Iterable[Camera],
+        outputs: Sequence[str] = ("rgb",),
+        *,
+        parked: bool = True,
     ) -> tuple[Picture, ...]:
         """Draw one instant through each camera.
 
@@ -64,13 +72,14 @@ class Renderer:
             snapshot: the instant.
             cameras: one picture each, in this order.
             outputs: names of `OUTPUTS`.
+            parked: whether the scene's parked cars are there, too.
 
         Raises:
             ConfigError: an output has no such name.
         """
         passes = _plan(tuple(outputs), smooth=self.smooth)
         users = place_users(snapshot, self.scene.origin, rain=self._rain)
-        return tuple(self._picture(snapshot, users, camera, passes) for camera in cameras)
+        return tuple(self._picture(snapshot, users, camera, passes, parked) for camera in cameras)
 
     def forget(self, cameras: Iterable[Camera] | None = None) -> None:
         """Drop the backgrounds of cameras that are no longer used; of all if none are named."""
@@ -82,24 +91,29 @@ class Renderer:
         """Forget every background; the renderer may still be used."""
         self.forget()
 
-    def _picture(self, snapshot: Snapshot, users: Users, camera: Camera, passes: _Passes) -> Picture:
+    def _picture(
+        self, snapshot: Snapshot, users: Users, camera: Camera, passes: _Passes, parked: bool
+    ) -> Picture:
         made: dict[str, Any] = {}
         for factor, makers in passes:
-            drawing = self._draw(snapshot, users, camera, factor)
+            drawing = self._draw(snapshot, users, self._open(camera, factor, parked), camera, factor)
             for name, make in makers:
                 made[name] = make(drawing)
         return Picture(camera=camera, outputs=made)
 
-    def _draw(self, snapshot: Snapshot, users: Users, camera: Camera, factor: int) -> Drawing:
-        """Fill the visibility buffer."""
-        key = (camera, factor)
-        eye = self._eyes.get(key)
-        if eye is None:
+    def _open(self, camera: Camera, factor: int, parked: bool) -> Eye:
+        key = (camera, factor, parked)
+        if key not in self._eyes:
             # Where pictures are smooth, their samples are pixels, and others show no colours.
             samples = 1 if self.smooth else SAMPLES
-            eye = self._eyes[key] = open_eye(
-                self.scene, camera, self._light, factor, samples=samples, plain=self.look == "plain"
+            cars = self.scene.parked if parked else _NOBODY
+            self._eyes[key] = open_eye(
+                self.scene, cars, camera, self._light, factor, samples=samples, plain=self.look == "plain"
             )
+        return self._eyes[key]
+
+    def _draw(self, snapshot: Snapshot, users: Users, eye: Eye, camera: Camera, factor: int) -> Drawing:
+        """Fill the visibility buffer."""
         states = tuple(snapshot.signals.items())
         paths = self._faces.paths(states) if self.show_links else NO_PATHS
         target = eye.bend(eye.canvas.draw(users, self._faces.lit(states), paths))

@@ -9,9 +9,11 @@ from zlib import crc32
 import numpy as np
 from numpy.typing import NDArray
 
+from dojo_env.parked_cars import list_parked
 from dojo_env.rendering.classes import LAYERS, OTHER_LAYER, Semantic, Surface
 from dojo_env.rendering.lanes import lane_pieces
 from dojo_env.rendering.lighting import to_linear
+from dojo_env.snapshot import Snapshot
 from dojo_maps.bundle import Bundle
 from dojo_maps.description import LinkKind, RoadMap, Signal
 
@@ -58,6 +60,7 @@ class Scene:
         things: (m, 3) of the thing that each face belongs to: its lowest and highest place, metres, and a
             number of its own from 0 to 1.
         lanes: (k, 10) pieces of lanes, see `LaneMap`.
+        parked: the cars that stand in it; they are no part of its meshes.
     """
 
     road_map: RoadMap
@@ -70,6 +73,7 @@ class Scene:
     colours: NDArray[np.float32]
     things: NDArray[np.float32]
     lanes: Floats
+    parked: Snapshot
 
     @property
     def ground(self) -> float:
@@ -77,8 +81,12 @@ class Scene:
         return float(self.vertices[:, 2].min()) if len(self.vertices) else 0.0
 
 
-def build_scene(bundle: Bundle) -> Scene:
+def build_scene(bundle: Bundle, *, parked: bool = True) -> Scene:
     """Read a bundle's meshes and tell what each face is.
+
+    Args:
+        bundle: the map.
+        parked: whether cars stand parked where it has them.
 
     Raises:
         DescriptionError: the bundle's scene is missing or broken.
@@ -112,6 +120,7 @@ def build_scene(bundle: Bundle) -> Scene:
         colours=np.concatenate(colours),
         things=np.concatenate(things),
         lanes=lane_pieces(bundle.road_map),
+        parked=list_parked(bundle.road_map) if parked else Snapshot(time=0.0),
     )
 
 
@@ -167,6 +176,9 @@ class Lamps(NamedTuple):
     centres: Floats
     directions: Floats
     colours: NDArray[np.int32]
+
+
+NO_LAMPS = Lamps(centres=np.empty((0, 3)), directions=np.empty((0, 3)), colours=np.empty(0, dtype=np.int32))
 
 
 class Paths(NamedTuple):

@@ -18,6 +18,8 @@ LAMP_HEIGHT = 8.0
 _SHADOW_BIAS = 0.1
 _NEAR_GROUND = 0.35
 """Height of the surroundings above a place that closes it in fully, metres."""
+_BEFORE = 0.9
+"""How far before a wall its surroundings are looked at, so that it is not among them, metres."""
 _CLOSED_IN = 0.35
 """Share of the sky that such a place loses."""
 _BARE = (0.14, 0.21, 0.076)
@@ -35,7 +37,7 @@ _INDOORS = 0.6
 """Share of the sky's light that reaches what hangs or stands behind a pane."""
 _STREET = 0.16
 """What panes mirror where they do not show the sky, as a share of its light."""
-_GRASS, _ASPHALT, _PAVING, _PAINT, _BALLAST, _FACADE, _FOLIAGE, _WATER = 1, 2, 3, 4, 5, 6, 7, 8
+_GRASS, _ASPHALT, _PAVING, _PAINT, _BALLAST, _FACADE, _FOLIAGE, _WATER, _GLASS = 1, 2, 3, 4, 5, 6, 7, 8, 10
 _SUN, _SUN_COLOUR, _SKY_COLOUR, _GROUND_COLOUR, _ZENITH, _HORIZON, _WEATHER = range(7)
 """Rows of the packed light; the last holds head lamps, wetness and fog."""
 
@@ -151,6 +153,8 @@ def _shade_sample(face, depth, u, v, view, world, scratch, lane, shown):
             normal[axis] = -normal[axis]
     surface = world.surfaces[face] if face >= 0 else _GRASS
     pixel = distance / view.lens[0]
+    if surface == _FOLIAGE:
+        textures.ruffle(place[0], place[1], place[2], pixel, normal)
     tone, pane = _tone(surface, face, place, normal, pixel, world, lane)
     if pane >= 0.0:
         _show_pane(pane, tone, normal, ray, world.light, shown)
@@ -215,7 +219,7 @@ def _light_surface(face, tone, place, normal, world, shown):
     headlights = light[_WEATHER, 0]
     facing = normal[0] * light[_SUN, 0] + normal[1] * light[_SUN, 1] + normal[2] * light[_SUN, 2]
     reached = facing * _sunlit(place, normal, facing, world.sun) if facing > 0.02 else 0.0
-    over = _lookup(world.around, place[0], place[1]) - place[2]
+    over = _lookup(world.around, place[0] + _BEFORE * normal[0], place[1] + _BEFORE * normal[1]) - place[2]
     open_sky = 1.0 - _CLOSED_IN * min(1.0, max(0.0, over / _NEAR_GROUND))
     up = 0.5 + 0.5 * normal[2]
     lamps = headlights * _lamp_light(place, normal, world.lamps) if headlights > 0.0 else 0.0
@@ -246,7 +250,8 @@ def _tone(surface, face, place, normal, pixel, world, lane):
     elif surface == _BALLAST:
         tone = textures.ballast(x, y, pixel)
     elif surface == _FOLIAGE:
-        tone = textures.foliage(x, y, z, pixel) * (0.75 + 0.25 * normal[2])
+        high = (z - world.things[face, 0]) / max(1.0, world.things[face, 1] - world.things[face, 0])
+        tone = textures.foliage(x, y, z, pixel) * (0.62 + 0.43 * high)
     elif surface == _FACADE and normal[2] > 0.2:
         across = sqrt(max(1e-6, 1.0 - normal[2] ** 2))
         tone = (
@@ -255,6 +260,8 @@ def _tone(surface, face, place, normal, pixel, world, lane):
     elif surface == _FACADE:
         foot, top, number = world.things[face, 0], world.things[face, 1], world.things[face, 2]
         tone, pane = textures.facade(along, z - foot, top - z, number, pixel)
+    elif surface == _GLASS:
+        pane = 0.2
     if level:
         tone *= 1.0 - (0.2 if surface == _PAINT else 0.45) * world.light[_WEATHER, 1]
     return max(0.05, tone), pane

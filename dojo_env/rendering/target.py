@@ -1,4 +1,4 @@
-"""What frames are drawn into, and how places get there: the visibility buffer and the way to the screen."""
+"""What frames are drawn into: the visibility buffer, the way to it, and what is made of it."""
 
 from typing import NamedTuple
 
@@ -7,6 +7,13 @@ from numpy.typing import NDArray
 
 from dojo_env.rendering.compiling import inner, kernel
 from dojo_env.rendering.raster import STATIC
+
+LAMP, PATH = -1, -2
+"""Owners of faces that belong to no road user."""
+LEVELS = 31
+"""Steps from none to full shadow, contact or light; each takes five bits of a tag."""
+_CONTACT = 0.72
+"""Share of the light that a road user keeps from the ground right under it."""
 
 
 class Target(NamedTuple):
@@ -81,3 +88,37 @@ def turn(place, view, seen):
     x, y, z = place[0] - view.eye[0], place[1] - view.eye[1], place[2] - view.eye[2]
     for row in range(3):
         seen[row] = view.axes[row, 0] * x + view.axes[row, 1] * y + view.axes[row, 2] * z
+
+
+@kernel
+def resolve(tags, spans, shades, shaded, headlit, picture):
+    """Put the colours of what moves, of shadows and of head lamps into a copy of the lit background."""
+    for row in range(tags.shape[0]):
+        for column in range(spans[row, 0], spans[row, 1]):
+            tag = tags[row, column]
+            if tag == STATIC:
+                continue
+            if tag >= 0:
+                for c in range(3):
+                    picture[row, column, c] = shades[tag, c]
+            else:
+                held = STATIC - tag
+                shadow, light = (held & LEVELS) / LEVELS, (held >> 10) / LEVELS
+                left = 1.0 - _CONTACT * (held >> 5 & LEVELS) / LEVELS
+                for c in range(3):
+                    plain = float(picture[row, column, c])
+                    value = (plain + shadow * (shaded[row, column, c] - plain)) * left
+                    value += light * (headlit[row, column, c] - plain)
+                    picture[row, column, c] = int(min(255.0, max(0.0, value)) + 0.5)
+
+
+@kernel
+def label(tags, owners, values, background):
+    """Give every pixel of a road user its value; a lamp has the last one, anything else the background's."""
+    labels = background.copy()
+    for row in range(tags.shape[0]):
+        for column in range(tags.shape[1]):
+            tag = tags[row, column]
+            if tag >= 0 and owners[tag] >= LAMP:
+                labels[row, column] = values[owners[tag]]
+    return labels

@@ -296,6 +296,21 @@ def foliage(x, y, z, pixel):
 
 
 @kernel
+def ruffle(x, y, z, pixel, normal):
+    """Turn the normal of a crown as leaves do: every which way, so that no face is seen as one."""
+    strength = 1.5 * _shown(2.2 * pixel)
+    if strength == 0.0:
+        return
+    u, v, w = 3.1 * (x + 0.5 * z), 3.1 * (y - 0.5 * z), 2.3 * (z - 0.5 * x + 0.3 * y)
+    normal[0] += strength * (_smooth_noise(u, v + 40.0) - 0.5)
+    normal[1] += strength * (_smooth_noise(v, w + 80.0) - 0.5)
+    normal[2] += strength * (_smooth_noise(w, u) - 0.4)
+    length = sqrt(normal[0] ** 2 + normal[1] ** 2 + normal[2] ** 2)
+    for axis in range(3):
+        normal[axis] /= max(1e-6, length)
+
+
+@kernel
 def clouds(x, y):
     """Share of thin clouds that hides the sky at a place far above."""
     return min(0.85, max(0.0, 2.2 * _layered_noise(x, y, 0.0) + 0.12))

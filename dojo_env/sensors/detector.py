@@ -100,6 +100,7 @@ class _MountedDetector(Sensor):
             good = (boxes.pixels >= self._settings.least_pixels) & (
                 boxes.visible >= self._settings.least_visible
             )
+            good &= ~boxes.parked
             found.update(dict.fromkeys(name for name, ok in zip(boxes.ids, good, strict=True) if ok))
         kept = self._random.random(len(found)) >= self._settings.missed
         return {name for name, ok in zip(found, kept, strict=True) if ok}

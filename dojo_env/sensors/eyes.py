@@ -5,7 +5,7 @@ Drawing needs a compiler in memory, so its modules are loaded when somebody look
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import TYPE_CHECKING
 
 from dojo_env.camera import Camera
@@ -45,7 +45,7 @@ class Eyes:
         """The static world."""
         from dojo_env.rendering.scene import build_scene
 
-        return build_scene(self._bundle)
+        return build_scene(self._bundle, parked=self.config.parked)
 
     def reset(self, seed: int) -> None:
         """Begin an episode: draw its conditions and its camera body, unless they are fixed."""
@@ -85,14 +85,16 @@ class Eyes:
         outputs: Sequence[str] = ("rgb",),
         *,
         viewer: str = "agent",
+        parked: bool = True,
     ) -> "tuple[Picture, ...]":
         """Draw an instant through each camera, with all that the episode's conditions do to it.
 
         Lenses remember what they delivered, so who looks at other times than the agent needs lenses of its
-        own: another `viewer`.
+        own: another `viewer`. Without what is `parked`, roads without road users are empty.
         """
-        pictures = self._draws.render(snapshot, [self._mount(camera) for camera in cameras], outputs)
-        return tuple(self._delivered(picture, snapshot, viewer) for picture in pictures)
+        hung = [self._mount(camera) for camera in cameras]
+        pictures = self._draws.render(snapshot, hung, outputs, parked=parked)
+        return tuple(self._delivered(picture, snapshot, viewer, parked=parked) for picture in pictures)
 
     @property
     def _draws(self) -> "Renderer | BulletWorld":
@@ -121,12 +123,13 @@ class Eyes:
             (self._hung[camera],) = shake_cameras([camera], self.conditions)
         return self._hung[camera]
 
-    def _delivered(self, picture: "Picture", snapshot: Snapshot, viewer: str) -> "Picture":
+    def _delivered(self, picture: "Picture", snapshot: Snapshot, viewer: str, *, parked: bool) -> "Picture":
         """Make of a perfect picture what its camera delivers."""
         if picture.rgb is not None and self.imaging.takes_time:
             from dojo_env.sensors.shutter import expose
 
-            picture = expose(self._draw_colours, snapshot, picture, self.imaging)
+            draw = partial(self._draw_colours, parked=parked)
+            picture = expose(draw, snapshot, picture, self.imaging)
         if self.conditions.sway_deg:
             from dojo_env.sensors.mounts import sway
 
@@ -140,7 +143,7 @@ class Eyes:
         spoilt = self._lenses[viewer].spoil(picture.rgb, picture.camera, snapshot.time)
         return replace(picture, outputs={**picture.outputs, "rgb": spoilt})
 
-    def _draw_colours(self, snapshot: Snapshot, camera: Camera) -> "NDArray[np.uint8]":
-        (picture,) = self._draws.render(snapshot, [camera])
+    def _draw_colours(self, snapshot: Snapshot, camera: Camera, *, parked: bool) -> "NDArray[np.uint8]":
+        (picture,) = self._draws.render(snapshot, [camera], parked=parked)
         colours: NDArray[np.uint8] = picture.rgb
         return colours

@@ -142,6 +142,7 @@ class LidarScanner:
 
     def scan(self, snapshot: Snapshot, lidars: Sequence[Lidar]) -> tuple[Scan, ...]:
         """Scan one instant with each lidar."""
+        snapshot = snapshot.joined(self._scene.parked)
         users = place_users(snapshot, self._scene.origin)
         return tuple(self._scan(snapshot, users, lidar) for lidar in lidars)
 

@@ -1,7 +1,7 @@
 """What there is to control at a signal: its green phases, its links, and the times its changes need."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -63,6 +63,7 @@ class SignalPlan:
         greens: those of that program, in its order.
         starts: for each phase of that program, the seconds from the begin of its first green.
         changes: what differs from the network's own program, for people to read.
+        rules: the constraints that hold for all who control it.
     """
 
     signal: str
@@ -85,6 +86,7 @@ class SignalPlan:
     greens: tuple[Green, ...] = ()
     starts: tuple[float, ...] = ()
     changes: tuple[str, ...] = ()
+    rules: SignalConfig = field(default_factory=SignalConfig)
 
 
 def build_plan(road_map: RoadMap, signal: Signal, config: SignalConfig) -> SignalPlan:
@@ -147,6 +149,7 @@ def build_plan(road_map: RoadMap, signal: Signal, config: SignalConfig) -> Signa
             for number, (old, new) in enumerate(zip(wanted, safe, strict=True))
             if old != new
         ),
+        rules=config,
     )
 
 

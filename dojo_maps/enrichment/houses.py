@@ -78,13 +78,13 @@ def generate_houses(near: Vicinity) -> tuple[Prop, ...]:
     )
 
 
-def generate_forecourts(near: Vicinity, houses: Shapes) -> tuple[Sidewalk, ...]:
-    """Pave what lies between the street and houses that stand wall to wall, in parts without holes."""
+def generate_forecourts(near: Vicinity, houses: Shapes, bays: Shapes) -> tuple[Sidewalk, ...]:
+    """Pave what lies between the street, its bays, and houses wall to wall, in parts without holes."""
     if not len(houses):
         return ()
     rows = shapely.buffer(shapely.multipolygons(houses), FORECOURT + _STRAIGHTENED, join_style="mitre")
     rails = lane_strips([lane for lane in near.road_map.lanes if lane.kind in _NOT_ROAD])
-    paved = shapely.difference(shapely.intersection(rows, near.cleared), shapely.union_all(rails))
+    paved = shapely.difference(shapely.intersection(rows, near.cleared), shapely.union_all([*rails, *bays]))
     parts = flat_polygons(np.array([shapely.set_precision(paved, GRID)]), larger_than=1.0)[0]
     pieces = np.array([piece for part in parts for piece in _without_holes(part)], dtype=object)
     return tuple(

@@ -28,6 +28,12 @@ _SIGNED = 4
 _SIGN_AFTER = 14.0
 """Where along a road its sign stands, metres after the junction."""
 
+_SHELTER_HEIGHT, _SHELTER_HALF, _SHELTER_BEHIND = 2.45, (1.7, 0.6), 1.3
+"""Height of a shelter, half its length and depth, and how far behind the kerb its middle is, metres."""
+_SHELTERS_APART = 25.0
+_STOP_AFTER, _STREETS_WITH_STOPS = 24.0, 0.35
+"""Where along a street an invented stop is, metres, and the share of the streets that have one."""
+
 _TREE_SPACING = 10.0
 _BEHIND_PAVEMENT = 1.2
 """Metres from the pavement's outer edge to a row of trees."""
@@ -64,6 +70,20 @@ class Roadside:
         self._crossings = shapely.STRtree(shapely.make_valid(np.array(crossings, dtype=object)))
         poles = [prop.position[:2] for prop in road_map.props if prop.position is not None]
         self._posts = [shapely.points(np.array(poles).reshape(-1, 2))]
+
+    @property
+    def walls(self) -> Shapes:
+        """Outlines of the houses."""
+        return self._walls.geometries
+
+    @property
+    def posts(self) -> Shapes:
+        """Where posts stand so far."""
+        return np.concatenate(self._posts)
+
+    def keep_off(self, ground: Shapes) -> None:
+        """Let nothing that is put from now on stand on some ground (n,)."""
+        self._driven = shapely.STRtree(np.concatenate([self._driven.geometries, ground]))
 
     def put_lamps(self) -> tuple[Prop, ...]:
         """Put street lamps behind the kerb, about every 30 m; their arms reach over the carriageway."""
@@ -122,6 +142,37 @@ class Roadside:
             )
         )
 
+    def put_shelters(self, stops: Floats) -> tuple[Prop, ...]:
+        """Put shelters with benches on the pavement where buses stop.
+
+        Args:
+            stops: (n, 2) metres, beside the street or on it; where there are none, some are invented.
+        """
+        stands = [
+            self._beside(lane, shape, np.array([at]), _SHELTER_BEHIND)[:2]
+            for lane, shape, at in self._find_stops(stops)
+        ]
+        places = np.concatenate([np.empty((0, 2)), *(spot for spot, _ in stands)])
+        faced = np.concatenate([np.empty(0), *(outward + np.pi for _, outward in stands)])
+        along = np.column_stack([-np.sin(faced), np.cos(faced)]) * _SHELTER_HALF[0]
+        across = np.column_stack([np.cos(faced), np.sin(faced)]) * _SHELTER_HALF[1]
+        corners = [places + a * along + b * across for a, b in ((1, 1), (-1, 1), (-1, -1), (1, -1))]
+        ground = shapely.polygons(np.stack(corners, axis=1))
+        free = self._take(places, apart=_SHELTERS_APART)
+        for things, distance in ((self._driven, 0.1), (self._walls, 0.2), (self._crossings, 1.5)):
+            free[things.query(ground, "dwithin", distance=distance)[0]] = False
+        self._driven = shapely.STRtree(np.concatenate([self._driven.geometries, ground[free]]))
+        return tuple(
+            Prop(
+                id=f"generated:shelter:{x:.1f}:{y:.1f}",
+                kind="shelter",
+                height=_SHELTER_HEIGHT,
+                position=(float(x), float(y), float(z)),
+                tags=(GENERATED, ("heading", f"{np.remainder(heading, 2 * np.pi):.4f}")),
+            )
+            for (x, y, z), heading in zip(self._near.lift(places[free]), faced[free], strict=True)
+        )
+
     def plant_trees(self) -> tuple[Prop, ...]:
         """Plant rows of trees behind the pavement, and some trees in the yards behind houses."""
         rows = self._along(shapely.buffer(self._near.cleared, _BEHIND_PAVEMENT - FORECOURT), _TREE_SPACING)
@@ -159,9 +210,9 @@ class Roadside:
         gates = shapely.buffer(shapely.shortest_line(shapely.centroid(gardens), edge), 1.2)
         open_ground = shapely.union_all([*gates, *self._near.sights, *self._crossings.geometries])
         line = shapely.difference(shapely.intersection(edge, before), open_ground)
-        hedges = shapely.difference(
-            shapely.buffer(line, _HEDGE_HALF, cap_style="flat"), shapely.union_all(self._near.driven)
-        )
+        hedges = shapely.buffer(line, _HEDGE_HALF, cap_style="flat")
+        near = self._driven.geometries[self._driven.query(hedges, "intersects")]
+        hedges = shapely.difference(hedges, shapely.union_all(near))
         parts = flat_polygons(np.array([shapely.set_precision(hedges, GRID)]), larger_than=1.0)[0]
         return tuple(
             Prop(
@@ -174,6 +225,19 @@ class Roadside:
             for ring in self._near.lift_outlines(parts[shapely.get_num_interior_rings(parts) == 0])
         )
 
+    def _find_stops(self, stops: Floats) -> Iterator[tuple[Lane, Points, float]]:
+        """Find the lanes beside which buses stop, and how far along; without any stops, invent some."""
+        lanes = list(self._outer_lanes())
+        lines = [shapely.LineString(shape[:, :2]) for _, shape in lanes]
+        if not len(stops):
+            for (lane, shape), line in zip(lanes, lines, strict=True):
+                if line.length > 3 * _STOP_AFTER and chance("stop", lane.road) < _STREETS_WITH_STOPS:
+                    yield lane, shape, _STOP_AFTER
+        elif lanes:
+            places = shapely.points(stops)
+            for stop, k in zip(places, shapely.STRtree(lines).nearest(places).tolist(), strict=True):
+                yield *lanes[k], float(shapely.line_locate_point(lines[k], stop))
+
     def _outer_lanes(self) -> Iterator[tuple[Lane, Points]]:
         """List each road's outermost lane that vehicles use, with its shape without repeats."""
         found: set[str] = set()
@@ -184,12 +248,14 @@ class Roadside:
                 if len(shape) > 1:
                     yield lane, shape
 
-    def _beside(self, lane: Lane, shape: Points, distances: Floats) -> tuple[Floats, Floats, Floats]:
+    def _beside(
+        self, lane: Lane, shape: Points, distances: Floats, behind: float = _BEHIND_KERB
+    ) -> tuple[Floats, Floats, Floats]:
         """Find places behind a lane's kerb (n, 2), the headings out of the street, and those of the lane."""
         positions, ahead = places_on(shape, distances)
         outward = ahead + (np.pi / 2 if self._near.road_map.left_hand else -np.pi / 2)
         away = np.column_stack([np.cos(outward), np.sin(outward)])
-        return positions[:, :2] + (lane.width / 2 + _BEHIND_KERB) * away, outward, ahead
+        return positions[:, :2] + (lane.width / 2 + behind) * away, outward, ahead
 
     def _take(self, places: Floats, *, apart: float) -> Flags:
         """Choose the places (n, 2) that are free and take them; of those close to each other, the first."""

@@ -66,6 +66,7 @@ _PROPS = {
     "hedge": "vegetation",
     "pole": "pole",
     "lamp": "streetLamp",
+    "parking": "parkingSpace",
 }
 _STOP_LINE = 0.4
 """The width of a stop line, metres."""

@@ -3,7 +3,7 @@
 A piece is a polygon as the description has it, overlaps and all. `arrangement` decides who owns what.
 """
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
 
@@ -21,6 +21,7 @@ class Layer(StrEnum):
     """Surfaces, in the words of scene.glb's node names."""
 
     ROAD = "road"
+    PARKING = "road/parking"
     WALKING_AREA = "walking_area"
     JUNCTION = "junction"
     SIDEWALK = "sidewalk"
@@ -34,6 +35,9 @@ class Layer(StrEnum):
 RAISED = (Layer.WALKING_AREA, Layer.SIDEWALK, Layer.ISLAND)
 """Layers that stand above the carriageway behind a kerb."""
 
+_PARKING = {"parking": Layer.PARKING}
+_OPEN_GROUND = {"water": Layer.WATER, "green": Layer.GREEN}
+"""What props claim, by kind."""
 _MOUTH = 2.0
 """Metres; the wedge between a lane of 3.2 m and a border 30 degrees askew is 1.8 m deep."""
 _POLYGON = 3
@@ -89,10 +93,11 @@ def build_pieces(road_map: RoadMap) -> Pieces:
 def add_pieces(pieces: Pieces, road_map: RoadMap) -> Pieces:
     """Add the claims that give way to the network's own.
 
-    Islands come first, then generated pavement, tracks, water, and green areas.
+    Islands come first, then parking bays, generated pavement, tracks, water, and green areas.
     """
-    claims = [*_island_claims(road_map), *_sidewalk_claims(road_map, Origin.GENERATED)]
-    claims += [*_rail_claims(road_map), *_area_claims(road_map)]
+    claims = [*_island_claims(road_map), *_prop_claims(road_map, _PARKING)]
+    claims += [*_sidewalk_claims(road_map, Origin.GENERATED), *_rail_claims(road_map)]
+    claims += _prop_claims(road_map, _OPEN_GROUND)
     added = _pieces(claims, road_map)
     return replace(
         pieces,
@@ -233,8 +238,8 @@ def _island_claims(road_map: RoadMap) -> Iterator[Claim]:
             yield replace(_ring_claim(Layer.ISLAND, prop.id, prop.polygon), flush=prop.height == 0.0)
 
 
-def _area_claims(road_map: RoadMap) -> Iterator[Claim]:
-    for kind, layer in (("water", Layer.WATER), ("green", Layer.GREEN)):
+def _prop_claims(road_map: RoadMap, layers: Mapping[str, Layer]) -> Iterator[Claim]:
+    for kind, layer in layers.items():
         for prop in road_map.props:
             if prop.kind == kind and prop.polygon is not None:
                 yield _ring_claim(layer, prop.id, prop.polygon, prop.holes)

@@ -1,13 +1,14 @@
 """The scene as binary glTF: +Y up, one node and one material per mesh, the sources of its faces beside it.
 
-Normals are smooth over edges that bend little. At others the corners are stored once for each side, except
-those of pavement, whose solids stay closed for whoever joins corners by their numbers: there the normals are
-those of the tops, which are lit as they lie, and the low kerbs softly.
+Normals are smooth over edges that bend little, and over all of a tree's. At others the corners are stored
+once for each side, except those of pavement, whose solids stay closed for whoever joins corners by their
+numbers: there the normals are those of the tops, which are lit as they lie, and the low kerbs softly.
 """
 
 import json
 import struct
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -26,10 +27,14 @@ COLOURS = {
     "building/sign": (140, 142, 144),
     "building/sign/rim": (196, 40, 36),
     "building/sign/face": (240, 240, 238),
+    "building/shelter": (86, 92, 98),
+    "building/shelter/glass": (190, 206, 210),
     "tree": (70, 108, 56),
     "tree/hedge": (62, 98, 50),
+    "tree/leaves": (82, 122, 62),
     "tree/trunk": (98, 78, 60),
     "road": (74, 77, 82),
+    "road/parking": (92, 92, 94),
     "junction": (78, 81, 86),
     "rail": (112, 101, 90),
     "rail/track": (150, 152, 156),
@@ -47,11 +52,53 @@ COLOURS = {
 }
 """Colours by node name, sRGB."""
 
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Finish:
+    """What a surface is like beside its colour, in glTF's terms: section 3.9 of the specification.
+
+    Attributes:
+        roughness: 0 as a mirror to 1.
+        metallic: 0 or 1.
+        glow: of its colour that it sends out by itself, 0 to 1.
+        alpha: 1 where nothing shines through.
+        two_sided: its faces are seen from behind, too.
+    """
+
+    roughness: float = 0.9
+    metallic: float = 0.0
+    glow: float = 0.0
+    alpha: float = 1.0
+    two_sided: bool = False
+
+
+_GROUND = Finish(roughness=0.95, two_sided=True)
+_METAL, _COATED, _PAINT = Finish(roughness=0.45, metallic=1.0), Finish(roughness=0.5), Finish(roughness=0.7)
+_LAMP = Finish(roughness=0.3, glow=0.7)
+_LEAVES = Finish(roughness=0.8, two_sided=True)
+FINISHES = {
+    "terrain": _GROUND, "road": _GROUND, "junction": _GROUND,
+    "terrain/water": Finish(roughness=0.08, two_sided=True),
+    "building/lamp": _METAL, "building/shelter": _METAL,
+    "building/shelter/glass": Finish(roughness=0.05, alpha=0.3, two_sided=True),
+    "building/sign": _METAL, "building/sign/rim": _COATED,
+    "building/sign/face": _COATED, "rail/track": Finish(roughness=0.35, metallic=1.0),
+    "marking": _PAINT, "crossing": _PAINT, "stop_line": _PAINT, "arrow": _PAINT,
+    "signal": _COATED, "signal/red": _LAMP, "signal/yellow": _LAMP, "signal/green": _LAMP,
+    "tree": _LEAVES, "tree/leaves": _LEAVES,
+}  # fmt: skip
+"""Finishes by node name, or by layer; others are dull."""
+
 _JOINED = ("sidewalk", "walking_area", "island")
 """Layers whose faces share their corners whatever the angle."""
 _CREASE = np.cos(np.radians(30.0))
 _TOPS_FIRST = 1000.0
 """How much more than its walls the top of pavement counts for the normals of its edge."""
+
+_LEAFY = ("tree", "tree/leaves")
+"""Meshes that are smooth all over."""
+_NORMALS = 2048
+"""More than the steps of a part of a normal, by which corners are told apart."""
 
 _VERTICES, _INDICES = 34962, 34963
 """glTF's numbers for what a buffer view holds."""
@@ -102,6 +149,8 @@ class _Binary:
         number = len(self._document["nodes"])
         primitive = {"attributes": attributes, "indices": corners, "mode": 4, "material": number}
         extras = {"sources": source_runs(mesh)}
+        finish = FINISHES.get(mesh.name) or FINISHES.get(mesh.layer, Finish())
+        colour = _linear(COLOURS[mesh.name])
         self._document["nodes"].append({"name": mesh.name, "mesh": number})
         self._document["scenes"][0]["nodes"].append(number)
         self._document["meshes"].append({"name": mesh.name, "primitives": [primitive], "extras": extras})
@@ -109,11 +158,13 @@ class _Binary:
             {
                 "name": mesh.name,
                 "pbrMetallicRoughness": {
-                    "baseColorFactor": _linear(COLOURS[mesh.name]),
-                    "metallicFactor": 0.0,
-                    "roughnessFactor": 0.9,
+                    "baseColorFactor": [*colour, finish.alpha],
+                    "metallicFactor": finish.metallic,
+                    "roughnessFactor": finish.roughness,
                 },
-                "doubleSided": mesh.layer in ("road", "junction", "terrain"),
+                "doubleSided": finish.two_sided,
+                **({"emissiveFactor": [finish.glow * c for c in colour]} if finish.glow else {}),
+                **({"alphaMode": "BLEND"} if finish.alpha < 1.0 else {}),
             }
         )
 
@@ -167,17 +218,23 @@ def _shade(mesh: Mesh) -> tuple[Floats, Ints, Floats]:
     a, b, c = np.moveaxis(mesh.vertices[mesh.faces], 1, 0)
     across = np.cross(b - a, c - a)
     corners, facing = mesh.faces.ravel(), _unit(across)
-    if mesh.layer in _JOINED:
-        groups = corners
-        across *= np.where(facing[:, 2:] > _CREASE, _TOPS_FIRST, 1.0)
-    else:
-        groups = _smooth_groups(mesh.faces, facing)
-    sums = np.zeros((len(corners), 3))
-    np.add.at(sums, groups, np.repeat(across, 3, axis=0))
-    normals = _unit(sums)[groups]
-    keys = np.column_stack([corners, np.round(normals * 1000.0)])
-    _, first, places = np.unique(keys, axis=0, return_index=True, return_inverse=True)
+    if mesh.layer in _JOINED or mesh.name in _LEAFY:
+        if mesh.layer in _JOINED:
+            across *= np.where(facing[:, 2:] > _CREASE, _TOPS_FIRST, 1.0)
+        return mesh.vertices, mesh.faces, _unit(_sums(corners, across, len(mesh.vertices)))
+    groups = _smooth_groups(mesh.faces, facing)
+    normals = _unit(_sums(groups, across, len(corners)))[groups]
+    keys = corners
+    for axis in range(3):
+        keys = keys * _NORMALS + np.round((normals[:, axis] + 1.0) * 1000.0).astype(np.int64)
+    _, first, places = np.unique(keys, return_index=True, return_inverse=True)
     return mesh.vertices[corners[first]], places.reshape(-1, 3), normals[first]
+
+
+def _sums(groups: Ints, across: Floats, count: int) -> Floats:
+    """Add up what the faces (m, 3) give to the groups (3 m,) of their corners: (count, 3)."""
+    given = np.repeat(across, 3, axis=0)
+    return np.column_stack([np.bincount(groups, weights=axis, minlength=count) for axis in given.T])
 
 
 def _unit(vectors: Floats) -> Floats:
@@ -212,11 +269,8 @@ def _smooth_groups(faces: Ints, normals: Floats) -> Ints:
 
 
 def _linear(colour: tuple[int, int, int]) -> list[float]:
-    """Turn sRGB into the linear colour with alpha that glTF keeps. Source: IEC 61966-2-1."""
-    return [
-        *(c / 12.92 if c <= 0.04045 else ((c + 0.055) / 1.055) ** 2.4 for c in np.array(colour) / 255),
-        1.0,
-    ]
+    """Turn sRGB into the linear colour that glTF keeps. Source: IEC 61966-2-1."""
+    return [c / 12.92 if c <= 0.04045 else ((c + 0.055) / 1.055) ** 2.4 for c in np.array(colour) / 255]
 
 
 def source_runs(mesh: Mesh) -> list[tuple[str, int, int]]:

@@ -103,11 +103,13 @@ def _drops(ground: Floats, rise: Floats, depth: float) -> Floats:
     levels = np.floor(heights / step).astype(np.int64)
     taken: set[tuple[int, int]] = set()
     steps: dict[int, int] = defaultdict(int)
-    for vertex in np.flatnonzero(count[place] > 1):
-        at = int(place[vertex])
-        while any((at, int(level) - steps[at]) in taken for level in levels[vertex]):
+    shared = np.flatnonzero(count[place] > 1)
+    for vertex, at, (low, high) in zip(
+        shared.tolist(), place[shared].tolist(), levels[shared].tolist(), strict=True
+    ):
+        while (at, low - steps[at]) in taken or (at, high - steps[at]) in taken:
             steps[at] += 1
-        own = [int(level) - steps[at] for level in levels[vertex]]
+        own = (low - steps[at], high - steps[at])
         taken.update((at, level + near) for level in own for near in (-1, 0, 1))
         drops[vertex] = steps[at] * step
     return drops

@@ -1,6 +1,5 @@
-"""What stands around the street as closed solids: buildings, trees, hedges, street lamps and signs."""
+"""What stands around the street: buildings, trees, hedges, street lamps, signs, bus shelters."""
 
-import zlib
 from collections import defaultdict
 from collections.abc import Callable, Iterator, Sequence
 from functools import cache
@@ -12,15 +11,10 @@ from dojo_maps.description import STREET_LAMP_REACH, Prop, RoadMap, heading_of
 from dojo_maps.geometry.polylines import Floats, Ints
 from dojo_maps.meshes.buildings import raise_outlines
 from dojo_maps.meshes.mesh import Mesh, join
+from dojo_maps.meshes.trees import build_crown, build_leaves, build_trunk
 
 _FOOTING = 0.3
-"""How far trunks and posts reach below the ground, metres."""
-_CROWN_FROM = 0.28
-"""Height of a crown's lower end, as a share of the tree's."""
-_CROWN_WIDTH = 0.32
-"""Radius of a crown, as a share of the tree's height."""
-_TRUNK_RADIUS = 0.02
-_SLIM, _THICK = 0.08, 0.35
+"""How far posts reach below the ground, metres."""
 _PLATE = 0.3
 """Radius of a sign, metres."""
 
@@ -37,49 +31,9 @@ def surrounding_meshes(road_map: RoadMap) -> Iterator[Mesh]:
             yield raise_outlines(name, outlined[kind], shift)
     for kind, shapes in _PLACED.items():
         for name, shape in shapes.items():
-            if placed[kind]:
-                yield join(name, ((prop.id, *shape(prop, shift)) for prop in placed[kind]))
-
-
-def _crown(tree: Prop, shift: Floats) -> tuple[Floats, Ints]:
-    """Give a tree its crown: a cone where it has needles, else a lump; turned so that no two look alike."""
-    needles = dict(tree.tags).get("leaf_type") == "needleleaved"
-    shape, faces = _cone() if needles else _lump()
-    chance = zlib.crc32(tree.id.encode()) / 2**32
-    angle = 2 * np.pi * chance
-    cos, sin = np.cos(angle), np.sin(angle)
-    radius = tree.height * _CROWN_WIDTH * (0.85 + 0.3 * chance) * (0.7 if needles else 1.0)
-    size = np.array([radius, radius, tree.height * (1 - _CROWN_FROM)])
-    turned = shape @ np.array([[cos, sin, 0.0], [-sin, cos, 0.0], [0.0, 0.0, 1.0]])
-    foot = np.array(tree.position) - shift + [0.0, 0.0, tree.height * _CROWN_FROM]
-    return turned * size + foot, faces
-
-
-def _trunk(tree: Prop, shift: Floats) -> tuple[Floats, Ints]:
-    """Reach from the ground into the crown."""
-    vertices, faces = _post()
-    radius = min(max(tree.height * _TRUNK_RADIUS, _SLIM), _THICK)
-    size = np.array([radius, radius, tree.height * (_CROWN_FROM + 0.15) + _FOOTING])
-    return vertices * size + np.array(tree.position) - shift - [0.0, 0.0, _FOOTING], faces
-
-
-@cache
-def _lump() -> tuple[Floats, Ints]:
-    """Make an uneven ball between 0 and 1 in height, of about radius 1."""
-    ball = trimesh.creation.icosphere(subdivisions=1)
-    corners = np.array(ball.vertices)
-    uneven = 1.0 + 0.16 * np.sin(2.3 * corners[:, :1] + 1.0) * np.cos(2.9 * corners[:, 1:2] + 2.0)
-    uneven += 0.1 * np.sin(5.1 * corners[:, 2:])
-    lump = corners * uneven
-    low, high = lump[:, 2].min(), lump[:, 2].max()
-    lump[:, 2] = (lump[:, 2] - low) / (high - low)
-    return lump, np.array(ball.faces, dtype=np.int64)
-
-
-@cache
-def _cone() -> tuple[Floats, Ints]:
-    cone = trimesh.creation.cone(radius=1.0, height=1.0, sections=9)
-    return np.array(cone.vertices), np.array(cone.faces, dtype=np.int64)
+            mesh = join(name, ((prop.id, *shape(prop, shift)) for prop in placed[kind]))
+            if len(mesh.faces):  # Conifers have no sprays of leaves.
+                yield mesh
 
 
 @cache
@@ -115,6 +69,28 @@ def _sign_face(sign: Prop, shift: Floats) -> tuple[Floats, Ints]:
     return _stood((_plate(sign.height, 0.75 * _PLATE, 0.055),), sign, shift)
 
 
+def _shelter_frame(shelter: Prop, shift: Floats) -> tuple[Floats, Ints]:
+    """Raise posts at the corners of a shelter, a roof, and a bench; its open side faces +x."""
+    height = shelter.height
+    posts = [_beam((x, y, height / 2), (0.07, 0.07, height)) for x in (-0.55, 0.5) for y in (-1.6, 1.6)]
+    roof = _beam((0.0, 0.0, height), (1.4, 3.5, 0.1))
+    seat = _beam((-0.3, 0.0, 0.47), (0.36, 2.3, 0.05))
+    legs = [_beam((-0.3, y, 0.22), (0.3, 0.06, 0.45)) for y in (-0.9, 0.9)]
+    return _stood((*posts, roof, seat, *legs), shelter, shift)
+
+
+def _shelter_panes(shelter: Prop, shift: Floats) -> tuple[Floats, Ints]:
+    """Close a shelter's back and one of its sides with glass."""
+    high = shelter.height - 0.5
+    back = [_beam((-0.55, y, 0.25 + high / 2), (0.02, 1.48, high)) for y in (-0.78, 0.78)]
+    return _stood((*back, _beam((0.0, 1.6, 0.25 + high / 2), (0.95, 0.02, high))), shelter, shift)
+
+
+def _beam(middle: tuple[float, float, float], size: tuple[float, float, float]) -> tuple[Floats, Ints]:
+    vertices, faces = _box()
+    return vertices * size + middle, faces
+
+
 def _plate(top: float, radius: float, ahead: float) -> tuple[Floats, Ints]:
     """Make a round plate that faces +x."""
     disc, faces = _disc()
@@ -148,8 +124,9 @@ def _disc() -> tuple[Floats, Ints]:
 _OUTLINED = {"building": "building", "hedge": "tree/hedge"}
 """Meshes of what has an outline, by kind."""
 _PLACED: dict[str, dict[str, Callable[[Prop, Floats], tuple[Floats, Ints]]]] = {
-    "tree": {"tree": _crown, "tree/trunk": _trunk},
+    "tree": {"tree": build_crown, "tree/leaves": build_leaves, "tree/trunk": build_trunk},
     "lamp": {"building/lamp": _lamp_post},
+    "shelter": {"building/shelter": _shelter_frame, "building/shelter/glass": _shelter_panes},
     "sign": {"building/sign": _sign_post, "building/sign/rim": _sign_rim, "building/sign/face": _sign_face},
 }
 """Meshes of what has a place, by kind, and how each is shaped."""

@@ -10,7 +10,7 @@ from dojo_maps.description import Connection, Lane
 from dojo_maps.geometry.polylines import Floats
 from dojo_maps.issue import Element, Issue
 from dojo_maps.repair.edits import Edit, SetAttributes, Site, named
-from dojo_maps.sources.osm.plain.junction_outlines import untwist
+from dojo_maps.sources.osm.network.junction_outlines import untwist
 from dojo_maps.validation.facts import Facts
 
 _TINY = 2.0

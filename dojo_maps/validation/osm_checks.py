@@ -15,13 +15,13 @@ _ROWS = (
     ("OSM009", "osm.junction_tag", "junction=intersection is meant", NOTE, "none"),
     ("OSM010", "osm.tram_on_road", "Trams and roads are drawn apart", NOTE, "none"),
     ("OSM011", "osm.clipped_way", "Ways are not cut at the area's border", NOTE, "none"),
-    ("OSM012", "osm.driving_side", "The driving side is set", WARNING, "none"),
     ("OSM013", "osm.unknown_lane_use", "Lane uses are known words", NOTE, "none"),
 )
 
 _LOSSES = (
     ("OSM005", "osm.parallel_ways", "Ways are not drawn twice", WARNING, "none"),
     ("OSM006", "osm.unshared_node", "Roads that cross on one level share a node", WARNING, "none"),
+    ("OSM012", "osm.driving_side", "All agree on the side that traffic keeps to", WARNING, "none against it"),
     ("IMP001", "osm.split_signal", "A signalised junction has one controller", WARNING, "one controller"),
     ("IMP002", "osm.turn_lane_lost", "Lanes lead where their arrows say", NOTE, "all arrows"),
     ("IMP003", "osm.tag_not_kept", "What tags say of lanes and access is kept", NOTE, "all kept"),
@@ -37,7 +37,10 @@ _LOSSES = (
     ("IMP013", "osm.restriction_conditional", "Turn restrictions hold at all times", NOTE, "no conditions"),
     ("IMP018", "osm.road_lost", "Mapped roads are built whole", WARNING, "10 m of each class"),
     ("IMP021", "osm.junction_too_large", "Junctions pave no ground beside their roads", WARNING, "50 m²"),
+    ("IMP025", "osm.ground", "Where the heights of streets are from", NOTE, "none"),
+    ("IMP026", "osm.flat_ground", "The heights of streets are known", NOTE, "none"),
     ("IMP020", "osm.road_closed", "No barrier stands on a road", NOTE, "none"),
+    ("IMP022", "osm.not_converged", "Junctions are settled after some attempts", WARNING, "8 attempts"),
     ("IMP019", "osm.not_imported", "All ways with traffic are imported", NOTE, "none left out"),
 )
 """What an import counts while it builds a network: code, id, title, severity and limit."""

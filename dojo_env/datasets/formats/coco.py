@@ -100,5 +100,6 @@ def _annotation(picture: PictureLabels, label: ObjectLabel, k: int) -> dict[str,
         "track_id": picture.episode * _MOST_TRACKS + label.track,
         "visible": round(label.visible, 4),
         "truncated": round(label.truncated, 4),
+        "parked": label.is_parked,
         **points,
     }

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
 _OCCLUDED = 0.9
 """A road user of which less shows is marked as occluded."""
-_ATTRIBUTES = ("track", "kind", "visible", "truncated", "lane", "movement", "signal")
+_ATTRIBUTES = ("track", "kind", "parked", "visible", "truncated", "lane", "movement", "signal")
 
 
 class Cvat(Format):
@@ -64,6 +64,7 @@ def _write_box(label: ObjectLabel) -> str:
     values = {
         "track": str(label.track),
         "kind": label.kind.name.lower(),
+        "parked": str(label.is_parked).lower(),
         "visible": f"{label.visible:.2f}",
         "truncated": f"{label.truncated:.2f}",
         "lane": label.lane,

@@ -4,27 +4,23 @@ import shapely
 
 from dojo_maps.issue import Element, Issue
 from dojo_maps.sources.osm.completeness.losses import loss
-from dojo_maps.sources.osm.junctions.grouping import around_road
-from dojo_maps.sources.osm.pipeline import OsmNetwork
-
-MOST_FAR = 50.0
-"""Square metres of a junction that may lie far from all roads."""
+from dojo_maps.sources.osm.network.osm_network import OsmNetwork
+from dojo_maps.sources.osm.network.outline_trimming import MappedGround
 
 
 def check_junction_ground(network: OsmNetwork) -> list[Issue]:
     """Measure the ground of each junction that is more than 6 m from the mapped carriageways."""
     graph = network.layout.graph
-    roads = [around_road(graph, section) for _, section in sorted(graph.sections.items())]
-    tree = shapely.STRtree(roads)
+    most = graph.rules.completeness.junction_void
+    mapped = MappedGround(graph)
     node_of = {name: node for node, name in network.plain.nodes.items()}
     issues = []
     for junction in network.road_map.junctions:
         if len(junction.polygon) < 3 or junction.id not in node_of:
             continue
         ground = shapely.make_valid(shapely.Polygon(junction.polygon[:, :2]))
-        near = shapely.union_all([roads[k] for k in sorted(tree.query(ground))])
-        far = ground.difference(near)
-        if far.area > MOST_FAR:
+        far = mapped.beyond(ground)
+        if far.area > most:
             place = far.representative_point()
             issues.append(
                 loss(
@@ -33,7 +29,7 @@ def check_junction_ground(network: OsmNetwork) -> list[Issue]:
                     ("node", node_of[junction.id]), (place.x, place.y),
                     "draw the junction's shape in netedit, or split it",
                     near=Element(kind="junction", id=junction.id),
-                    measured=round(far.area, 1), limit=MOST_FAR,
+                    measured=round(far.area, 1), limit=most,
                 )
             )  # fmt: skip
     return issues

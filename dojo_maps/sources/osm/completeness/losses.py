@@ -9,13 +9,12 @@ import shapely
 
 from dojo_maps.index import MapIndex
 from dojo_maps.issue import Element, Issue, Severity
-from dojo_maps.sources.osm.layout.arms import incoming_name
-from dojo_maps.sources.osm.pipeline import OsmNetwork
+from dojo_maps.sources.osm.graph.edge_id import EdgeId
+from dojo_maps.sources.osm.network.osm_network import OsmNetwork
 from dojo_maps.sources.osm.plain.lane_connections import arrow_targets
-from dojo_maps.sources.osm.plain.movements import Restriction
 from dojo_maps.sources.osm.read.data import link_to
+from dojo_maps.sources.osm.read.restrictions import Restriction
 
-CROSSING_WITHIN = 10.0
 _LETTERS = {
     "through": "s", "left": "lL", "slight_left": "lLs", "sharp_left": "lL", "right": "rR",
     "slight_right": "rRs", "sharp_right": "rR", "reverse": "t", "merge_to_left": "slrLR",
@@ -62,14 +61,14 @@ def loss(  # noqa: PLR0913
 def check_crossings(network: OsmNetwork) -> tuple[Share, list[Issue]]:
     """Look for a built crossing within 10 m of each mapped one."""
     built = [shapely.LineString(c.shape[:, :2]) for c in network.road_map.crossings]
-    tree = shapely.STRtree(built)
+    tree, within = shapely.STRtree(built), network.layout.rules.completeness.crossing_found
     why = {id(crossing): reason for crossing, reason in network.layout.lost}
     issues = []
     for crossing in network.layout.crossings:
         place = shapely.Point(crossing.place)
         nearest = tree.nearest(place) if built else None
         distance = built[nearest].distance(place) if nearest is not None else np.inf
-        if distance > CROSSING_WITHIN:
+        if distance > within:
             reason = why.get(id(crossing), f"the nearest is {distance:.0f} m away")
             issues.append(
                 loss(
@@ -77,7 +76,7 @@ def check_crossings(network: OsmNetwork) -> tuple[Share, list[Issue]]:
                     (crossing.kind, crossing.element), crossing.place,
                     "add the crossing in netedit, or map the sidewalks that it joins",
                     measured=float(round(distance, 2)) if np.isfinite(distance) else None,
-                    limit=CROSSING_WITHIN,
+                    limit=within,
                 )
             )  # fmt: skip
     total = len(network.layout.crossings)
@@ -123,17 +122,18 @@ def check_turn_lanes(network: OsmNetwork) -> tuple[Share, list[Issue]]:
     """Compare the arrows painted on approaches with where their lanes lead, for turns that exist."""
     index = MapIndex(network.road_map)
     roads, leaving = index.roads, index.leaving
-    angles: dict[str, list[float]] = defaultdict(list)
+    angles: dict[EdgeId, list[float]] = defaultdict(list)
     for movement in network.plain.movements:
-        angles[incoming_name(movement.source)].append(movement.angle)
+        angles[movement.source.incoming].append(movement.angle)
     left_hand = network.road_map.left_hand
     total, issues = 0, []
-    for edge, section in sorted(network.plain.sections.items()):
+    for edge, section in sorted(network.plain.sections.items(), key=lambda entry: str(entry[0])):
+        road = roads.get(str(edge))
         lanes = section.road.forward
-        if edge not in roads or len(angles[edge]) < 2 or not any(lane.turns for lane in lanes):
+        if road is None or len(angles[edge]) < 2 or not any(lane.turns for lane in lanes):
             continue
         total += 1
-        names = roads[edge].lanes[len(roads[edge].lanes) - len(lanes) :]
+        names = road.lanes[len(road.lanes) - len(lanes) :]
         missing = [
             turn
             for lane, name in zip(lanes, names, strict=True)
@@ -148,7 +148,7 @@ def check_turn_lanes(network: OsmNetwork) -> tuple[Share, list[Issue]]:
                     "osm.turn_lane_lost", f"lanes of {edge} do not lead as their arrows say ({missing[0]})",
                     ("way", way), network.layout.graph.places[section.end],
                     "correct turn:lanes, or connect the lanes in netedit",
-                    near=Element(kind="road", id=edge), severity=Severity.NOTE,
+                    near=Element(kind="road", id=str(edge)), severity=Severity.NOTE,
                 )
             )  # fmt: skip
     return (total - len(issues), total), issues
@@ -162,7 +162,7 @@ def check_restrictions(network: OsmNetwork) -> tuple[Share, list[Issue]]:
         if section.road.forward:
             by_first[section.ways[0]].add(edge)
             by_last[section.ways[-1]].add(edge)
-    lane_road = {lane.id: lane.road for lane in network.road_map.lanes}
+    lane_road = {lane.id: EdgeId.read(lane.road) for lane in network.road_map.lanes}
     pairs = {(lane_road[c.from_lane], lane_road[c.to_lane]) for c in network.road_map.connections}
     total, issues = 0, []
     for restriction in network.restrictions:
@@ -183,9 +183,9 @@ def check_restrictions(network: OsmNetwork) -> tuple[Share, list[Issue]]:
 def _is_broken(
     restriction: Restriction,
     network: OsmNetwork,
-    by_first: dict[int, set[str]],
-    by_last: dict[int, set[str]],
-    pairs: Iterable[tuple[str, str]],
+    by_first: dict[int, set[EdgeId]],
+    by_last: dict[int, set[EdgeId]],
+    pairs: Iterable[tuple[EdgeId, EdgeId]],
 ) -> bool:
     of = network.layout.junctions.of
     here = {of.get(node) for node in restriction.via} - {None}
@@ -194,7 +194,5 @@ def _is_broken(
     starting = {e for e in by_first[restriction.target] if of[sections[e].start] in here}
     taken = [(a, b) for a, b in pairs if a in ending and of[sections[b].start] in here]
     if restriction.only:
-        return bool(starting) and any(
-            b not in starting and b.removeprefix("-") != a.removeprefix("-") for a, b in taken
-        )
+        return bool(starting) and any(b not in starting and b.section != a.section for a, b in taken)
     return any(b in starting for _, b in taken)

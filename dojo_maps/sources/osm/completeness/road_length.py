@@ -15,16 +15,11 @@ from dojo_maps.description import LaneKind
 from dojo_maps.geometry.pieces import lane_strips
 from dojo_maps.issue import Issue, Severity
 from dojo_maps.sources.osm.completeness.losses import loss, share_of
-from dojo_maps.sources.osm.pipeline import OsmNetwork
+from dojo_maps.sources.osm.graph.projection import way_line
+from dojo_maps.sources.osm.network.osm_network import OsmNetwork
 from dojo_maps.sources.osm.read.data import OsmData, Tags
 from dojo_maps.sources.osm.read.way_tags import KINDS, why_not_a_road
 
-_BESIDE = 1.0
-"""Metres from built road or junction within which a mapped line counts as built."""
-_NOTHING = 1.0
-"""Metres of a way below which nothing of it is lost."""
-_LEAST_LOST = 10.0
-"""Metres of a class that are lost from which it is a warning."""
 _TRACKS = ("tram", "light_rail", "rail", "subway", "narrow_gauge")
 
 
@@ -54,7 +49,7 @@ def measure_road_length(data: OsmData, network: OsmNetwork) -> tuple[dict[str, A
         Metres kept, of how many, by the tag `highway`, and metres by kind of what is not imported at all;
         and an issue for each kind of which something was not built.
     """
-    graph = network.layout.graph
+    graph, rules = network.layout.graph, network.layout.rules.completeness
     floor = _Floor(network)
     kept: dict[str, float] = defaultdict(float)
     total: dict[str, float] = defaultdict(float)
@@ -62,7 +57,7 @@ def measure_road_length(data: OsmData, network: OsmNetwork) -> tuple[dict[str, A
     left_out: dict[str, _Left] = defaultdict(_Left)
     for way, record in data.ways.items():
         kind = _kind(record.tags)
-        line = graph.way_line(data, record) if kind else None
+        line = way_line(graph.projection, data, record) if kind else None
         if kind is None or line is None:
             continue
         if way not in graph.ways:
@@ -72,7 +67,7 @@ def measure_road_length(data: OsmData, network: OsmNetwork) -> tuple[dict[str, A
         rest = floor.outside(line)
         total[record.tags["highway"]] += line.length
         kept[record.tags["highway"]] += line.length - rest.length
-        if rest.length > _NOTHING:
+        if rest.length > rules.road_lost:
             lost[kind].add(way, rest)
     figures = {
         "road_metres": {
@@ -84,13 +79,14 @@ def measure_road_length(data: OsmData, network: OsmNetwork) -> tuple[dict[str, A
         },
         "metres_not_imported": {kind: round(left.metres) for kind, left in sorted(left_out.items())},
     }
-    return figures, [*_lost_issues(lost), *_left_out_issues(left_out)]
+    return figures, [*_lost_issues(lost, rules.class_lost), *_left_out_issues(left_out)]
 
 
 class _Floor:
     """The ground of built roads and junctions."""
 
     def __init__(self, network: OsmNetwork) -> None:
+        beside = network.layout.rules.completeness.road_found
         lanes = [lane for lane in network.road_map.lanes if lane.kind in (LaneKind.DRIVING, LaneKind.BUS)]
         shapes = [
             *lane_strips(lanes),
@@ -100,7 +96,7 @@ class _Floor:
                 if len(junction.polygon) > 2
             ),
         ]
-        self._shapes = shapely.buffer(np.array(shapes, dtype=object), _BESIDE)
+        self._shapes = shapely.buffer(np.array(shapes, dtype=object), beside)
         self._tree = shapely.STRtree(self._shapes)
 
     def outside(self, line: shapely.LineString) -> shapely.Geometry:
@@ -115,15 +111,15 @@ def _kind(tags: Tags) -> str | None:
     return f"railway={tags['railway']}" if tags.get("railway") in _TRACKS else None
 
 
-def _lost_issues(lost: dict[str, _Left]) -> Iterator[Issue]:
+def _lost_issues(lost: dict[str, _Left], least: float) -> Iterator[Issue]:
     for kind, left in sorted(lost.items()):
         yield loss(
             "osm.road_lost",
             f"{left.metres:.0f} m of {kind} are not built, most of them here",
             ("way", left.way), left.place,
             "look whether the road vanished in a junction; draw it in netedit if it is missing",
-            severity=Severity.WARNING if left.metres > _LEAST_LOST else Severity.NOTE,
-            measured=round(left.metres, 1), limit=_LEAST_LOST,
+            severity=Severity.WARNING if left.metres > least else Severity.NOTE,
+            measured=round(left.metres, 1), limit=least,
         )  # fmt: skip
 
 

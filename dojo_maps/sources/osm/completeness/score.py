@@ -6,8 +6,8 @@ import shapely
 
 from dojo_maps.index import MapIndex
 from dojo_maps.issue import Element, Issue, Severity
+from dojo_maps.sources.osm.completeness.assumptions import tell_driving_side, tell_ground
 from dojo_maps.sources.osm.completeness.junction_ground import check_junction_ground
-from dojo_maps.sources.osm.completeness.lane_strips import strips
 from dojo_maps.sources.osm.completeness.losses import (
     check_crossings,
     check_restrictions,
@@ -18,17 +18,15 @@ from dojo_maps.sources.osm.completeness.losses import (
     tell_guesses,
 )
 from dojo_maps.sources.osm.completeness.road_length import measure_road_length
-from dojo_maps.sources.osm.layout.sidewalks import is_sidewalk
-from dojo_maps.sources.osm.pipeline import OsmNetwork
-from dojo_maps.sources.osm.plain.movements import find_conditional
+from dojo_maps.sources.osm.graph.edge_id import EdgeId
+from dojo_maps.sources.osm.graph.projection import way_line
+from dojo_maps.sources.osm.network.lane_strips import strips
+from dojo_maps.sources.osm.network.osm_network import OsmNetwork
 from dojo_maps.sources.osm.read.data import OsmData
+from dojo_maps.sources.osm.read.foot_tags import is_sidewalk
+from dojo_maps.sources.osm.read.restrictions import find_conditional
 
-SHORT_EDGE = 5.0
 _DRIVEN = ("driving", "bus")
-_BESIDE = 25.0
-"""Metres from a road within which a mapped sidewalk is counted as the road's."""
-_FOUND = 6.0
-_LOST_PART = 10.0
 
 
 def score_network(data: OsmData, network: OsmNetwork) -> tuple[dict[str, Any], tuple[Issue, ...]]:
@@ -56,7 +54,11 @@ def score_network(data: OsmData, network: OsmNetwork) -> tuple[dict[str, Any], t
     short = _check_short(network)
     figures["edges"] = len(network.road_map.roads)
     figures["edges_under_5_m"] = len(short)
+    country = network.layout.graph.country
+    figures["country"], figures["driving_side"] = country.code, "left" if country.left_hand else "right"
     return figures, (
+        tell_driving_side(network),
+        tell_ground(network),
         *issues,
         *found,
         *missing,
@@ -70,31 +72,32 @@ def score_network(data: OsmData, network: OsmNetwork) -> tuple[dict[str, Any], t
 def _check_sidewalks(data: OsmData, network: OsmNetwork) -> tuple[float, float, list[Issue]]:
     """Measure the mapped sidewalks beside roads that have built pavement near them."""
     road_map, graph = network.road_map, network.layout.graph
+    rules = graph.rules.completeness
     pavement = [
         *strips(road_map, ("sidewalk",)).values(),
         *(shapely.Polygon(a.polygon[:, :2]).buffer(0) for a in road_map.walking_areas if len(a.polygon) > 2),
         *(shapely.Polygon(c.polygon[:, :2]).buffer(0) for c in road_map.crossings if len(c.polygon) > 2),
     ]
-    reached = shapely.union_all([shape.buffer(_FOUND) for shape in pavement])
+    reached = shapely.union_all([shape.buffer(rules.sidewalk_found) for shape in pavement])
     roads = [shapely.LineString(graph.line(section)) for section in graph.sections.values()]
-    beside = shapely.union_all([road.buffer(_BESIDE) for road in roads])
+    beside = shapely.union_all([road.buffer(rules.sidewalk_of_road) for road in roads])
     kept = total = 0.0
     issues = []
     for way, record in data.ways.items():
-        whole = graph.way_line(data, record) if is_sidewalk(record.tags) else None
+        whole = way_line(graph.projection, data, record) if is_sidewalk(record.tags) else None
         if whole is None:
             continue
         line = whole.intersection(beside)
         lost = line.difference(reached)
         total += line.length
         kept += line.length - lost.length
-        if lost.length > max(_LOST_PART, line.length / 2):
+        if lost.length > max(rules.sidewalk_lost, line.length / 2):
             place = lost.representative_point()
             issues.append(
                 loss(
                     "osm.sidewalk_lost", f"{lost.length:.0f} m of a mapped sidewalk have no pavement",
                     ("way", way), (place.x, place.y), "correct the road's sidewalk tags",
-                    severity=Severity.NOTE, measured=round(lost.length, 1), limit=_LOST_PART,
+                    severity=Severity.NOTE, measured=round(lost.length, 1), limit=rules.sidewalk_lost,
                 )
             )  # fmt: skip
     return kept, total, issues
@@ -117,18 +120,18 @@ def _overlap(network: OsmNetwork) -> float:
 
 
 def _check_short(network: OsmNetwork) -> list[Issue]:
-    lanes = MapIndex(network.road_map).lanes
+    lanes, shortest = MapIndex(network.road_map).lanes, network.layout.rules.network.shortest_edge
     issues = []
     for road in network.road_map.roads:
         length = min(lanes[lane].length for lane in road.lanes)
-        if length < SHORT_EDGE and road.id in network.plain.sections:
-            section = network.plain.sections[road.id]
+        section = network.plain.sections.get(EdgeId.read(road.id))
+        if length < shortest and section is not None:
             x, y, _ = lanes[road.lanes[0]].shape[0]
             issues.append(
                 loss(
                     "osm.short_edge", f"the road {road.id} is {length:.1f} m long between its junctions",
                     ("way", section.ways[0]), (float(x), float(y)), "join the junctions at its ends",
-                    near=Element(kind="road", id=road.id), measured=length, limit=SHORT_EDGE,
+                    near=Element(kind="road", id=road.id), measured=length, limit=shortest,
                     severity=Severity.NOTE,
                 )
             )  # fmt: skip
@@ -139,7 +142,7 @@ def _unread(data: OsmData, network: OsmNetwork) -> list[Issue]:
     """Report what of the extract could not be used as it stands."""
     graph = network.layout.graph
     issues = []
-    for words, ways in sorted(graph.not_kept.items()):
+    for words, ways in sorted(graph.unread.not_kept.items()):
         nodes = [node for node in data.ways[ways[0]].nodes if node in graph.places]
         place = graph.places[nodes[0]] if nodes else network.road_map.origin
         what, _, lost = words.partition(": ")
@@ -150,7 +153,7 @@ def _unread(data: OsmData, network: OsmNetwork) -> list[Issue]:
                 severity=Severity.NOTE, measured=len(ways),
             )
         )  # fmt: skip
-    for way in sorted(set(graph.doubled)):
+    for way in sorted(set(graph.unread.doubled)):
         place = next(graph.places[node] for node in data.ways[way].nodes if node in graph.places)
         issues.append(
             loss(
@@ -158,14 +161,14 @@ def _unread(data: OsmData, network: OsmNetwork) -> list[Issue]:
                 ("way", way), place, "remove one of the two",
             )
         )  # fmt: skip
-    for node, way in graph.unshared:
+    for node, way in graph.unread.unshared:
         issues.append(
             loss(
                 "osm.unshared_node", "another road crosses here without a common node; they meet",
                 ("way", way), graph.places[node], "add the node, or the bridge or tunnel, in OpenStreetMap",
             )
         )  # fmt: skip
-    for node in graph.barriers:
+    for node in graph.unread.barriers:
         x, y = graph.places[node]
         kind = data.nodes[node].tags["barrier"]
         issues.append(
@@ -184,11 +187,11 @@ def _unread(data: OsmData, network: OsmNetwork) -> list[Issue]:
                     "remove the connection in netedit if your hours are among them", severity=Severity.NOTE,
                 )
             )  # fmt: skip
-    if graph.missing:
-        what = f"roads name {len(graph.missing)} nodes that the extract lacks; they end there, the first at"
+    if missing := graph.unread.missing:
+        what = f"roads name {len(missing)} nodes that the extract lacks; they end there, the first at"
         issues.append(
             loss(
-                "osm.missing_node", what, ("node", graph.missing[0]), network.road_map.origin,
+                "osm.missing_node", what, ("node", missing[0]), network.road_map.origin,
                 "cut extracts with complete ways", severity=Severity.NOTE,
             )
         )  # fmt: skip

@@ -3,15 +3,14 @@
 import math
 from collections.abc import Sequence
 
-from dojo_maps.sources.osm.graph.shared_nodes import Run, free_number
+from dojo_maps.sources.osm.graph.road_graph import free_number
+from dojo_maps.sources.osm.graph.shared_nodes import Run
 from dojo_maps.sources.osm.read.data import OsmData, Tags
 
 _CLOSED = ("bollard", "block", "jersey_barrier", "log", "chain", "kerb", "debris", "planter", "wall", "fence")
 _CLOSED_UNLESS_OPEN = ("gate", "lift_gate", "swing_gate", "sliding_gate", "rising_bollard", "bus_trap")
 _ACCESS = ("motorcar", "motor_vehicle", "vehicle", "access")
 _NO, _YES = ("no", "private"), ("yes", "permissive", "designated", "destination", "customers")
-_APART = 1.0
-"""Metres from a barrier to the ends of the road on both sides."""
 
 
 def is_closed(tags: Tags) -> bool:
@@ -24,7 +23,7 @@ def is_closed(tags: Tags) -> bool:
 
 
 def cut_at_barriers(
-    data: OsmData, runs: Sequence[Run], places: dict[int, tuple[float, float]]
+    data: OsmData, runs: Sequence[Run], places: dict[int, tuple[float, float]], apart: float
 ) -> tuple[list[Run], list[int]]:
     """End roads at both sides of each barrier inside them.
 
@@ -32,6 +31,7 @@ def cut_at_barriers(
         data: the extract.
         runs: ways with the nodes that they run through.
         places: where nodes lie, metres; the new ends, negative numbers, are added.
+        apart: metres from a barrier to the ends on both sides.
 
     Returns:
         The runs, more than before where one is cut; and the barriers.
@@ -43,8 +43,8 @@ def cut_at_barriers(
         for node in nodes[1:-1]:
             if node in data.nodes and is_closed(data.nodes[node].tags):
                 index = rest.index(node)
-                before = _near(places, node, rest[index - 1])
-                after = _near(places, node, rest[index + 1])
+                before = _near(places, node, rest[index - 1], apart)
+                after = _near(places, node, rest[index + 1], apart)
                 found.append((way, (*rest[:index], before)))
                 rest = [after, *rest[index + 1 :]]
                 barriers.add(node)
@@ -52,10 +52,10 @@ def cut_at_barriers(
     return found, sorted(barriers)
 
 
-def _near(places: dict[int, tuple[float, float]], node: int, other: int) -> int:
+def _near(places: dict[int, tuple[float, float]], node: int, other: int, apart: float) -> int:
     """Add a node a little away from one, towards another."""
     here, there = places[node], places[other]
-    share = min(_APART / max(math.dist(here, there), 1e-6), 0.5)
+    share = min(apart / max(math.dist(here, there), 1e-6), 0.5)
     number = free_number(places)
     x, y = (round(a + (b - a) * share, 3) for a, b in zip(here, there, strict=True))
     places[number] = (x, y)

@@ -15,22 +15,11 @@ from dojo_maps.errors import SourceError
 from dojo_maps.geometry.polylines import Ints, Shapes
 from dojo_maps.sources.osm.graph.shared_nodes import Run
 from dojo_maps.sources.osm.read.way_tags import RoadTags
+from dojo_maps.sources.osm.rules import CrowdingRules
 
-MAX_AT_NODE = 24
-"""Roads that may begin, end or pass at one node; in OpenStreetMap up to 8 do."""
-MAX_NEAR_PLACE = 40.0
-"""Pieces of road within `_NEAR` of one place; junctions drawn lane by lane have up to 16."""
-MAX_BESIDE = 1.5
-"""Other roads that lie on the average place; up to 0.9 do, most of them at junctions."""
-_NEAR = 8.0
-"""Metres."""
 _APART = 10.0
 """Metres from one place that is looked at to the next, along a road."""
-_LEAST, _MOST = 0.05, 1.0
-"""Bounds on how much a piece counts for by its metres: finely drawn bends have many."""
 _PAIRS_AT_ONCE = 20_000_000
-_LARGE = 10_000.0
-"""Metres of road from which the average must be that of a street network; a single junction has more."""
 
 
 def check_crowding(
@@ -38,6 +27,7 @@ def check_crowding(
     roads: Mapping[int, RoadTags],
     places: Mapping[int, tuple[float, float]],
     path: Path | str,
+    rules: CrowdingRules,
 ) -> None:
     """Refuse roads that are drawn over each other many times.
 
@@ -46,6 +36,7 @@ def check_crowding(
         roads: what the ways are.
         places: where nodes lie, metres.
         path: named in errors.
+        rules: how many may lie on one place.
 
     Raises:
         SourceError: too many of them lie on one place.
@@ -54,22 +45,24 @@ def check_crowding(
     ways = np.repeat([way for way, _ in runs], [len(nodes) - 1 for _, nodes in runs])
     if not len(ends):
         return
-    _check_nodes(ends, path)
+    _check_nodes(ends, path, rules)
     lines = shapely.linestrings([[places[node] for node in pair] for pair in ends.tolist()])
-    _check_places(lines, ways, roads, path)
+    _check_places(lines, ways, roads, path, rules)
 
 
-def _check_nodes(ends: Ints, path: Path | str) -> None:
+def _check_nodes(ends: Ints, path: Path | str, rules: CrowdingRules) -> None:
     nodes, counts = np.unique(ends, return_counts=True)
-    if counts.max() > 2 * MAX_AT_NODE:
+    if counts.max() > 2 * rules.most_at_node:
         raise SourceError(
             path,
-            f"{counts.max()} pieces of road meet here; at most {2 * MAX_AT_NODE} are laid out",
+            f"{counts.max()} pieces of road meet here; at most {2 * rules.most_at_node} are laid out",
             element=f"node {nodes[counts.argmax()]}",
         )
 
 
-def _check_places(lines: Shapes, ways: Ints, roads: Mapping[int, RoadTags], path: Path | str) -> None:
+def _check_places(
+    lines: Shapes, ways: Ints, roads: Mapping[int, RoadTags], path: Path | str, rules: CrowdingRules
+) -> None:
     """Look at places along all roads, and count what lies near them."""
     lengths = shapely.length(lines)
     counts = np.maximum(1, np.ceil(lengths / _APART)).astype(int)
@@ -77,26 +70,26 @@ def _check_places(lines: Shapes, ways: Ints, roads: Mapping[int, RoadTags], path
     share = (np.arange(len(piece)) - np.repeat(np.cumsum(counts) - counts, counts) + 0.5) / counts[piece]
     points = shapely.line_interpolate_point(lines[piece], share, normalized=True)
     halves = np.array([roads[way].drives / 2 for way in ways.tolist()])
-    weights = np.clip(lengths, _LEAST, _MOST)
+    weights = np.clip(lengths, rules.least_weight, rules.most_weight)
     tree = shapely.STRtree(lines)
     beside, at_once = 0, max(1, _PAIRS_AT_ONCE // len(lines))
     for first in range(0, len(points), at_once):
         some, own = points[first : first + at_once], piece[first : first + at_once]
-        point, other = tree.query(some, "dwithin", distance=_NEAR)
+        point, other = tree.query(some, "dwithin", distance=rules.near)
         near = np.bincount(point, weights=weights[other])
-        if near.max() > MAX_NEAR_PLACE:
+        if near.max() > rules.most_near_place:
             raise SourceError(
                 path,
-                f"{near.max():.0f} pieces of road lie within {_NEAR:g} m of a place on this one; at most "
-                f"{MAX_NEAR_PLACE:g} are laid out; remove what is drawn many times",
+                f"{near.max():.0f} pieces of road lie within {rules.near:g} m of a place on this one; "
+                f"at most {rules.most_near_place:g} are laid out; remove what is drawn many times",
                 element=f"way {ways[own[near.argmax()]]}",
             )
         covers = shapely.distance(some[point], lines[other]) < halves[own[point]] + halves[other]
         covers &= ways[other] != ways[own[point]]
         beside += len(np.unique(np.stack([point[covers], ways[other[covers]]]), axis=1).T)
-    if float(lengths.sum()) > _LARGE and beside > MAX_BESIDE * len(points):
+    if float(lengths.sum()) > rules.network and beside > rules.most_beside * len(points):
         raise SourceError(
             path,
             f"its roads lie on each other: on the average place of one {beside / len(points):.1f} others, at "
-            f"most {MAX_BESIDE:g} are laid out; remove what is drawn many times",
+            f"most {rules.most_beside:g} are laid out; remove what is drawn many times",
         )

@@ -4,31 +4,24 @@ A section runs from vertex to vertex with the same lanes all along; a vertex is 
 end, or change. Sections that only a split of the way or an unseen change of tags divides are one.
 """
 
-import functools
-import math
+import itertools
 from collections import defaultdict
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field, replace
-from pathlib import Path
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
-import pyproj
 import shapely
 
-from dojo_maps.errors import SourceError
+from dojo_maps.description import Projection
 from dojo_maps.geometry.polylines import Floats, along
-from dojo_maps.sources.osm.graph.barriers import cut_at_barriers
-from dojo_maps.sources.osm.graph.crowding import check_crowding
-from dojo_maps.sources.osm.graph.node_runs import known_runs
-from dojo_maps.sources.osm.graph.service_roads import find_signalised_service_roads
-from dojo_maps.sources.osm.graph.shared_nodes import free_number, share_nodes
-from dojo_maps.sources.osm.read.country import centre_of, drives_left
-from dojo_maps.sources.osm.read.data import OsmData, OsmWay
-from dojo_maps.sources.osm.read.way_tags import KINDS, RoadTags, read_road, why_not_a_road
+from dojo_maps.sources.osm.read.country import Country
+from dojo_maps.sources.osm.read.data import OsmWay, Tags
+from dojo_maps.sources.osm.read.lane_tags import LaneTags
+from dojo_maps.sources.osm.read.way_tags import RoadTags
+from dojo_maps.sources.osm.rules import ImportRules
 
-_LEAST_SECTION = 12.0
-"""Metres: a shorter section between two changes of lanes takes its neighbour's."""
-_WIDEST = 100_000.0
+Places = Mapping[int, tuple[float, float]]
+"""Where nodes lie, metres."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -56,6 +49,10 @@ class Section:
         """The vertex that it leads to."""
         return self.nodes[-1]
 
+    def lanes_towards(self, *, end: bool) -> tuple[LaneTags, ...]:
+        """Give the lanes that lead to its end, or to its start."""
+        return self.road.forward if end else self.road.backward
+
     def flipped(self) -> "Section":
         """Give the same piece of road in the other direction."""
         left, right = self.road.sidewalks
@@ -65,38 +62,75 @@ class Section:
         return replace(self, nodes=self.nodes[::-1], ways=self.ways[::-1], road=road)
 
 
-@dataclass(slots=True, kw_only=True)
-class RoadGraph:
-    """Sections by id and where their nodes lie, metres; `proj` and `offset` lead back to degrees."""
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Footway:
+    """A way of people beside a road or across it.
 
-    places: dict[int, tuple[float, float]]
-    sections: dict[str, Section]
-    left_hand: bool
-    proj: str
-    offset: tuple[float, float]
-    not_kept: dict[str, list[int]] = field(default_factory=dict)
-    """What tags say and no road shows, in words, with the ways."""
-    ways: frozenset[int] = frozenset()
-    """The ways that are roads."""
-    doubled: list[int] = field(default_factory=list)
-    unshared: list[tuple[int, int]] = field(default_factory=list)
-    missing: list[int] = field(default_factory=list)
-    barriers: list[int] = field(default_factory=list)
-    """Nodes at which roads are closed."""
+    Attributes:
+        way: its id.
+        nodes: that it runs through.
+        line: in metres; None where the extract has fewer than two of its nodes.
+    """
+
+    way: int
+    nodes: tuple[int, ...]
+    tags: Tags
+    line: shapely.LineString | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Unread:
+    """What of an extract's roads the graph does not show as it is mapped.
+
+    Attributes:
+        not_kept: what tags say and no road shows, in words, with the ways.
+        doubled: ways over which another road is drawn.
+        unshared: nodes added where two roads cross, and a way that each lies on.
+        missing: nodes that roads name and the extract lacks.
+        barriers: nodes at which roads are closed.
+    """
+
+    not_kept: Mapping[str, Sequence[int]]
+    doubled: Sequence[int]
+    unshared: Sequence[tuple[int, int]]
+    missing: Sequence[int]
+    barriers: Sequence[int]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RoadGraph:
+    """The roads, and all that later stages ask of the extract that they were read from.
+
+    Attributes:
+        places: where nodes lie, metres; numbers below 0 are nodes that OpenStreetMap does not have.
+        sections: by id.
+        tags: of the nodes on roads, where they have some.
+        ways: the ways that are roads.
+        footways: mapped sidewalks and crossings, in the order of their ids.
+        country: whose rules hold.
+        projection: from degrees to metres.
+        unread: what is not shown.
+        rules: that it is built by, and what is made of it.
+    """
+
+    places: Places
+    sections: Mapping[str, Section]
+    tags: Mapping[int, Tags]
+    ways: Mapping[int, OsmWay]
+    footways: tuple[Footway, ...]
+    country: Country
+    projection: Projection
+    unread: Unread
+    rules: ImportRules
+
+    @property
+    def left_hand(self) -> bool:
+        """Whether traffic keeps left."""
+        return self.country.left_hand
 
     def ends(self) -> dict[int, list[str]]:
         """List the sections at each vertex, a loop twice."""
-        found: dict[int, list[str]] = defaultdict(list)
-        for section in self.sections.values():
-            found[section.start].append(section.id)
-            found[section.end].append(section.id)
-        return dict(found)
-
-    def add_node(self, place: tuple[float, float]) -> int:
-        """Add a node that OpenStreetMap does not have."""
-        node = free_number(self.places)
-        self.places[node] = place
-        return node
+        return list_ends(self.sections)
 
     def line(self, section: Section) -> Floats:
         """Give a section's centre line, (n, 2) metres."""
@@ -114,195 +148,32 @@ class RoadGraph:
                 found[node].append((section.id, index))
         return dict(found)
 
-    def split(self, section_id: str, index: int) -> None:
-        """Make a vertex of an inner node of a section."""
-        section = self.sections.pop(section_id)
-        parts = (slice(0, index + 1), slice(index, None))
-        for part, suffix in zip(parts, ("a", "b"), strict=True):
-            nodes = section.nodes[part]
-            ways = section.ways[:index] if suffix == "a" else section.ways[index:]
-            name = section.id + suffix
-            self.sections[name] = replace(section, id=name, nodes=nodes, ways=ways)
+    def split(self, cuts: Mapping[str, Sequence[int]]) -> "RoadGraph":
+        """Make vertices of inner nodes of sections.
 
-    def way_line(self, data: OsmData, way: OsmWay) -> shapely.LineString | None:
-        """Lay any way of the extract into the plane, None where fewer than two nodes are there."""
-        nodes = [data.nodes[node] for node in way.nodes if node in data.nodes]
-        if len(nodes) < 2:
-            return None
-        x, y = _projection(self.proj)(np.array([n.lon for n in nodes]), np.array([n.lat for n in nodes]))
-        return shapely.LineString(np.column_stack([x, y]) + self.offset)
+        Args:
+            cuts: of each section that is split, places in its nodes, ascending.
+        """
+        sections = dict(self.sections)
+        for name, places in cuts.items():
+            section = sections.pop(name)
+            bounds = [0, *places, len(section.nodes) - 1]
+            for number, (first, last) in enumerate(itertools.pairwise(bounds)):
+                part = name + "b" * number + ("a" if number < len(places) else "")
+                nodes, ways = section.nodes[first : last + 1], section.ways[first:last]
+                sections[part] = replace(section, id=part, nodes=nodes, ways=ways)
+        return replace(self, sections=sections)
 
 
-@functools.cache
-def _projection(proj: str) -> pyproj.Proj:
-    return pyproj.Proj(proj)
+def list_ends(sections: Mapping[str, Section]) -> dict[int, list[str]]:
+    """List the sections at each vertex, a loop twice."""
+    found: dict[int, list[str]] = defaultdict(list)
+    for section in sections.values():
+        found[section.start].append(section.id)
+        found[section.end].append(section.id)
+    return dict(found)
 
 
-def build_graph(data: OsmData, path: Path | str) -> RoadGraph:
-    """Find an extract's roads.
-
-    Raises:
-        SourceError: it has no roads, they spread too far to be one map, or lie on each other.
-    """
-    left_hand = drives_left(data)
-    roads, not_kept = _read_roads(data, left_hand=left_hand)
-    pieces, missing = known_runs(data, roads)
-    used = sorted({node for _, run in pieces for node in run})
-    if not used:
-        raise SourceError(path, "has no roads for cars or buses; choose a larger area")
-    proj, offset, places = _project(data, used, path)
-    check_crowding(pieces, roads, places, path)
-    pieces, barriers = cut_at_barriers(data, pieces, places)
-    pieces, unshared = share_nodes(pieces, roads, places, path)
-    graph = RoadGraph(
-        places=places, sections={}, left_hand=left_hand, proj=proj, offset=offset,
-        not_kept=not_kept, ways=frozenset(roads), unshared=unshared, missing=missing, barriers=barriers,
-    )  # fmt: skip
-    _cut_sections(graph, pieces, roads)
-    _drop_doubles(graph)
-    while _join_sections(graph):
-        pass
-    return graph
-
-
-def _read_roads(data: OsmData, *, left_hand: bool) -> tuple[dict[int, RoadTags], dict[str, list[int]]]:
-    """Read the ways that are built, and what of their tags is not kept."""
-    lon, lat = centre_of(data)
-    ways = [way for way, found in data.ways.items() if why_not_a_road(found.tags) is None]
-    ways = sorted({*ways, *find_signalised_service_roads(data, ways)})
-    roads: dict[int, RoadTags] = {}
-    not_kept: dict[str, list[int]] = defaultdict(list)
-    for way in ways:
-        road, unkept = read_road(data.ways[way].tags, lon=lon, lat=lat, left_hand=left_hand, service=True)
-        if road is not None:
-            roads[way] = road
-        for words in unkept:
-            not_kept[words].append(way)
-    return roads, dict(not_kept)
-
-
-def _project(
-    data: OsmData, used: Sequence[int], path: object
-) -> tuple[str, tuple[float, float], dict[int, tuple[float, float]]]:
-    lon = np.array([data.nodes[node].lon for node in used])
-    lat = np.array([data.nodes[node].lat for node in used])
-    zone = min(60, int((float(np.median(lon)) + 180) // 6) + 1)
-    south = " +south" if np.median(lat) < 0 else ""
-    proj = f"+proj=utm +zone={zone}{south} +ellps=WGS84 +datum=WGS84 +units=m +no_defs"
-    x, y = pyproj.Proj(proj)(lon, lat)
-    if not (np.isfinite(x).all() and np.isfinite(y).all()) or max(np.ptp(x), np.ptp(y)) > _WIDEST:
-        raise SourceError(
-            path,
-            f"its roads spread over more than {_WIDEST / 1000:.0f} km; cut out one place with osmium extract",
-        )
-    offset = (-math.floor(x.min()), -math.floor(y.min()))
-    places = {
-        node: (round(float(a) + offset[0], 3), round(float(b) + offset[1], 3))
-        for node, a, b in zip(used, x, y, strict=True)
-    }
-    return proj, offset, places
-
-
-def _cut_sections(
-    graph: RoadGraph, pieces: Iterable[tuple[int, tuple[int, ...]]], roads: dict[int, RoadTags]
-) -> None:
-    """Cut ways where they meet; each one-way section runs in its traffic's direction."""
-    pieces = list(pieces)
-    uses: dict[int, int] = defaultdict(int)
-    for _, run in pieces:
-        for node in run:
-            uses[node] += 1
-        for before, node, after in zip(run, run[1:], run[2:], strict=False):
-            uses[node] += before == after
-        uses[run[0]] += 1
-        uses[run[-1]] += 1
-    count: dict[int, int] = defaultdict(int)
-    for way, run in pieces:
-        first = 0
-        for index in range(1, len(run)):
-            if uses[run[index]] > 1:
-                nodes = run[first : index + 1]
-                section = Section(
-                    id=f"{_way_name(way)}#{count[way]}",
-                    nodes=nodes,
-                    ways=(way,) * (len(nodes) - 1),
-                    road=roads[way],
-                )
-                count[way] += 1
-                graph.sections[section.id] = section if section.road.forward else section.flipped()
-                first = index
-
-
-def _drop_doubles(graph: RoadGraph) -> None:
-    """Keep one of the sections drawn over the same nodes; one-ways against each other make a two-way road."""
-    kept: dict[tuple[int, ...], Section] = {}
-    for section in graph.sections.values():
-        key = (section.road.layer, *min(section.nodes, section.nodes[::-1]))
-        twin = kept.get(key)
-        if twin is None:
-            kept[key] = section
-        elif twin.road.oneway and section.road.oneway and twin.nodes != section.nodes:
-            kept[key] = replace(twin, road=replace(twin.road, backward=section.road.forward))
-        else:
-            kept[key], other = sorted((twin, section), key=_importance, reverse=True)
-            graph.doubled.append(other.ways[0])
-    graph.sections = {section.id: section for section in kept.values()}
-
-
-def _importance(section: Section) -> tuple[int, float]:
-    return KINDS[section.road.kind], section.road.drives
-
-
-def _join_sections(graph: RoadGraph) -> bool:
-    """Join sections across vertices that only part them; tell whether any were."""
-    changed = False
-    for vertex, at in sorted(graph.ends().items()):
-        if len(at) != 2 or at[0] == at[1] or any(name not in graph.sections for name in at):
-            continue
-        before, after = _in_line(graph.sections[at[0]], graph.sections[at[1]], vertex)
-        if before is None or after is None or before.start == after.end:
-            continue
-        road = _common_road(graph, before, after)
-        if road is None:
-            continue
-        del graph.sections[at[0]], graph.sections[at[1]]
-        graph.sections[before.id] = replace(
-            before, nodes=before.nodes + after.nodes[1:], ways=before.ways + after.ways, road=road
-        )
-        changed = True
-    return changed
-
-
-def _in_line(one: Section, other: Section, vertex: int) -> tuple[Section | None, Section | None]:
-    """Order two sections so that the first leads to the vertex and the second leaves it."""
-    if one.end != vertex:
-        one, other = other, one
-    if one.end != vertex:
-        return (one.flipped(), other) if not one.road.oneway else (None, None)
-    if other.start != vertex:
-        if not other.road.oneway:
-            return one, other.flipped()
-        return (other, one.flipped()) if not one.road.oneway else (None, None)
-    return one, other
-
-
-def _common_road(graph: RoadGraph, before: Section, after: Section) -> RoadTags | None:
-    """Give what both sections are, or what a very short one of them may be taken for."""
-    one, other = before.road, after.road
-    if one.oneway != other.oneway or one.layer != other.layer or one.roundabout != other.roundabout:
-        return None
-    if _essence(one) == _essence(other):
-        return one
-    lengths = graph.length(before), graph.length(after)
-    if min(lengths) >= _LEAST_SECTION:
-        return None
-    return one if lengths[0] >= lengths[1] else other
-
-
-def _essence(road: RoadTags) -> RoadTags:
-    return replace(road, name="", width=0.0, kind="", speed=round(road.speed))
-
-
-def _way_name(way: int) -> str:
-    """Name a way; editors number new ones below 0, and a minus stands for the way back."""
-    return str(way) if way >= 0 else f"new{-way}"
+def free_number(places: Iterable[int]) -> int:
+    """Number a node that OpenStreetMap does not have: below 0, and below all that there are."""
+    return min(0, *places) - 1

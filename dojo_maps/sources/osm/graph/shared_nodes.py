@@ -6,7 +6,7 @@ one-way roads that cross each other: they are the lanes of a junction, drawn one
 """
 
 from collections import defaultdict
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -14,12 +14,9 @@ import shapely
 
 from dojo_maps.errors import SourceError
 from dojo_maps.geometry.polylines import Floats, Ints
+from dojo_maps.sources.osm.graph.road_graph import free_number
 from dojo_maps.sources.osm.read.way_tags import RoadTags
-
-MAX_CROSSING, MAX_CROSSING_SHARE = 200, 0.5
-"""Places where roads may cross without a common node: so many, and this share of their straight pieces."""
-_SAME = 0.5
-"""Metres between a crossing and a node within which the node is taken."""
+from dojo_maps.sources.osm.rules import SectionRules
 
 Run = tuple[int, tuple[int, ...]]
 """A way, and nodes that it runs through without a break."""
@@ -30,6 +27,7 @@ def share_nodes(
     roads: Mapping[int, RoadTags],
     places: dict[int, tuple[float, float]],
     path: Path | str,
+    rules: SectionRules,
 ) -> tuple[list[Run], list[tuple[int, int]]]:
     """Lead roads that cross on the ground through a common node.
 
@@ -38,6 +36,7 @@ def share_nodes(
         roads: what the ways are.
         places: where nodes lie, metres; the new ones, negative numbers, are added.
         path: named in errors.
+        rules: how near a node is taken, and how many crossings are believed.
 
     Returns:
         The runs with the new nodes; and of each of these, a way that it lies on.
@@ -60,14 +59,14 @@ def share_nodes(
     added: dict[int, list[tuple[int, float, int]]] = defaultdict(list)
     found, new = [], free_number(places)
     pairs = _crossing(lines, ends, ways)
-    if len(pairs) > MAX_CROSSING + len(pieces) * MAX_CROSSING_SHARE:
+    if len(pairs) > rules.most_crossing + len(pieces) * rules.most_crossing_share:
         problem = f"roads cross each other at {len(pairs)} places without a common node; add the nodes"
         raise SourceError(path, problem, element=f"way {ways[pairs[0][0]]}")
     for one, other in pairs:
         if oneway[one] and oneway[other]:
             continue
         point = shapely.get_coordinates(shapely.intersection(lines[one], lines[other]))[0]
-        node = _node_at(point, [*ends[one].tolist(), *ends[other].tolist()], places, new)
+        node = _node_at(point, [*ends[one].tolist(), *ends[other].tolist()], places, new, rules.same_place)
         if node == new:
             places[node] = (round(float(point[0]), 3), round(float(point[1]), 3))
             found.append((node, int(ways[one])))
@@ -80,11 +79,6 @@ def share_nodes(
     return [(way, _with(nodes, added.get(number, ()))) for number, (way, nodes) in enumerate(runs)], found
 
 
-def free_number(places: Iterable[int]) -> int:
-    """Number a node that OpenStreetMap does not have: below 0, and below all that there are."""
-    return min(0, *places) - 1
-
-
 def _crossing(lines: Floats, ends: Ints, ways: Ints) -> list[tuple[int, int]]:
     """Pair the straight pieces of two ways that cross each other away from common nodes."""
     one, other = shapely.STRtree(lines).query(lines, predicate="crosses")
@@ -93,12 +87,14 @@ def _crossing(lines: Floats, ends: Ints, ways: Ints) -> list[tuple[int, int]]:
     return sorted(zip(one[kept].tolist(), other[kept].tolist(), strict=True))
 
 
-def _node_at(point: Floats, near: Sequence[int], places: dict[int, tuple[float, float]], new: int) -> int:
+def _node_at(
+    point: Floats, near: Sequence[int], places: dict[int, tuple[float, float]], new: int, same: float
+) -> int:
     """Take the node that a crossing lies at, or a new one."""
     nodes = np.array([places[node] for node in near])
     apart = np.hypot(*(nodes - point).T)
     best = int(np.argmin(apart))
-    return near[best] if apart[best] < _SAME else new
+    return near[best] if apart[best] < same else new
 
 
 def _with(nodes: tuple[int, ...], added: Sequence[tuple[int, float, int]]) -> tuple[int, ...]:

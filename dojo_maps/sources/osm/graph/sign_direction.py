@@ -1,28 +1,27 @@
 """Which traffic a signal or a sign on a road is for."""
 
-from dojo_maps.sources.osm.graph.road_graph import Section
-from dojo_maps.sources.osm.read.data import OsmData
+from dojo_maps.sources.osm.graph.road_graph import RoadGraph, Section
 
 _KEYS = ("traffic_signals:direction", "direction")
 _SIDES = ("forward", "backward")
 
 
-def sign_direction(data: OsmData, section: Section, node: int) -> int:
+def sign_direction(graph: RoadGraph, section: Section, node: int) -> int:
     """Give 1 for traffic along a section, -1 for traffic against it, 0 where nothing says which.
 
     Args:
-        data: the extract; its tags speak of the direction of the way.
+        graph: the roads; tags speak of the direction of the way.
         section: the road.
         node: one of its nodes, with the sign.
     """
     if section.road.oneway:
         return 1
-    tags = data.nodes[node].tags
+    tags = graph.tags[node]
     said = next((tags[key] for key in _KEYS if tags.get(key) in _SIDES), None)
     if said is None:
         return 0
     index = section.nodes.index(node)
-    way = data.ways.get(section.ways[min(index, len(section.ways) - 1)])
+    way = graph.ways.get(section.ways[min(index, len(section.ways) - 1)])
     other = section.nodes[index + 1] if index + 1 < len(section.nodes) else section.nodes[index - 1]
     if way is None or node not in way.nodes or other not in way.nodes:
         return 0

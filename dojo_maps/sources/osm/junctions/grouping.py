@@ -1,60 +1,33 @@
-"""Which vertices are one real junction, which junctions have signals, and which of these share a controller.
+"""Which vertices are one real junction.
 
 Carriageways, slip lanes and stretched signals leave several vertices on one junction. Short sections are
 contracted, shortest first, while the junction stays of a size that junctions have.
 """
 
-import itertools
 import math
-from collections.abc import Iterable
+from collections.abc import Container, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import shapely
 
-from dojo_maps.sources.osm.graph.road_graph import RoadGraph, Section
-from dojo_maps.sources.osm.graph.sign_direction import sign_direction
-from dojo_maps.sources.osm.layout.mapped_crossings import MappedCrossing
-from dojo_maps.sources.osm.read.data import OsmData
-
-_SHORT = 14.0
-_SIGNALS_APART = 25.0
-_CARRIAGEWAYS_APART = 28.0
-_WIDEST = 70.0
-"""Metres across the vertices of one junction."""
-_WIDEST_JOINED = 150.0
-"""Metres across the vertices of a junction that would leave a road without length beside it otherwise."""
-_FAR_FROM_ROAD = 6.0
-"""Metres from a carriageway's border from which ground is none of a junction's."""
-_MOST_VOID = 200.0
-"""Square metres of such ground between the vertices that are joined; junctions are drawn tighter."""
-_APPROACH = 45.0
-"""Metres along an approach from a signal to its junction; stop lines stand back this far at most."""
-_CROSSING_NEAR = 22.0
-"""Metres from a junction within which a signalised crossing belongs to its signals."""
-_ONE_CONTROLLER, _SIDE_BY_SIDE = 35.0, 31.0
-"""Metres along a road, and in a straight line, between signalised junctions that share a controller."""
-_ONE_PLACE = 50.0
-"""Metres along a road between signals on both sides of a median, or at both legs of a dog-leg."""
-_ASIDE = 0.5
-"""Sine of the angle at which a road leaves to a side."""
-_CONTROLLER_WIDEST = 130.0
+from dojo_maps.sources.osm.graph.road_graph import Places, RoadGraph, Section
 
 
-@dataclass(slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Junctions:
     """Vertices grouped to junctions.
 
     Attributes:
         of: the junction of each vertex, named by its lowest vertex.
-        signals: the OSM elements that make each signalised junction so, as (kind, id).
+        signals: the OSM nodes that make each signalised junction so.
         controllers: the signal controller of each signalised junction.
-        crossing_signals: signal nodes with no junction near, by node.
+        stray: signal nodes with no junction near.
     """
 
-    of: dict[int, int]
-    signals: dict[int, list[int]] = field(default_factory=dict)
-    controllers: dict[int, int] = field(default_factory=dict)
-    stray: list[int] = field(default_factory=list)
+    of: Mapping[int, int]
+    signals: Mapping[int, Sequence[int]]
+    controllers: Mapping[int, int] = field(default_factory=dict)
+    stray: Sequence[int] = ()
 
     def members(self) -> dict[int, list[int]]:
         """List the vertices of each junction."""
@@ -67,7 +40,7 @@ class Junctions:
 class Groups:
     """Union of things into groups no wider than a limit."""
 
-    def __init__(self, places: dict[int, tuple[float, float]], widest: float) -> None:
+    def __init__(self, places: Places, widest: float) -> None:
         self._widest = widest
         self._owner = {key: key for key in places}
         self._boxes = {key: (x, y, x, y) for key, (x, y) in places.items()}
@@ -93,41 +66,37 @@ class Groups:
         return True
 
 
-def group_junctions(
-    data: OsmData,
-    graph: RoadGraph,
-    crossings: Iterable[MappedCrossing],
-    joined: Iterable[tuple[int, int]] = (),
-) -> Junctions:
-    """Group vertices to junctions and give signals to them.
+def group_vertices(
+    graph: RoadGraph, signalised: Container[int], joined: Iterable[tuple[int, int]] = ()
+) -> dict[int, int]:
+    """Group vertices to junctions.
 
     Args:
-        data: the extract.
-        graph: its roads.
-        crossings: where people cross.
+        graph: the roads.
+        signalised: vertices with signals.
         joined: vertices to join besides.
+
+    Returns:
+        The junction of each vertex.
     """
-    ends = graph.ends()
-    strong, stray = _assign_signals(data, graph, ends)
-    groups = Groups({vertex: graph.places[vertex] for vertex in ends}, _WIDEST)
+    ends, rules = graph.ends(), graph.rules.junctions
+    groups = Groups({vertex: graph.places[vertex] for vertex in ends}, rules.widest)
     lengths = {name: graph.length(section) for name, section in graph.sections.items()}
     for name in sorted(lengths, key=lambda name: (lengths[name], name)):
         section = graph.sections[name]
-        if not section.road.roundabout and lengths[name] <= _reach(graph, ends, section, strong):
+        if not section.road.roundabout and lengths[name] <= _reach(graph, ends, section, signalised):
             groups.join(section.start, section.end)
     for one, other in joined:
         if one in ends and other in ends and _leaves_no_void(graph, ends, groups, one, other):
-            groups.join(one, other, widest=_WIDEST_JOINED)
-    junctions = Junctions(of={vertex: groups.find(vertex) for vertex in sorted(ends)}, stray=stray)
-    for vertex, nodes in sorted(strong.items()):
-        junctions.signals.setdefault(junctions.of[vertex], []).extend(nodes)
-    _add_crossing_signals(graph, junctions, crossings, ends)
-    return junctions
+            groups.join(one, other, widest=rules.widest_joined)
+    return {vertex: groups.find(vertex) for vertex in sorted(ends)}
 
 
 def around_road(graph: RoadGraph, section: Section) -> shapely.Geometry:
     """Give a road's carriageway and the ground near it, all that may be a junction's beside it."""
-    return shapely.LineString(graph.line(section)).buffer(section.road.drives / 2 + _FAR_FROM_ROAD)
+    return shapely.LineString(graph.line(section)).buffer(
+        section.road.drives / 2 + graph.rules.junctions.beside_road
+    )
 
 
 def _leaves_no_void(
@@ -141,165 +110,27 @@ def _leaves_no_void(
         graph.sections[name] for name in sorted({name for vertex in members for name in ends[vertex]})
     ]
     roads = [around_road(graph, section) for section in sections]
-    return float(around.difference(shapely.union_all(roads)).area) <= _MOST_VOID
+    return float(around.difference(shapely.union_all(roads)).area) <= graph.rules.junctions.most_void
 
 
 def _reach(
-    graph: RoadGraph, ends: dict[int, list[str]], section: Section, strong: dict[int, list[int]]
+    graph: RoadGraph, ends: dict[int, list[str]], section: Section, signalised: Container[int]
 ) -> float:
     """Give the length up to which a section lies inside one junction."""
+    rules = graph.rules.junctions
     busy = [len(ends[vertex]) > 2 for vertex in (section.start, section.end)]
     if not any(busy):
         return 0.0
     if not all(busy):
-        return _SHORT if min(len(ends[section.start]), len(ends[section.end])) == 2 else 0.0
-    if section.start in strong and section.end in strong:
-        return _SIGNALS_APART
-    return _CARRIAGEWAYS_APART if _joins_carriageways(graph, ends, section) else _SHORT
+        return rules.short_section if min(len(ends[section.start]), len(ends[section.end])) == 2 else 0.0
+    if section.start in signalised and section.end in signalised:
+        return rules.between_signals
+    return rules.carriageways_apart if joins_carriageways(graph, ends, section) else rules.short_section
 
 
-def _joins_carriageways(graph: RoadGraph, ends: dict[int, list[str]], section: Section) -> bool:
+def joins_carriageways(graph: RoadGraph, ends: dict[int, list[str]], section: Section) -> bool:
     """Tell whether a section leads over the median of a divided road."""
     return all(
         sum(graph.sections[name].road.oneway for name in ends[vertex] if name != section.id) >= 2
         for vertex in (section.start, section.end)
     )
-
-
-def _is_dog_leg(
-    graph: RoadGraph, junctions: Junctions, members: dict[int, list[int]], section: Section
-) -> bool:
-    """Tell whether a street goes on along a section: it leaves to one side at each end, not to the same."""
-    ends = graph.ends()
-    sides = [
-        {
-            side
-            for member in members[junctions.of[vertex]]
-            for name in ends[member]
-            if (side := _side(graph, junctions, section, graph.sections[name], member)) is not None
-        }
-        for vertex in (section.start, section.end)
-    ]
-    return all(len(side) == 1 for side in sides) and sides[0] != sides[1]
-
-
-def _side(
-    graph: RoadGraph, junctions: Junctions, along: Section, section: Section, vertex: int
-) -> bool | None:
-    """Tell to which side of a section's line another leaves a vertex, left or not; None for neither."""
-    if junctions.of[section.start] == junctions.of[section.end]:
-        return None
-    (x, y), (a, b) = (graph.places[node] for node in (along.start, along.end))
-    line = graph.line(section)
-    ahead, aside = line[1] - line[0] if section.start == vertex else line[-2] - line[-1]
-    size = math.hypot(a - x, b - y) * math.hypot(ahead, aside)
-    turn = ((a - x) * aside - (b - y) * ahead) / max(size, 1e-9)
-    return turn > 0 if abs(turn) > _ASIDE else None
-
-
-def _assign_signals(
-    data: OsmData, graph: RoadGraph, ends: dict[int, list[str]]
-) -> tuple[dict[int, list[int]], list[int]]:
-    """Find the vertex that each signal node is for; those with none near are stray."""
-    strong: dict[int, list[int]] = {}
-    stray = []
-    for node, places in sorted(graph.positions().items()):
-        if node not in data.nodes or data.nodes[node].tags.get("highway") != "traffic_signals":
-            continue
-        if len(ends.get(node, ())) > 2:
-            strong.setdefault(node, []).append(node)
-            continue
-        found = [
-            hit
-            for name, index in places
-            for hit in _downstream(
-                graph, ends, graph.sections[name], index, sign_direction(data, graph.sections[name], node)
-            )
-        ]
-        if found:
-            strong.setdefault(min(found)[1], []).append(node)
-        else:
-            stray.append(node)
-    return strong, stray
-
-
-def _downstream(
-    graph: RoadGraph, ends: dict[int, list[str]], section: Section, index: int, heading: int
-) -> list[tuple[float, int]]:
-    """Find the next vertices where roads meet, with the metres to them, in the given direction or both."""
-    found = []
-    for way in (1, -1):
-        if heading not in (0, way):
-            continue
-        here, at, walked, seen = section, index, 0.0, {section.id}
-        forward = way > 0
-        while walked <= _APPROACH:
-            for one, other in itertools.pairwise(here.nodes[at:] if forward else here.nodes[at::-1]):
-                walked += math.dist(graph.places[one], graph.places[other])
-                if walked > _APPROACH:
-                    break
-            vertex = here.end if forward else here.start
-            if walked > _APPROACH:
-                break
-            if len(ends[vertex]) > 2:
-                found.append((walked, vertex))
-                break
-            onward = [name for name in ends[vertex] if name not in seen]
-            if not onward:
-                break
-            here = graph.sections[onward[0]]
-            seen.add(here.id)
-            forward = here.start == vertex
-            at = 0 if forward else len(here.nodes) - 1
-    return found
-
-
-def _add_crossing_signals(
-    graph: RoadGraph, junctions: Junctions, crossings: Iterable[MappedCrossing], ends: dict[int, list[str]]
-) -> None:
-    """Let signalised crossings make a signalised junction where there are two of them at it."""
-    near: dict[int, list[int]] = {}
-    for crossing in crossings:
-        if not crossing.signalised:
-            continue
-        section = graph.sections[crossing.section]
-        rest = graph.length(section) - crossing.along
-        distance, vertex = min((crossing.along, section.start), (rest, section.end))
-        if distance <= _CROSSING_NEAR and len(ends[vertex]) > 2:
-            near.setdefault(junctions.of[vertex], []).append(crossing.node)
-    for junction, nodes in sorted(near.items()):
-        if junction not in junctions.signals and len(nodes) > 1:
-            junctions.signals[junction] = nodes
-
-
-def share_controllers(graph: RoadGraph, junctions: Junctions) -> None:
-    """Give one controller to signalised junctions with little room between them."""
-    groups = Groups({junction: graph.places[junction] for junction in junctions.signals}, _CONTROLLER_WIDEST)
-    ends, members = graph.ends(), junctions.members()
-    pairs = [
-        (
-            graph.length(section),
-            junctions.of[section.start],
-            junctions.of[section.end],
-            _ONE_PLACE
-            if _joins_carriageways(graph, ends, section) or _is_dog_leg(graph, junctions, members, section)
-            else _ONE_CONTROLLER,
-        )
-        for section in graph.sections.values()
-        if {junctions.of[section.start], junctions.of[section.end]} <= junctions.signals.keys()
-        and graph.length(section) <= _ONE_PLACE
-    ]
-    vertices = [vertex for vertex, junction in junctions.of.items() if junction in junctions.signals]
-    pairs += [
-        (
-            math.dist(graph.places[one], graph.places[other]),
-            junctions.of[one],
-            junctions.of[other],
-            _SIDE_BY_SIDE,
-        )
-        for one, other in itertools.combinations(vertices, 2)
-    ]
-    for length, one, other, farthest in sorted(pairs):
-        if length <= farthest and one in junctions.signals and other in junctions.signals:
-            groups.join(one, other)
-    junctions.controllers = {junction: groups.find(junction) for junction in sorted(junctions.signals)}

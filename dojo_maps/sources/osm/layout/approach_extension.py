@@ -15,43 +15,35 @@ import shapely
 import shapely.ops
 
 from dojo_maps.geometry.polylines import Floats, along
+from dojo_maps.sources.osm.graph.road_graph import RoadGraph, free_number
+from dojo_maps.sources.osm.junctions.mapped_crossings import MappedCrossing
 from dojo_maps.sources.osm.layout.arms import Arm, Layout, ray, trim
-from dojo_maps.sources.osm.layout.crossing_arms import CROSSING_WIDTH
-from dojo_maps.sources.osm.layout.mapped_crossings import MappedCrossing
-
-_NEAREST, _FARTHEST = 10.0, 100.0
-"""Metres from a road's vertex to a crossing inside the junction between which the road goes on to it."""
-_NEARER = 0.5
-"""Share of the way to a crossing that the nearest road from the other side must be away from it."""
-_BESIDE, _BEFORE = 20.0, 15.0
-"""Metres of a road from a side, and before its end, that are kept free."""
-_ASIDE = 0.5
-"""Cosine of the angle between roads that arrive from different sides."""
-_AHEAD = 0.8
-"""Metres straight on that each metre of the way to a crossing must bring."""
+from dojo_maps.sources.osm.layout.crossing_arms import host_crossings
 
 
-def reach_in(layout: Layout) -> bool:
-    """Lead roads on to the crossings ahead of them that found no place near; tell whether any were.
+def extend_approaches(layout: Layout) -> Layout:
+    """Lead roads on to the crossings ahead of them that would find no place near.
 
     Where lanes are mapped one by one, the first of a crossing's pieces is enough.
     """
-    ends, arms = layout.graph.ends(), layout.arms()
-    free = _free_vertices(layout, arms)
-    inside = _far_from_place(layout)
+    trial = host_crossings(layout)
+    ends, arms = trial.graph.ends(), trial.arms()
+    free = _free_vertices(trial, arms)
+    inside = _far_from_place(trial)
     found = [
         (float(along(line)[-1]), vertex, arm, line)
         for vertex, arm in sorted(free.items() if inside else ())
-        for line in _ways_on(layout, ends, inside, vertex, arm)
-        if not _is_in_the_way(layout, arms, arm, line)
+        for line in _ways_on(trial, ends, inside, vertex, arm)
+        if not _is_in_the_way(trial, arms, arm, line)
     ]
     reached: list[Floats] = []
+    nearest = layout.rules.extension.nearest
     for _, vertex, arm, line in sorted(found, key=lambda f: f[:3]):
-        if vertex in free and all(math.dist(line[-1], place) > _NEAREST for place in reached):
+        if vertex in free and all(math.dist(line[-1], place) > nearest for place in reached):
             del free[vertex]
-            _lead_on(layout, vertex, arm, line)
+            layout = replace(layout, graph=_lead_on(layout.graph, vertex, arm, line))
             reached.append(line[-1])
-    return bool(reached)
+    return layout
 
 
 def _free_vertices(layout: Layout, arms: dict[int, list[Arm]]) -> dict[int, Arm]:
@@ -59,8 +51,8 @@ def _free_vertices(layout: Layout, arms: dict[int, list[Arm]]) -> dict[int, Arm]
     arms_at: dict[int, list[Arm]] = defaultdict(list)
     for meeting in arms.values():
         for arm in meeting:
-            section = layout.graph.sections[arm[0]]
-            arms_at[section.end if arm[1] else section.start].append(arm)
+            section = layout.graph.sections[arm.section]
+            arms_at[section.end if arm.at_end else section.start].append(arm)
     return {vertex: there[0] for vertex, there in arms_at.items() if len(there) == 1}
 
 
@@ -72,7 +64,7 @@ def _far_from_place(layout: Layout) -> dict[str, list[MappedCrossing]]:
     for crossing in layout.crossings:
         if crossing.section in layout.inner:
             arm = placed.get(id(crossing))
-            if arm is None or math.dist(ray(graph, arm)[0], crossing.place) > _NEAREST:
+            if arm is None or math.dist(ray(graph, arm)[0], crossing.place) > layout.rules.extension.nearest:
                 found[crossing.section].append(crossing)
     return found
 
@@ -85,9 +77,9 @@ def _ways_on(
     arm: Arm,
 ) -> Iterator[Floats]:
     """Follow the ways inside a junction from an arm's vertex, shortest first, to the crossings ahead."""
-    graph = layout.graph
+    graph, rules = layout.graph, layout.rules.extension
     start, outward = ray(graph, arm)
-    queue, seen = [(0.0, 0, np.array([start]), vertex)], {arm[0]}
+    queue, seen = [(0.0, 0, np.array([start]), vertex)], {arm.section}
     while queue:
         _, _, line, here = heapq.heappop(queue)
         for name in sorted(set(ends[here]) & layout.inner - seen):
@@ -99,7 +91,7 @@ def _ways_on(
             walked = np.vstack([line, shapely.get_coordinates(cut)[1:]])
             seen.add(name)
             length = float(along(walked)[-1])
-            if length > _FARTHEST or (start - walked[-1]) @ outward < _AHEAD * length:
+            if length > rules.farthest or (start - walked[-1]) @ outward < rules.straight_on * length:
                 continue
             if found is None:
                 beyond = section.end if section.start == here else section.start
@@ -110,34 +102,37 @@ def _ways_on(
 
 def _is_in_the_way(layout: Layout, arms: dict[int, list[Arm]], arm: Arm, line: Floats) -> bool:
     """Tell whether a road led on along a line would lie before roads from the sides, or near one ahead."""
-    graph = layout.graph
+    graph, rules = layout.graph, layout.rules.extension
     outward = ray(graph, arm)[1]
-    farthest = _NEARER * float(along(line)[-1])
-    ground = shapely.LineString(trim(line, 0.0, CROSSING_WIDTH / 2)).buffer(
-        layout.half(arm[0]), cap_style="flat"
+    farthest = rules.nearer_from_other_side * float(along(line)[-1])
+    ground = shapely.LineString(trim(line, 0.0, layout.rules.crossings.width / 2)).buffer(
+        layout.half(arm.section), cap_style="flat"
     )
     for other in arms[layout.junction(arm)]:
         start, way = ray(graph, other)
-        if way @ outward < -_ASIDE and math.dist(start, line[-1]) < farthest:
+        if way @ outward < -rules.from_side and math.dist(start, line[-1]) < farthest:
             return True
         drawn = start + way * layout.cuts.get(other, 0.0)
-        road = shapely.LineString([drawn + way * _BESIDE, drawn - way * _BEFORE])
-        strip = road.buffer(layout.half(other[0]), cap_style="flat")
-        if abs(way @ outward) < _ASIDE and strip.intersects(ground):
+        road = shapely.LineString([drawn + way * rules.kept_free, drawn - way * rules.kept_free_before])
+        strip = road.buffer(layout.half(other.section), cap_style="flat")
+        if abs(way @ outward) < rules.from_side and strip.intersects(ground):
             return True
     return False
 
 
-def _lead_on(layout: Layout, vertex: int, arm: Arm, line: Floats) -> None:
+def _lead_on(graph: RoadGraph, vertex: int, arm: Arm, line: Floats) -> RoadGraph:
     """Make a road longer, its vertex moved along a line; the ways inside the junction stay tied to it."""
-    graph = layout.graph
-    section = graph.sections[arm[0]]
-    passed = [graph.add_node((x, y)) for x, y in line[:-1].tolist()]
-    graph.places[vertex] = (round(float(line[-1][0]), 3), round(float(line[-1][1]), 3))
-    if arm[1]:
+    section, places = graph.sections[arm.section], dict(graph.places)
+    passed = []
+    for x, y in line[:-1].tolist():
+        passed.append(free_number(places))
+        places[passed[-1]] = (x, y)
+    places[vertex] = (round(float(line[-1][0]), 3), round(float(line[-1][1]), 3))
+    if arm.at_end:
         nodes = (*section.nodes[:-1], *passed, vertex)
         ways = (*section.ways, *section.ways[-1:] * len(passed))
     else:
         nodes = (vertex, *passed[::-1], *section.nodes[1:])
         ways = (*section.ways[:1] * len(passed), *section.ways)
-    graph.sections[arm[0]] = replace(section, nodes=nodes, ways=ways)
+    sections = {**graph.sections, arm.section: replace(section, nodes=nodes, ways=ways)}
+    return replace(graph, places=places, sections=sections)

@@ -1,86 +1,119 @@
 """What is to be built, seen from the arms of its junctions: how far they are drawn back, crossings there."""
 
 from collections import defaultdict
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 
 from dojo_maps.geometry.polylines import Floats, along
+from dojo_maps.sources.osm.graph.edge_id import EdgeId
 from dojo_maps.sources.osm.graph.road_graph import RoadGraph, Section
 from dojo_maps.sources.osm.junctions.grouping import Junctions
-from dojo_maps.sources.osm.layout.mapped_crossings import MappedCrossing
-
-_CORNER = 6.0
-"""Metres that a road loses at a junction where nothing draws it back."""
-
-Arm = tuple[str, bool]
-"""A section's id, and whether its end is meant rather than its start."""
+from dojo_maps.sources.osm.junctions.mapped_crossings import MappedCrossing
+from dojo_maps.sources.osm.layout.ground import Ground
+from dojo_maps.sources.osm.read.lane_tags import LaneTags
+from dojo_maps.sources.osm.rules import ImportRules
 
 
-@dataclass(slots=True, kw_only=True)
+class Arm(NamedTuple):
+    """A road of a junction: a section's id, and whether its end lies there rather than its start."""
+
+    section: str
+    at_end: bool
+
+    @property
+    def incoming(self) -> EdgeId:
+        """The edge that arrives through it."""
+        return EdgeId(self.section, self.at_end)
+
+    @property
+    def outgoing(self) -> EdgeId:
+        """The edge that leaves through it."""
+        return EdgeId(self.section, not self.at_end)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Layout:
     """What is to be built.
 
     Attributes:
+        graph: the roads, as they are built.
+        junctions: which vertices are one, and their signals.
+        crossings: where people cross, as it is mapped.
         inner: sections that lie inside a junction and vanish.
         cuts: metres by which a section's end is drawn back from its vertex.
         hosted: the crossing at each arm.
         lost: crossings with no place, and why.
         asides: metres by which a section is moved to its left, because another lies too near.
+        heights: metres above the ground, of the nodes that are not on it.
+        ground: how high that lies; None where it is flat.
+        sidewalks: metres across those on the left and the right of each section that is built; 0 for none.
     """
 
     graph: RoadGraph
     junctions: Junctions
-    crossings: list[MappedCrossing]
-    inner: set[str] = field(default_factory=set)
-    cuts: dict[Arm, float] = field(default_factory=dict)
-    hosted: dict[Arm, MappedCrossing] = field(default_factory=dict)
-    lost: list[tuple[MappedCrossing, str]] = field(default_factory=list)
-    asides: dict[str, float] = field(default_factory=dict)
+    crossings: tuple[MappedCrossing, ...]
+    inner: frozenset[str]
+    cuts: Mapping[Arm, float] = field(default_factory=dict)
+    hosted: Mapping[Arm, MappedCrossing] = field(default_factory=dict)
+    lost: Sequence[tuple[MappedCrossing, str]] = ()
+    asides: Mapping[str, float] = field(default_factory=dict)
+    heights: Mapping[int, float] = field(default_factory=dict)
+    ground: Ground | None = None
+    sidewalks: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+
+    @property
+    def rules(self) -> ImportRules:
+        """The limits to go by."""
+        return self.graph.rules
+
+    def height(self, vertex: int) -> float:
+        """Give the height of a vertex, metres."""
+        return self.heights.get(vertex, 0.0) + (self.ground.vertices[vertex] if self.ground else 0.0)
 
     def trimmed(self, name: str) -> Floats:
         """Give a section's line, drawn back at its ends."""
-        cuts = [self.cuts.get((name, at_end), 0.0) for at_end in (False, True)]
+        cuts = [self.cuts.get(Arm(name, at_end), 0.0) for at_end in (False, True)]
         return trim(self.graph.line(self.graph.sections[name]), *cuts)
 
     def junction(self, arm: Arm) -> int:
         """Name the junction that an arm ends at."""
-        section = self.graph.sections[arm[0]]
-        return self.junctions.of[section.end if arm[1] else section.start]
+        section = self.graph.sections[arm.section]
+        return self.junctions.of[section.end if arm.at_end else section.start]
 
     def arms(self) -> dict[int, list[Arm]]:
         """List the arms of each junction."""
         found: dict[int, list[Arm]] = defaultdict(list)
         for name in sorted(self.graph.sections):
             if name not in self.inner:
-                for at_end in (False, True):
-                    found[self.junction((name, at_end))].append((name, at_end))
+                for arm in (Arm(name, at_end=False), Arm(name, at_end=True)):
+                    found[self.junction(arm)].append(arm)
         return dict(found)
+
+    def arriving(self, arm: Arm) -> tuple[LaneTags, ...]:
+        """Give the lanes that lead into the junction of an arm."""
+        return self.graph.sections[arm.section].lanes_towards(end=arm.at_end)
+
+    def leaving(self, arm: Arm) -> tuple[LaneTags, ...]:
+        """Give the lanes that lead out of the junction of an arm."""
+        return self.graph.sections[arm.section].lanes_towards(end=not arm.at_end)
 
     def half(self, name: str) -> float:
         """Measure half the width of a section's lanes."""
         return self.graph.sections[name].road.drives / 2
 
-    def room(self, arm: Arm, *, left: float) -> float:
-        """Measure how far an arm may be drawn back so that some metres of its road are left."""
-        length = self.graph.length(self.graph.sections[arm[0]])
-        return length - self.cuts.get((arm[0], not arm[1]), _CORNER) - left
-
-
-def incoming_name(arm: Arm) -> str:
-    """Name the edge that arrives through an arm."""
-    return arm[0] if arm[1] else f"-{arm[0]}"
-
-
-def outgoing_name(arm: Arm) -> str:
-    """Name the edge that leaves through an arm."""
-    return f"-{arm[0]}" if arm[1] else arm[0]
+    def room(self, arm: Arm, cuts: Mapping[Arm, float], *, left: float) -> float:
+        """Measure how far an arm may be drawn back, beside other cuts, so that so much of it is left."""
+        length = self.graph.length(self.graph.sections[arm.section])
+        return length - cuts.get(Arm(arm.section, not arm.at_end), self.rules.crossings.corner) - left
 
 
 def outward(graph: RoadGraph, arm: Arm) -> Floats:
     """Give the line of an arm's road from its vertex on."""
-    line = graph.line(graph.sections[arm[0]])
-    return line[::-1] if arm[1] else line
+    line = graph.line(graph.sections[arm.section])
+    return line[::-1] if arm.at_end else line
 
 
 def ray(graph: RoadGraph, arm: Arm) -> tuple[Floats, Floats]:
@@ -104,13 +137,16 @@ def trim(line: Floats, start: float, end: float) -> Floats:
     return np.column_stack([np.interp(wanted, lengths, values) for values in line.T])
 
 
-def divider(layout: Layout, section: Section, heights: dict[int, float]) -> Floats:
+def divider(layout: Layout, section: Section) -> Floats:
     """Find the line between the two directions, drawn back where a crossing lies at an end.
 
     The way is taken for the middle of the carriageway.
     """
-    line = np.column_stack([layout.graph.line(section), [heights.get(node, 0.0) for node in section.nodes]])
-    cuts = [layout.cuts.get((section.id, at_end), 0.0) for at_end in (False, True)]
+    line = np.column_stack(
+        [layout.graph.line(section), [layout.heights.get(node, 0.0) for node in section.nodes]]
+    )
+    line = layout.ground.under(section.id, line) if layout.ground else line
+    cuts = [layout.cuts.get(Arm(section.id, at_end), 0.0) for at_end in (False, True)]
     line = trim(line, *cuts)
     road = section.road
     aside = (road.across(road.forward) - road.across(road.backward)) / 2

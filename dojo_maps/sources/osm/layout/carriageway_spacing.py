@@ -5,7 +5,7 @@ would lie on each other there.
 """
 
 import itertools
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -14,57 +14,56 @@ import shapely
 from dojo_maps.geometry.polylines import Floats
 from dojo_maps.sources.osm.layout.arms import Arm, Layout, ray
 
-_GAP = 0.3
-_NARROWEST = 2.75
-_FARTHEST = 2.5
-"""Metres that a carriageway may be moved to its side."""
 _STEP = 2.0
-_PARALLEL = 0.94
-_LEVEL, _ISLAND = 8.0, 1.5
-"""Metres between the ends of two arms on one line, and between their borders where people may wait."""
-_LEAST_OVERLAP = 4.0
-"""Square metres."""
-_TAKEN_OVER = 0.75
-"""Metres that one carriageway may move for the other; more would lead it away from its own ends."""
 _TRIED = 6
 """Distances that are tried between none and all that a road should move."""
-_NEAR_SHARE = 0.25
-"""Share of the places along a road where another may lie nearer than is made room for: they part slowly."""
 
 
-def space_carriageways(layout: Layout) -> None:
+def space_carriageways(layout: Layout) -> Layout:
     """Narrow the lanes of roads that lie on each other, and move them apart where that is not enough."""
+    rules = layout.rules.spacing
     names = [name for name in sorted(layout.graph.sections) if name not in layout.inner]
     lines = {name: shapely.LineString(layout.trimmed(name)) for name in names}
     tree = shapely.STRtree([lines[name].buffer(layout.half(name), cap_style="flat") for name in names])
     pairs = [(names[a], names[b]) for a, b in tree.query(tree.geometries, predicate="intersects").T if a < b]
     near = {pair: found for pair in pairs if (found := _near_places(layout, lines, *pair))}
-    for (one, other), (apart, _) in near.items():
-        share = (apart - _GAP) / (layout.half(one) + layout.half(other))
-        for name in (one, other):
-            section = layout.graph.sections[name]
-            width = round(min(section.road.width, max(_NARROWEST, section.road.width * share)), 2)
-            layout.graph.sections[name] = replace(section, road=replace(section.road, width=width))
+    layout = _narrow(layout, {pair: apart for pair, (apart, _) in near.items()})
+    asides: dict[str, float] = {}
     for pair, (apart, sides) in near.items():
-        wanted = layout.half(pair[0]) + layout.half(pair[1]) + _GAP - apart
+        wanted = layout.half(pair[0]) + layout.half(pair[1]) + rules.gap - apart
         if wanted > 0:
             rooms = []
             for name, side in zip(pair, sides, strict=True):
                 around = tree.query(lines[name], "dwithin", distance=layout.half(name) + wanted)
                 thirds = sorted({names[hit] for hit in around} - {*pair})
                 rooms.append(_room(layout, lines, name, thirds, -side, wanted))
-            for name, side, metres in zip(pair, sides, _share_out(wanted, rooms), strict=True):
-                moved = layout.asides.get(name, 0.0) - side * metres
-                layout.asides[name] = max(-_FARTHEST, min(_FARTHEST, moved))
+            for name, side, metres in zip(
+                pair, sides, _share_out(wanted, rooms, rules.taken_over), strict=True
+            ):
+                moved = asides.get(name, 0.0) - side * metres
+                asides[name] = max(-rules.farthest, min(rules.farthest, moved))
+    return replace(layout, asides=asides)
 
 
-def _share_out(wanted: float, rooms: Sequence[float]) -> tuple[float, float]:
+def _narrow(layout: Layout, near: Mapping[tuple[str, str], float]) -> Layout:
+    """Narrow the lanes of pairs of roads to the metres between their middles, as far as lanes may be."""
+    sections, rules = dict(layout.graph.sections), layout.rules.spacing
+    for pair, apart in near.items():
+        share = (apart - rules.gap) / sum(sections[name].road.drives / 2 for name in pair)
+        for name in pair:
+            road = sections[name].road
+            width = round(min(road.width, max(rules.narrowest_lane, road.width * share)), 2)
+            sections[name] = replace(sections[name], road=replace(road, width=width))
+    return replace(layout, graph=replace(layout.graph, sections=sections))
+
+
+def _share_out(wanted: float, rooms: Sequence[float], most_taken_over: float) -> tuple[float, float]:
     """Split the metres by which two roads move apart: half each, or what there is room for on either side."""
     one = min(wanted / 2, rooms[0])
     other = min(wanted - one, rooms[1])
     one = min(wanted - other, rooms[0])
     rest = (wanted - one - other) / 2
-    if abs(one - other) / 2 > _TAKEN_OVER:
+    if abs(one - other) / 2 > most_taken_over:
         return wanted / 2, wanted / 2
     return one + rest, other + rest
 
@@ -86,7 +85,7 @@ def _room(
         if beside == side and layout.graph.sections[third].road.layer == layer:
             steps = np.linspace(0.0, wanted, _TRIED)
             lying = np.maximum(needed + steps[:, None] - near, 0.0).sum(axis=1) * _STEP
-            room = min(room, float(steps[lying < _LEAST_OVERLAP].max(initial=0.0)))
+            room = min(room, float(steps[lying < layout.rules.spacing.least_overlap].max(initial=0.0)))
     return room
 
 
@@ -104,16 +103,20 @@ def side_by_side(layout: Layout, arms: Sequence[Arm]) -> list[list[Arm]]:
 
 
 def _touch(layout: Layout, arm: Arm, other: Arm) -> bool:
-    if arm[0] == other[0]:
+    if arm.section == other.section:
         return False
+    rules = layout.rules.spacing
     rays = [ray(layout.graph, a) for a in (arm, other)]
-    if float(rays[0][1] @ rays[1][1]) < _PARALLEL:
+    if float(rays[0][1] @ rays[1][1]) < rules.parallel:
         return False
     lines = [layout.trimmed(name) for name, _ in (arm, other)]
     ends = [line[-1] if at_end else line[0] for line, (_, at_end) in zip(lines, (arm, other), strict=True)]
     room = shapely.distance(shapely.Point(ends[0]), shapely.LineString(lines[1]))
     ahead = abs(float((ends[1] - ends[0]) @ rays[0][1]))
-    return ahead < _LEVEL and room - layout.half(arm[0]) - layout.half(other[0]) < _ISLAND
+    return (
+        ahead < rules.on_one_line
+        and room - layout.half(arm.section) - layout.half(other.section) < rules.island
+    )
 
 
 def _near_places(
@@ -130,10 +133,12 @@ def _near_places(
         return None
     needed = layout.half(one) + layout.half(other)
     near, side = _beside(lines[one], lines[other], needed)
-    if float((needed - near).sum()) * _STEP < _LEAST_OVERLAP:
+    if float((needed - near).sum()) * _STEP < layout.rules.spacing.least_overlap:
         return None
     back, other_side = _beside(lines[other], lines[one], needed)
-    return (float(np.quantile(near, _NEAR_SHARE)), (side, other_side)) if len(back) else None
+    return (
+        (float(np.quantile(near, layout.rules.spacing.near_share)), (side, other_side)) if len(back) else None
+    )
 
 
 def _beside(line: shapely.LineString, other: shapely.LineString, needed: float) -> tuple[Floats, int]:

@@ -2,48 +2,48 @@
 
 import itertools
 import math
+from dataclasses import replace
 
 from dojo_maps.sources.osm.graph.road_graph import RoadGraph
+from dojo_maps.sources.osm.junctions.mapped_crossings import MappedCrossing
 from dojo_maps.sources.osm.layout.arms import Arm, Layout, ray
-from dojo_maps.sources.osm.layout.mapped_crossings import MappedCrossing
-
-CROSSING_WIDTH = 4.0
-_FARTHEST = 30.0
-"""Metres from a vertex up to which a crossing may lie at its arm."""
-_LEFT_OVER = 6.0
-_BOTH_CARRIAGEWAYS = 28.0
 
 
-def host_crossings(layout: Layout) -> None:
-    """Give each crossing the arm nearest to it, nearest crossings first; what was hosted before is not."""
-    graph = layout.graph
-    for found in (layout.hosted, layout.cuts, layout.lost):
-        found.clear()
+def host_crossings(layout: Layout) -> Layout:
+    """Give each crossing the arm nearest to it, nearest crossings first."""
+    graph, rules = layout.graph, layout.rules.crossings
+    hosted: dict[Arm, MappedCrossing] = {}
+    cuts: dict[Arm, float] = {}
     arms = layout.arms()
     wishes = []
     for number, crossing in enumerate(layout.crossings):
-        for arm in _candidates(layout, arms, crossing):
+        candidates = _candidates(layout, arms, crossing)
+        for arm in candidates:
             distance, cut = _reach_of(graph, arm, crossing)
+            distance -= rules.straight_on * _leads_to(graph, candidates, arm, crossing)
             back = _faces_back(graph, arms[layout.junction(arm)][0], arm)
             wishes.append((round(distance, 1), back, number, arm, cut))
     placed: set[int] = set()
     for distance, _, number, arm, cut in sorted(wishes):
-        if number in placed or arm in layout.hosted or distance > _FARTHEST:
+        if number in placed or arm in hosted or distance > rules.farthest_from_arm:
             continue
-        room = layout.room(arm, left=_LEFT_OVER)
-        if cut > 4.0 and cut > room + 4.0:
+        room = layout.room(arm, cuts, left=rules.road_left)
+        if cut > rules.may_be_moved and cut > room + rules.may_be_moved:
             continue
-        layout.hosted[arm] = layout.crossings[number]
-        layout.cuts[arm] = max(min(cut, room), 0.0)
+        hosted[arm] = layout.crossings[number]
+        cuts[arm] = max(min(cut, room), 0.0)
         placed.add(number)
-    for number, crossing in enumerate(layout.crossings):
-        if number not in placed:
-            layout.lost.append((crossing, "another crossing or the road's end is too near"))
+    lost = [
+        (crossing, "another crossing or the road's end is too near")
+        for number, crossing in enumerate(layout.crossings)
+        if number not in placed
+    ]
+    return replace(layout, hosted=hosted, cuts=cuts, lost=lost)
 
 
-def align_carriageways(layout: Layout) -> None:
+def align_carriageways(layout: Layout) -> Layout:
     """Draw both carriageways of an arm back to one line; netconvert would pull the one to the other."""
-    graph = layout.graph
+    graph, rules, cuts = layout.graph, layout.rules, dict(layout.cuts)
     for arms in layout.arms().values():
         rays = {arm: ray(graph, arm) for arm in arms}
         for arm, other in itertools.permutations(arms, 2):
@@ -51,18 +51,23 @@ def align_carriageways(layout: Layout) -> None:
             apart = twin - place
             ahead = float(apart @ way)
             aside = abs(float(apart[0] * way[1] - apart[1] * way[0]))
-            if arm not in layout.hosted or float(way @ back) < 0.94 or not 0 < aside < _BOTH_CARRIAGEWAYS:
+            if (
+                arm not in layout.hosted
+                or float(way @ back) < rules.spacing.parallel
+                or not 0 < aside < rules.junctions.carriageways_apart
+            ):
                 continue
-            wanted = layout.cuts[arm] - ahead
-            if layout.cuts.get(other, 0.0) < wanted < layout.room(other, left=_LEFT_OVER):
-                layout.cuts[other] = wanted
+            wanted = cuts[arm] - ahead
+            if cuts.get(other, 0.0) < wanted < layout.room(other, cuts, left=rules.crossings.road_left):
+                cuts[other] = wanted
+    return replace(layout, cuts=cuts)
 
 
 def _candidates(layout: Layout, arms: dict[int, list[Arm]], crossing: MappedCrossing) -> list[Arm]:
     """List the arms where a crossing may be built."""
     section = layout.graph.sections[crossing.section]
     if crossing.section not in layout.inner and crossing.node not in (section.start, section.end):
-        return [(crossing.section, False), (crossing.section, True)]
+        return [Arm(crossing.section, at_end=False), Arm(crossing.section, at_end=True)]
     if crossing.section in layout.inner:
         return arms.get(layout.junctions.of[section.start], [])
     return arms.get(layout.junctions.of[crossing.node], [])
@@ -70,13 +75,24 @@ def _candidates(layout: Layout, arms: dict[int, list[Arm]], crossing: MappedCros
 
 def _reach_of(graph: RoadGraph, arm: Arm, crossing: MappedCrossing) -> tuple[float, float]:
     """Measure from an arm's vertex to a crossing, and how far the arm must be drawn back for it."""
-    section = graph.sections[arm[0]]
-    if crossing.section == arm[0]:
-        distance = graph.length(section) - crossing.along if arm[1] else crossing.along
-        return distance, distance + CROSSING_WIDTH / 2
-    vertex = section.end if arm[1] else section.start
-    distance = math.dist(graph.places[vertex], crossing.place)
-    return distance + 0.01, CROSSING_WIDTH / 2
+    section, width = graph.sections[arm.section], graph.rules.crossings.width
+    if crossing.section == arm.section:
+        distance = graph.length(section) - crossing.along if arm.at_end else crossing.along
+        return distance, distance + width / 2
+    distance = math.dist(graph.places[_vertex(graph, arm)], crossing.place)
+    return distance + 0.01, width / 2
+
+
+def _leads_to(graph: RoadGraph, arms: list[Arm], arm: Arm, crossing: MappedCrossing) -> bool:
+    """Tell whether the road that a crossing inside a junction lies on begins where a single arm ends."""
+    road, vertex = graph.sections[crossing.section], _vertex(graph, arm)
+    single = [_vertex(graph, other) for other in arms].count(vertex) == 1
+    return single and crossing.section != arm.section and vertex in (road.start, road.end)
+
+
+def _vertex(graph: RoadGraph, arm: Arm) -> int:
+    section = graph.sections[arm.section]
+    return section.end if arm.at_end else section.start
 
 
 def _faces_back(graph: RoadGraph, first: Arm, arm: Arm) -> bool:

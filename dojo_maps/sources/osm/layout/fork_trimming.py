@@ -6,7 +6,8 @@ OpenStreetMap lets ramps start in the middle of the road they leave: lanes as wi
 each other there.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 import shapely
@@ -14,74 +15,65 @@ import shapely
 from dojo_maps.geometry.polylines import Floats, along
 from dojo_maps.sources.osm.layout.arms import Arm, Layout, outward, ray
 
-_FARTHEST, _FARTHEST_OF_FORK = 45.0, 80.0
-"""Metres from a junction within which its roads must have parted, and long ones that begin at one
-vertex.
 
-netconvert gives a junction no ground when its roads are drawn back much farther.
-"""
-_GAP = 0.3
-_PARTING = 1.5
-"""Metres that a fork's roads must draw apart over that way; carriageways do not."""
-_FLOOR = 3.0
-"""Metres that the other roads are drawn back there, so that the junction has ground of its own."""
-_PAST_CROSSING = 2.0
-"""Metres by which a crossing may be moved out."""
-_LEFT, _LEFT_OF_FORK = 14.0, 40.0
-"""Metres of a road that is drawn back which are left, and of one that is drawn back very far."""
-
-
-def part_roads(layout: Layout) -> None:
+def trim_forks(layout: Layout) -> Layout:
     """Draw back the arms of each junction to where they lie beside each other, no crossing from its place.
 
     A roundabout's ring stays as it is: it is enough to draw the other road back.
     """
+    cuts, rules = dict(layout.cuts), layout.rules.forks
     for arms in layout.arms().values():
-        drawn = [arm for arm in arms if not layout.graph.sections[arm[0]].road.roundabout]
+        drawn = [arm for arm in arms if not layout.graph.sections[arm.section].road.roundabout]
         wanted = {arm: _parted_after(layout, arm, arms) for arm in drawn}
-        farthest = {arm: _nearest_crossing(layout, arm, arms) for arm in drawn}
+        farthest = {arm: _nearest_crossing(layout, cuts, arm, arms) for arm in drawn}
         for arm in drawn if any(wanted.values()) else ():
-            metres = min(max(wanted[arm], _FLOOR), farthest[arm], layout.room(arm, left=_LEFT))
-            layout.cuts[arm] = max(layout.cuts.get(arm, 0.0), metres)
+            metres = min(
+                max(wanted[arm], rules.others), farthest[arm], layout.room(arm, cuts, left=rules.road_left)
+            )
+            cuts[arm] = max(cuts.get(arm, 0.0), metres)
+    return replace(layout, cuts=cuts)
 
 
 def _parted_after(layout: Layout, arm: Arm, arms: Sequence[Arm]) -> float:
     """Measure along an arm to where it has left the others' ground; 0 where they only run side by side."""
-    line = outward(layout.graph, arm)
+    line, rules = outward(layout.graph, arm), layout.rules.forks
     lengths = along(line)
-    at = np.arange(0.0, min(_FARTHEST_OF_FORK, float(lengths[-1])) + 0.5, 1.0)
+    at = np.arange(0.0, min(rules.farthest_of_fork, float(lengths[-1])) + 0.5, 1.0)
     places = shapely.points(np.column_stack([np.interp(at, lengths, values) for values in line.T]))
     found = 0.0
     for other in arms:
-        if other[0] != arm[0]:
+        if other.section != arm.section:
             beside = outward(layout.graph, other)
             shorter = min(float(lengths[-1]), float(along(beside)[-1]))
             forks = (beside[0] == line[0]).all()
-            begins = _begins_on(line, beside[0], layout.half(arm[0]))
-            reach = max(shorter - _LEFT_OF_FORK, _FARTHEST) if forks else _FARTHEST + begins
-            reach = min(_FARTHEST_OF_FORK, reach)
+            begins = _begins_on(line, beside[0], layout.half(arm.section), rules.farthest)
+            reach = (
+                max(shorter - rules.road_left_of_fork, rules.farthest) if forks else rules.farthest + begins
+            )
+            reach = min(rules.farthest_of_fork, reach)
             distances = shapely.distance(places[at <= reach], shapely.LineString(beside))
-            free = distances >= layout.half(arm[0]) + layout.half(other[0]) + _GAP
+            free = distances >= layout.half(arm.section) + layout.half(other.section) + rules.gap
             free = np.flatnonzero(free & (at[at <= reach] >= begins))
             reached = int(free[0]) if len(free) else len(distances) - 1
-            if distances[reached] >= distances[int(begins)] + _PARTING:
+            if distances[reached] >= distances[int(begins)] + rules.parting:
                 found = max(found, float(at[reached]))
     return found
 
 
-def _begins_on(line: Floats, place: Floats, half: float) -> float:
+def _begins_on(line: Floats, place: Floats, half: float, farthest: float) -> float:
     """Measure along a road to where another begins on its ground; 0 where that is far or elsewhere."""
     path, start = shapely.LineString(line), shapely.Point(place)
     at = float(path.project(start))
-    return at if at <= _FARTHEST and path.distance(start) < 2 * half else 0.0
+    return at if at <= farthest and path.distance(start) < 2 * half else 0.0
 
 
-def _nearest_crossing(layout: Layout, arm: Arm, arms: Sequence[Arm]) -> float:
+def _nearest_crossing(layout: Layout, cuts: Mapping[Arm, float], arm: Arm, arms: Sequence[Arm]) -> float:
     """Measure how far an arm may be drawn back before it would lead a crossing of the junction astray."""
     place, way = ray(layout.graph, arm)
-    found = _FARTHEST_OF_FORK
+    rules = layout.rules.forks
+    found = rules.farthest_of_fork
     for crossed in arms:
         if crossed in layout.hosted:
             start, _ = ray(layout.graph, crossed)
-            found = min(found, layout.cuts[crossed] + float((start - place) @ way) + _PAST_CROSSING)
+            found = min(found, cuts[crossed] + float((start - place) @ way) + rules.past_crossing)
     return found

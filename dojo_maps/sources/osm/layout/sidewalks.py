@@ -1,41 +1,43 @@
 """Which sides of a road have a sidewalk: by tags, by ways mapped beside it, or as streets in towns do."""
 
+from collections.abc import Set as AbstractSet
+from dataclasses import replace
+
 import numpy as np
 import shapely
 
 from dojo_maps.sources.osm.graph.road_graph import RoadGraph, Section
-from dojo_maps.sources.osm.read.data import OsmData, Tags
+from dojo_maps.sources.osm.layout.arms import Layout
+from dojo_maps.sources.osm.read.foot_tags import is_sidewalk
 from dojo_maps.sources.osm.read.way_tags import may_have_sidewalk
 
-SIDEWALK_WIDTH = 2.5
-ISLAND_WIDTH = 1.0
-"""Metres of pavement where a crossing leads to a side without a sidewalk: an island or a kerb."""
-_BESIDE = 9.0
-"""Metres from the carriageway's border within which a mapped sidewalk belongs to the road."""
-_MEDIAN = 25.0
-"""Metres to the other carriageway of a divided road."""
-_SHARE = 0.4
-_ROOM = 1.8
-"""Metres between two roads that leave no room for a sidewalk."""
+
+def lay_sidewalks(layout: Layout, paved: AbstractSet[str]) -> Layout:
+    """Give the sections that are built their sidewalks.
+
+    Args:
+        layout: with its heights.
+        paved: sections with pavement on both sides whatever is mapped, because crossings lead there.
+    """
+    walks, rules = _Sidewalks(layout.graph), layout.rules.sidewalks
+    found = {}
+    for name, section in sorted(layout.graph.sections.items()):
+        if name not in layout.inner:
+            left, right = (rules.width * side for side in walks.sides(section))
+            least = rules.island_width if name in paved else 0.0
+            found[name] = (max(left, least), max(right, least))
+    return replace(layout, sidewalks=found)
 
 
-def is_sidewalk(tags: Tags) -> bool:
-    """Tell whether a way is a separately mapped sidewalk."""
-    return tags.get("footway") == "sidewalk" or tags.get("path") == "sidewalk"
-
-
-class Sidewalks:
+class _Sidewalks:
     """Answers for both sides of any section of a graph."""
 
-    def __init__(self, data: OsmData, graph: RoadGraph) -> None:
+    def __init__(self, graph: RoadGraph) -> None:
         self._graph = graph
-        lines = []
-        for way in data.ways.values():
-            line = graph.way_line(data, way) if is_sidewalk(way.tags) else None
-            if line is not None:
-                lines.append(line)
-        self.mapped = lines
-        self._mapped = shapely.STRtree(lines)
+        self._rules, self._opposite = graph.rules.sidewalks, graph.rules.junctions.opposite
+        self._mapped = shapely.STRtree(
+            [way.line for way in graph.footways if way.line is not None and is_sidewalk(way.tags)]
+        )
         self._sections = sorted(graph.sections)
         roads = [shapely.LineString(graph.line(graph.sections[name])) for name in self._sections]
         self._roads = shapely.STRtree(roads)
@@ -56,10 +58,14 @@ class Sidewalks:
             return False
         if said:
             return True
-        if self._share_beside(section, sign) >= _SHARE:
+        if self._share_beside(section, sign) >= self._rules.least_share:
             return True
         inner = section.road.kind.endswith("_link") and side == self._graph.left_hand
-        return may_have_sidewalk(section.road) and not inner and not self._is_median(section, sign)
+        return (
+            may_have_sidewalk(section.road, self._rules.fastest_road)
+            and not inner
+            and not self._is_median(section, sign)
+        )
 
     def _samples(self, section: Section) -> tuple[np.ndarray, np.ndarray]:
         """Take places along a section and the unit vectors to their left."""
@@ -80,30 +86,30 @@ class Sidewalks:
         ]
 
     def _share_beside(self, section: Section, sign: int) -> float:
-        rays = self._rays(section, sign, section.road.drives / 2 + _BESIDE)
+        rays = self._rays(section, sign, section.road.drives / 2 + self._rules.beside_road)
         hit = (
             {int(k) for k in self._mapped.query(rays, predicate="intersects")[0]}
-            if len(self.mapped)
+            if len(self._mapped)
             else set()
         )
         return len(hit) / len(rays)
 
     def _is_beside_road(self, section: Section, sign: int) -> bool:
         """Tell whether another road on the same level leaves no room on that side."""
-        rays = self._rays(section, sign, section.road.drives / 2 + _ROOM)
+        rays = self._rays(section, sign, section.road.drives / 2 + self._rules.room)
         hits = set()
         for ray, number in self._strips.query(rays, predicate="intersects").T:
             other = self._graph.sections[self._sections[number]]
             if other.id != section.id and other.road.layer == section.road.layer:
                 hits.add(int(ray))
-        return len(hits) > len(rays) * (1 - _SHARE)
+        return len(hits) > len(rays) * (1 - self._rules.least_share)
 
     def _is_median(self, section: Section, sign: int) -> bool:
         """Tell whether the other carriageway of a divided road lies on that side."""
         inner = 1 if not self._graph.left_hand else -1
         if not section.road.oneway or sign != inner:
             return False
-        rays = self._rays(section, sign, section.road.drives / 2 + _MEDIAN)
+        rays = self._rays(section, sign, section.road.drives / 2 + self._rules.to_other_carriageway)
         heading = self._heading(section)
         hits = 0
         for ray in rays:
@@ -112,7 +118,7 @@ class Sidewalks:
                 if (
                     other.id != section.id
                     and other.road.oneway
-                    and float(heading @ self._heading(other)) < -0.8
+                    and float(heading @ self._heading(other)) < -self._opposite
                 ):
                     hits += 1
                     break

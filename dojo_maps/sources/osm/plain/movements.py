@@ -10,36 +10,12 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 from dojo_maps.errors import SourceError
-from dojo_maps.sources.osm.graph.road_graph import Section
 from dojo_maps.sources.osm.layout.arms import Arm, Layout
 from dojo_maps.sources.osm.plain.lane_connections import arrow_targets
-from dojo_maps.sources.osm.read.data import OsmData
-from dojo_maps.sources.osm.read.lane_tags import LaneTags
+from dojo_maps.sources.osm.read.restrictions import Restriction
 
-MAX_PATHS = 20_000
-"""Paths across one junction from one road, told apart by the turn restrictions on them."""
-_LONGEST_PATH = 14
-_UTURN = 150.0
-_BESIDE = 0.9
-"""Cosine of the angle between two roads that arrive side by side."""
-_AHEAD = 15.0
-"""Metres over which a road's heading at a junction is taken."""
 _Path = tuple[int, tuple[int, ...], tuple[int, ...]]
 """Where one is, by which ways and vertices one came there."""
-_MOTOR = {"motorcar", "motor_vehicle", "vehicle"}
-_EXEMPT = {"motorcar", "motor_vehicle"}
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Restriction:
-    """A turn restriction: the ways from, through and to, and the node between where there is one."""
-
-    relation: int
-    only: bool
-    source: int
-    via: tuple[int, ...]
-    via_ways: tuple[int, ...]
-    target: int
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -49,62 +25,6 @@ class Movement:
     source: Arm
     target: Arm
     angle: float
-
-
-def read_restrictions(data: OsmData) -> tuple[list[Restriction], list[int]]:
-    """Read the turn restrictions for cars; the ids of those that cannot be used come second."""
-    found, broken = [], []
-    for relation, record in data.relations.items():
-        tags = record.tags
-        kind = tags.get("restriction", tags.get("restriction:motorcar", ""))
-        if tags.get("type") != "restriction" or _EXEMPT & set(tags.get("except", "").split(";")):
-            continue
-        if not kind.startswith(("no_", "only_")) or "@" in kind:
-            continue
-        roles: dict[str, list[tuple[str, int]]] = {"from": [], "via": [], "to": []}
-        for member in record.members:
-            roles.setdefault(member.role, []).append((member.kind, member.ref))
-        usable = all(e[0] == "way" for e in roles["from"] + roles["to"]) and roles["via"]
-        if not (usable and roles["from"] and roles["to"]):
-            broken.append(relation)
-            continue
-        found += [
-            Restriction(
-                relation=relation,
-                only=kind.startswith("only_"),
-                source=source,
-                via=tuple(ref for role, ref in roles["via"] if role == "node"),
-                via_ways=tuple(ref for role, ref in roles["via"] if role == "way"),
-                target=target,
-            )
-            for _, source in roles["from"]
-            for _, target in roles["to"]
-        ]
-    return found, broken
-
-
-def find_conditional(data: OsmData) -> dict[int, int]:
-    """Find the turn restrictions that hold at some times only, with the node that they are at."""
-    found = {}
-    for relation, record in data.relations.items():
-        said = {key: value for key, value in record.tags.items() if key.startswith("restriction")}
-        timed = any(":conditional" in key or "@" in value for key, value in said.items())
-        places = [member.ref for member in record.members if (member.kind, member.role) == ("node", "via")]
-        if timed and places:
-            found[relation] = places[0]
-    return found
-
-
-def directed(section: Section, *, into_end: bool) -> tuple[LaneTags, ...]:
-    """Give the lanes that lead to a section's end, or to its start."""
-    return section.road.forward if into_end else section.road.backward
-
-
-def leads_through(layout: Layout, arms: Sequence[Arm]) -> bool:
-    """Tell whether traffic passes a junction from one road to another."""
-    arriving = {name for name, at_end in arms if directed(layout.graph.sections[name], into_end=at_end)}
-    leaving = {name for name, at_end in arms if directed(layout.graph.sections[name], into_end=not at_end)}
-    return bool(arriving and leaving) and len(arriving | leaving) > 1
 
 
 class Movements:
@@ -122,14 +42,13 @@ class Movements:
         """List the movements of a junction, outermost turn of each road first."""
         found: list[Movement] = []
         for arm in arms:
-            if directed(self._graph.sections[arm[0]], into_end=arm[1]):
+            if self._layout.arriving(arm):
                 found += self._from(arm, set(arms), junction)
         return [movement for movement in found if not self._is_for_twin(movement, found)]
 
     def _is_for_twin(self, movement: Movement, found: Sequence[Movement]) -> bool:
         """Tell whether a turn lane mapped as a way of its own leaves a movement to the road beside it."""
-        section = self._graph.sections[movement.source[0]]
-        lanes = directed(section, into_end=movement.source[1])
+        lanes = self._layout.arriving(movement.source)
         own = [other for other in found if other.source == movement.source]
         angles, left_hand = [other.angle for other in own], self._graph.left_hand
         painted = {
@@ -141,7 +60,8 @@ class Movements:
         return any(
             other.target == movement.target
             and other.source != movement.source
-            and math.cos(math.radians(self._outward(other.source) - heading)) > _BESIDE
+            and math.cos(math.radians(self._outward(other.source) - heading))
+            > self._layout.rules.movements.side_by_side
             for other in found
         )
 
@@ -156,10 +76,10 @@ class Movements:
         kept = {
             target: angle + self._aside(arm, target)
             for target, angle in reached.items()
-            if target[0] != arm[0] and (alone or abs(angle) < _UTURN)
+            if target.section != arm.section and (alone or abs(angle) < self._layout.rules.movements.u_turn)
         }
-        kept = kept or {target: angle for target, angle in reached.items() if target[0] != arm[0]}
-        if not kept and directed(self._graph.sections[arm[0]], into_end=not arm[1]):
+        kept = kept or {target: angle for target, angle in reached.items() if target.section != arm.section}
+        if not kept and self._layout.leaving(arm):
             kept = {arm: 180.0}
         return [
             Movement(source=arm, target=target, angle=angle)
@@ -171,16 +91,16 @@ class Movements:
         return [
             other
             for other in sorted(arms)
-            if other[0] != arm[0]
-            and directed(self._graph.sections[other[0]], into_end=not other[1])
+            if other.section != arm.section
+            and self._layout.leaving(other)
             and not self._forbidden(arm, other, junction)
         ]
 
     def _forbidden(self, arm: Arm, target: Arm, junction: int) -> bool:
         """Tell whether a turn between two ways is forbidden at the junction, on whatever path across it."""
         source, goal = (self._graph.sections[name] for name, _ in (arm, target))
-        way = source.ways[-1] if arm[1] else source.ways[0]
-        onto = goal.ways[-1] if target[1] else goal.ways[0]
+        way = source.ways[-1] if arm.at_end else source.ways[0]
+        onto = goal.ways[-1] if target.at_end else goal.ways[0]
         of = self._layout.junctions.of
         return any(
             not found.only and found.target == onto and any(of.get(node) == junction for node in found.via)
@@ -189,9 +109,9 @@ class Movements:
 
     def _paths(self, arm: Arm, arms: set[Arm], junction: int) -> Iterator[Arm]:
         """Follow the ways from an arm across the junction to other arms, shortest paths first."""
-        section = self._graph.sections[arm[0]]
-        vertex = section.end if arm[1] else section.start
-        way = section.ways[-1] if arm[1] else section.ways[0]
+        section, rules = self._graph.sections[arm.section], self._layout.rules.movements
+        vertex = section.end if arm.at_end else section.start
+        way = section.ways[-1] if arm.at_end else section.ways[0]
         queue: deque[_Path] = deque([(vertex, (way,), (vertex,))])
         seen: set[tuple[int, tuple[int, ...]]] = set()
         while queue:
@@ -201,15 +121,15 @@ class Movements:
             if state in seen:
                 continue
             seen.add(state)
-            if len(seen) > MAX_PATHS:
+            if len(seen) > rules.most_paths:
                 raise SourceError(
                     f"junction at node {junction}",
-                    f"more than {MAX_PATHS} paths lead across it; remove what is drawn many times",
+                    f"more than {rules.most_paths} paths lead across it; remove what is drawn many times",
                 )
             for step, onward in self._steps(here, ways, vertices):
                 if step in arms:
                     yield step
-                elif step[0] in self._layout.inner and len(vertices) < _LONGEST_PATH:
+                elif step.section in self._layout.inner and len(vertices) < rules.longest_path:
                     there = onward[0]
                     if there not in vertices and self._layout.junctions.of[there] == junction:
                         queue.append(onward)
@@ -223,13 +143,13 @@ class Movements:
             for at_end in (False, True):
                 if (onward.end if at_end else onward.start) != here:
                     continue
-                if not directed(onward, into_end=not at_end):
+                if not onward.lanes_towards(end=not at_end):
                     continue
                 taken = (*ways, onward.ways[-1] if at_end else onward.ways[0])
                 if self._allowed(taken, vertices):
                     there = onward.start if at_end else onward.end
                     last = onward.ways[0] if at_end else onward.ways[-1]
-                    yield (name, at_end), (there, (*taken, *_other(taken[-1], last)), (*vertices, there))
+                    yield Arm(name, at_end), (there, (*taken, *_other(taken[-1], last)), (*vertices, there))
 
     def _allowed(self, ways: tuple[int, ...], vertices: tuple[int, ...]) -> bool:
         """Tell whether the last step onto a way breaks no restriction of the ways before it."""
@@ -262,17 +182,17 @@ class Movements:
         return -turn if self._graph.left_hand else turn
 
     def _vertex(self, arm: Arm) -> tuple[float, float]:
-        section = self._graph.sections[arm[0]]
-        return self._graph.places[section.end if arm[1] else section.start]
+        section = self._graph.sections[arm.section]
+        return self._graph.places[section.end if arm.at_end else section.start]
 
     def _outward(self, arm: Arm) -> float:
         """Give the heading away from the junction, degrees counter-clockwise from east."""
-        section = self._graph.sections[arm[0]]
-        nodes = section.nodes[::-1] if arm[1] else section.nodes
+        section = self._graph.sections[arm.section]
+        nodes = section.nodes[::-1] if arm.at_end else section.nodes
         x, y = self._graph.places[nodes[0]]
         for node in nodes[1:]:
             a, b = self._graph.places[node]
-            if math.hypot(a - x, b - y) >= _AHEAD:
+            if math.hypot(a - x, b - y) >= self._layout.rules.movements.heading:
                 break
         return math.degrees(math.atan2(b - y, a - x))
 

@@ -1,28 +1,25 @@
 """Write a layout as SUMO's plain XML: nodes, edges with every lane, connections and crossings."""
 
 from collections import defaultdict
-from collections.abc import Set as AbstractSet
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from xml.sax.saxutils import quoteattr
 
 import numpy as np
 
 from dojo_maps.geometry.polylines import Floats
-from dojo_maps.sources.osm.graph.heights import compute_heights
+from dojo_maps.sources.osm.graph.edge_id import EdgeId
 from dojo_maps.sources.osm.graph.road_graph import Section
-from dojo_maps.sources.osm.junctions.roundabouts import find_rings
-from dojo_maps.sources.osm.layout.arms import Arm, Layout, divider, incoming_name, outgoing_name
+from dojo_maps.sources.osm.graph.roundabouts import find_rings
+from dojo_maps.sources.osm.layout.arms import Arm, Layout, divider
 from dojo_maps.sources.osm.layout.carriageway_spacing import side_by_side
-from dojo_maps.sources.osm.layout.crossing_arms import CROSSING_WIDTH
-from dojo_maps.sources.osm.layout.mapped_crossings import MappedCrossing
-from dojo_maps.sources.osm.layout.sidewalks import ISLAND_WIDTH, SIDEWALK_WIDTH, Sidewalks
 from dojo_maps.sources.osm.plain.lane_connections import connect_lanes
-from dojo_maps.sources.osm.plain.movements import Movement, Movements, Restriction, directed, leads_through
-from dojo_maps.sources.osm.plain.right_of_way import SIGNED_PRIORITY, RightOfWay
-from dojo_maps.sources.osm.read.data import OsmData
+from dojo_maps.sources.osm.plain.movements import Movement, Movements
+from dojo_maps.sources.osm.plain.right_of_way import RightOfWay
 from dojo_maps.sources.osm.read.lane_tags import LaneTags, LaneUse
-from dojo_maps.sources.osm.read.way_tags import KINDS
+from dojo_maps.sources.osm.read.restrictions import Restriction
+from dojo_maps.sources.osm.read.way_tags import RoadTags
 
 NODES, EDGES, CONNECTIONS = "input.nod.xml", "input.edg.xml", "input.con.xml"
 _WHO = {
@@ -32,67 +29,52 @@ _WHO = {
     LaneUse.BICYCLE: 'allow="bicycle"',
 }
 """Vehicle classes of SUMO's by the use of a lane."""
+_Link = tuple[Arm, int, Movement, int]
+"""From a lane of an arm, by a movement, into a lane of its road."""
 
 
-_RING_RADIUS = 0.5
-"""Metres by which the corners of roundabouts are rounded; more would leave nothing of a small ring."""
-
-
-@dataclass(slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Plain:
-    """What was written: by SUMO's ids, what of the extract it came from."""
+    """What was written, and what of the extract it came from.
 
-    sections: dict[str, Section] = field(default_factory=dict)
-    """Directed: an edge's section as it is driven."""
-    crossings: list[tuple[str, frozenset[str], MappedCrossing]] = field(default_factory=list)
-    sidewalks: dict[str, tuple[float, float]] = field(default_factory=dict)
-    """Widths on the left and the right of a section, metres; 0 for none."""
-    nodes: dict[int, str] = field(default_factory=dict)
-    movements: list[Movement] = field(default_factory=list)
-    guessed: dict[int, int] = field(default_factory=dict)
-    """Crossings that nobody has mapped, by junction."""
-    heights: dict[int, float] = field(default_factory=dict)
+    Attributes:
+        sections: of each edge its section, in the direction in which it is driven.
+        nodes: of each junction its name.
+        movements: of all junctions.
+        guessed: crossings that nobody has mapped, by junction.
+    """
 
-
-def edge_name(section: Section, *, forward: bool) -> str:
-    """Name the edge of a section's direction."""
-    return section.id if forward else f"-{section.id}"
+    sections: Mapping[EdgeId, Section]
+    nodes: Mapping[int, str]
+    movements: Sequence[Movement]
+    guessed: Mapping[int, int]
 
 
-def write_plain(
-    data: OsmData,
-    layout: Layout,
-    restrictions: list[Restriction],
-    folder: Path,
-    paved: AbstractSet[str] = frozenset(),
-) -> Plain:
+def write_plain(layout: Layout, restrictions: Sequence[Restriction], folder: Path) -> Plain:
     """Write the three files that netconvert builds the network from.
 
     Args:
-        data: the extract.
         layout: what to build.
         restrictions: turns that are forbidden.
         folder: where the files go.
-        paved: sections with pavement on both sides whatever is mapped, because crossings lead there.
     """
-    plain = Plain(heights=compute_heights(layout.graph))
-    walks = Sidewalks(data, layout.graph)
     arms = layout.arms()
-    for junction in sorted(layout.junctions.controllers):
-        if not leads_through(layout, arms.get(junction, [])):
-            del layout.junctions.controllers[junction], layout.junctions.signals[junction]
-    plain.nodes = {junction: str(junction) for junction in arms}
-    for name in sorted(layout.graph.sections):
-        if name not in layout.inner:
-            section = layout.graph.sections[name]
-            left, right = (SIDEWALK_WIDTH * side for side in walks.sides(section))
-            least = ISLAND_WIDTH if name in paved else 0.0
-            plain.sidewalks[name] = (max(left, least), max(right, least))
-    rights = RightOfWay(data, layout)
-    _write(folder / EDGES, "edges", [*_edges(layout, arms, plain, rights), *_roundabouts(layout)])
-    _write(folder / NODES, "nodes", [_location(layout), *_nodes(layout, arms, plain, rights)])
-    _write(folder / CONNECTIONS, "connections", _connections(layout, arms, restrictions, plain))
-    return plain
+    rights = RightOfWay(layout)
+    finder = Movements(layout, restrictions)
+    sections = _driven_sections(layout)
+    movements = {junction: finder.at(junction, arms[junction]) for junction in sorted(arms)}
+    guessed = {
+        junction: found for junction in sorted(arms) if (found := _guess(layout, junction, arms[junction]))
+    }
+    _write(folder / EDGES, "edges", [*_edges(layout, arms, sections, rights), *_roundabouts(layout)])
+    _write(folder / NODES, "nodes", [_location(layout), *_nodes(layout, arms, rights)])
+    _write(folder / CONNECTIONS, "connections", _connections(layout, arms, movements, guessed))
+    return Plain(
+        sections=sections,
+        nodes={junction: str(junction) for junction in arms},
+        movements=[movement for found in movements.values() for movement in found],
+        guessed={junction: len(found) for junction, found in guessed.items()},
+    )
 
 
 def _write(path: Path, root: str, lines: list[str]) -> None:
@@ -100,14 +82,15 @@ def _write(path: Path, root: str, lines: list[str]) -> None:
 
 
 def _location(layout: Layout) -> str:
-    graph = layout.graph
+    projection = layout.graph.projection
+    x, y = projection.net_offset
     return (
-        f'<location netOffset="{graph.offset[0]:.2f},{graph.offset[1]:.2f}" convBoundary="0,0,1,1" '
-        f'origBoundary="0,0,1,1" projParameter={quoteattr(graph.proj)}/>'
+        f'<location netOffset="{x:.2f},{y:.2f}" convBoundary="0,0,1,1" '
+        f'origBoundary="0,0,1,1" projParameter={quoteattr(str(projection.proj))}/>'
     )
 
 
-def _nodes(layout: Layout, arms: dict[int, list[Arm]], plain: Plain, rights: RightOfWay) -> list[str]:
+def _nodes(layout: Layout, arms: dict[int, list[Arm]], rights: RightOfWay) -> list[str]:
     members = layout.junctions.members()
     lines = []
     for junction in sorted(arms):
@@ -117,34 +100,48 @@ def _nodes(layout: Layout, arms: dict[int, list[Arm]], plain: Plain, rights: Rig
         kind = f'type="{rights.kind(junction, arms[junction])}"'
         if controller is not None:
             kind = f'type="traffic_light" tl="{controller}"'
-        elif not any(_drives(plain, outgoing_name(arm)) for arm in arms[junction]):
+        elif not any(layout.leaving(arm) for arm in arms[junction]):
             kind = 'type="dead_end"'
         if any(layout.graph.sections[name].road.roundabout for name, _ in arms[junction]):
-            kind += f' radius="{_RING_RADIUS}"'
-        z = sum(plain.heights.get(vertex, 0.0) for vertex in members[junction]) / len(places)
+            kind += f' radius="{layout.rules.roundabouts.corner_radius}"'
+        z = sum(layout.height(vertex) for vertex in members[junction]) / len(places)
         lines.append(f'<node id="{junction}" x="{x:.2f}" y="{y:.2f}" z="{z:.2f}" {kind}/>')
     return lines
 
 
-def _edges(layout: Layout, arms: dict[int, list[Arm]], plain: Plain, rights: RightOfWay) -> list[str]:
-    lines = []
-    for name, (left, right) in sorted(plain.sidewalks.items()):
+def _driven_sections(layout: Layout) -> dict[EdgeId, Section]:
+    """List the edges with lanes or a sidewalk, each with its section as it is driven."""
+    found = {}
+    for name in sorted(layout.sidewalks):
         section = layout.graph.sections[name]
-        road = section.road
-        middle = divider(layout, section, plain.heights)
-        near, far = (left, right) if layout.graph.left_hand else (right, left)
-        for forward, lanes, walk in ((True, road.forward, near), (False, road.backward, far)):
-            if not lanes and not walk:
-                continue
-            driven = section if forward else section.flipped()
-            edge = edge_name(section, forward=forward)
-            plain.sections[edge] = driven
-            ends = (layout.junctions.of[driven.start], layout.junctions.of[driven.end])
-            shape = middle if forward else middle[::-1]
-            arm = (name, forward)
-            signed = rights.sign(arm, arms[layout.junction(arm)])
-            priority = SIGNED_PRIORITY if signed else KINDS[road.kind]
-            lines += _edge(edge, ends, driven, lanes, walk=walk, shape=shape, priority=priority)
+        for edge in (EdgeId(name, forward=True), EdgeId(name, forward=False)):
+            if section.lanes_towards(end=edge.forward) or _walk(layout, edge):
+                found[edge] = section if edge.forward else section.flipped()
+    return found
+
+
+def _walk(layout: Layout, edge: EdgeId) -> float:
+    """Measure the sidewalk at the outer side of an edge, metres."""
+    left, right = layout.sidewalks[edge.section]
+    return left if layout.graph.left_hand == edge.forward else right
+
+
+def _edges(
+    layout: Layout, arms: dict[int, list[Arm]], sections: Mapping[EdgeId, Section], rights: RightOfWay
+) -> list[str]:
+    lines = []
+    for edge, section in sections.items():
+        middle = divider(layout, layout.graph.sections[edge.section])
+        ends = (layout.junctions.of[section.start], layout.junctions.of[section.end])
+        arm = Arm(edge.section, at_end=edge.forward)
+        lines += _edge(
+            edge,
+            ends,
+            section.road,
+            walk=_walk(layout, edge),
+            shape=middle if edge.forward else middle[::-1],
+            priority=rights.priority(arm, arms[layout.junction(arm)]),
+        )
     return lines
 
 
@@ -155,22 +152,21 @@ def _roundabouts(layout: Layout) -> list[str]:
         driven = [section for section in ring if section.id not in layout.inner]
         nodes = sorted({layout.junctions.of[vertex] for s in driven for vertex in (s.start, s.end)})
         if len(nodes) > 1:
-            edges = " ".join(edge_name(section, forward=True) for section in driven)
+            edges = " ".join(str(EdgeId(section.id, forward=True)) for section in driven)
             lines.append(f'<roundabout nodes="{" ".join(map(str, nodes))}" edges="{edges}"/>')
     return lines
 
 
 def _edge(
-    edge: str,
+    edge: EdgeId,
     ends: tuple[int, int],
-    section: Section,
-    lanes: tuple[LaneTags, ...],
+    road: RoadTags,
     *,
     walk: float,
     shape: Floats,
     priority: int,
 ) -> list[str]:
-    road = section.road
+    lanes = road.forward
     places = " ".join(f"{x:.2f},{y:.2f},{z:.2f}" for x, y, z in shape)
     name = f"name={quoteattr(road.name)} " if road.name.strip() else ""
     lines = [
@@ -187,34 +183,33 @@ def _edge(
 
 
 def _connections(
-    layout: Layout, arms: dict[int, list[Arm]], restrictions: list[Restriction], plain: Plain
+    layout: Layout,
+    arms: dict[int, list[Arm]],
+    movements: Mapping[int, Sequence[Movement]],
+    guessed: Mapping[int, Sequence[Arm]],
 ) -> list[str]:
-    finder = Movements(layout, restrictions)
     lines = []
-    for junction in sorted(arms):
-        movements = finder.at(junction, arms[junction])
-        plain.movements += movements
-        lines += _lane_links(layout, movements, plain)
-        lines += _crossings(layout, junction, arms[junction], plain)
-        if not any(arm in layout.hosted for arm in arms[junction]):
-            lines += _guessed_crossings(layout, junction, arms[junction], plain)
+    for junction, found in movements.items():
+        lines += _lane_links(layout, found)
+        lines += _crossings(layout, junction, arms[junction])
+        lines += [_crossing(layout, junction, [arm], marked=True) for arm in guessed.get(junction, ())]
     return lines
 
 
-def _lane_links(layout: Layout, movements: list[Movement], plain: Plain) -> list[str]:
+def _lane_links(layout: Layout, movements: Sequence[Movement]) -> list[str]:
     by_source: dict[Arm, list[Movement]] = defaultdict(list)
     for movement in movements:
         by_source[movement.source].append(movement)
     lines = []
-    links: list[tuple[Arm, int, Movement, int]] = []
+    links: list[_Link] = []
     for source, found in by_source.items():
-        lanes = directed(layout.graph.sections[source[0]], into_end=source[1])
-        targets = [directed(layout.graph.sections[m.target[0]], into_end=not m.target[1]) for m in found]
+        lanes = layout.arriving(source)
+        targets = [layout.leaving(movement.target) for movement in found]
         pairs = connect_lanes(lanes, targets, [m.angle for m in found], left_hand=layout.graph.left_hand)
         links += [(source, lane, found[number], onto) for lane, number, onto in pairs]
     for source, lane, movement, onto in _with_entries(layout, links):
-        origin, goal = incoming_name(source), outgoing_name(movement.target)
-        shifts = [_has_walk(layout, plain, edge) for edge in (origin, goal)]
+        origin, goal = source.incoming, movement.target.outgoing
+        shifts = [bool(_walk(layout, edge)) for edge in (origin, goal)]
         lines.append(
             f'<connection from="{origin}" to="{goal}" fromLane="{lane + shifts[0]}" '
             f'toLane="{onto + shifts[1]}"/>'
@@ -222,16 +217,14 @@ def _lane_links(layout: Layout, movements: list[Movement], plain: Plain) -> list
     return lines
 
 
-def _with_entries(
-    layout: Layout, links: list[tuple[Arm, int, Movement, int]]
-) -> list[tuple[Arm, int, Movement, int]]:
+def _with_entries(layout: Layout, links: list[_Link]) -> list[_Link]:
     """Lead traffic into lanes that nothing leads to, from the straightest movement beside them."""
-    onto_road: dict[Arm, list[tuple[Arm, int, Movement, int]]] = defaultdict(list)
+    onto_road: dict[Arm, list[_Link]] = defaultdict(list)
     for link in links:
         onto_road[link[2].target].append(link)
     added = []
     for target, found in onto_road.items():
-        lanes = directed(layout.graph.sections[target[0]], into_end=not target[1])
+        lanes = layout.leaving(target)
         entered = {link[3] for link in found}
         for number, lane in enumerate(lanes):
             able = [link for link in found if not (lane.bicycle and _source_lane(layout, link).bus)]
@@ -241,48 +234,34 @@ def _with_entries(
     return [*links, *added]
 
 
-def _source_lane(layout: Layout, link: tuple[Arm, int, Movement, int]) -> LaneTags:
-    arm = link[0]
-    return directed(layout.graph.sections[arm[0]], into_end=arm[1])[link[1]]
+def _source_lane(layout: Layout, link: _Link) -> LaneTags:
+    return layout.arriving(link[0])[link[1]]
 
 
-def _has_walk(layout: Layout, plain: Plain, edge: str) -> bool:
-    left, right = plain.sidewalks[edge.removeprefix("-")]
-    return bool(left if layout.graph.left_hand != edge.startswith("-") else right)
-
-
-def _crossings(layout: Layout, junction: int, arms: list[Arm], plain: Plain) -> list[str]:
+def _crossings(layout: Layout, junction: int, arms: list[Arm]) -> list[str]:
     lines = []
     for group in side_by_side(layout, arms):
         found = [layout.hosted[arm] for arm in group if arm in layout.hosted]
-        edges = (name for arm in group for name in (incoming_name(arm), outgoing_name(arm)))
-        names = frozenset(name for name in edges if _drives(plain, name))
-        if not found:
-            continue
-        plain.crossings += [(str(junction), names, crossing) for crossing in found]
-        priority = str(any(crossing.marked for crossing in found)).lower()
-        lines.append(
-            f'<crossing node="{junction}" edges="{" ".join(sorted(names))}" '
-            f'width="{CROSSING_WIDTH:.2f}" priority="{priority}"/>'
-        )
+        if found:
+            marked = any(crossing.marked for crossing in found)
+            lines.append(_crossing(layout, junction, group, marked=marked))
     return lines
 
 
-def _guessed_crossings(layout: Layout, junction: int, arms: list[Arm], plain: Plain) -> list[str]:
+def _guess(layout: Layout, junction: int, arms: list[Arm]) -> list[Arm]:
     """Guess crossings of all arms of a signal where none is mapped."""
-    if len(arms) < 3 or junction not in layout.junctions.controllers:
+    mapped = any(arm in layout.hosted for arm in arms)
+    if mapped or len(arms) < 3 or junction not in layout.junctions.controllers:
         return []
-    lines = []
-    for arm in arms:
-        names = sorted(name for name in (incoming_name(arm), outgoing_name(arm)) if _drives(plain, name))
-        if all(plain.sidewalks[arm[0]]) and not layout.graph.sections[arm[0]].road.roundabout:
-            plain.guessed[junction] = plain.guessed.get(junction, 0) + 1
-            lines.append(
-                f'<crossing node="{junction}" edges="{" ".join(names)}" width="{CROSSING_WIDTH:.2f}" '
-                'priority="true"/>'
-            )
-    return lines
+    ring = {arm for arm in arms if layout.graph.sections[arm.section].road.roundabout}
+    return [arm for arm in arms if all(layout.sidewalks[arm.section]) and arm not in ring]
 
 
-def _drives(plain: Plain, edge: str) -> bool:
-    return edge in plain.sections and bool(plain.sections[edge].road.forward)
+def _crossing(layout: Layout, junction: int, arms: Sequence[Arm], *, marked: bool) -> str:
+    """Write a crossing over some arms; where it is marked, traffic gives way."""
+    arriving = [str(arm.incoming) for arm in arms if layout.arriving(arm)]
+    leaving = [str(arm.outgoing) for arm in arms if layout.leaving(arm)]
+    return (
+        f'<crossing node="{junction}" edges="{" ".join(sorted({*arriving, *leaving}))}" '
+        f'width="{layout.rules.crossings.width:.2f}" priority="{str(marked).lower()}"/>'
+    )

@@ -2,10 +2,11 @@
 
 from dataclasses import dataclass
 
-from dojo_maps.sources.osm.read.country import default_speed, read_speed
+from dojo_maps.sources.osm.read.country import Country, read_speed
 from dojo_maps.sources.osm.read.data import Tags
 from dojo_maps.sources.osm.read.lane_tags import LaneTags, read_lanes
 from dojo_maps.sources.osm.read.lengths import read_length
+from dojo_maps.sources.osm.rules import RULES, LaneRules
 
 KINDS = {
     "motorway": 13, "motorway_link": 12, "trunk": 11, "trunk_link": 10, "primary": 9, "primary_link": 8,
@@ -22,10 +23,7 @@ _ACCESS = ("motorcar", "motor_vehicle", "vehicle", "access")
 """Tags that say whether cars may drive; the first that is there counts."""
 _TIMED = ("access", "vehicle", "motor_vehicle", "motorcar", "oneway", "lanes", "maxspeed", "bus", "psv")
 """Tags of a road that may hold at some times only."""
-_LANE_WIDTH, _NARROWEST, _WIDEST = 3.25, 2.5, 4.5
-"""Metres across a lane: usual, and least and most as a carriageway's width may have it."""
 _SIDEWALK_KINDS = {kind for kind, rank in KINDS.items() if 1 < rank <= 9} - {"busway", "bus_guideway"}
-_SIDEWALK_SPEED = 60 / 3.6 + 0.1
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -66,16 +64,19 @@ class RoadTags:
 
 
 def read_road(
-    tags: Tags, *, lon: float, lat: float, left_hand: bool, service: bool = False
+    tags: Tags,
+    country: Country,
+    *,
+    service: bool = False,
+    rules: LaneRules = RULES.lanes,
 ) -> tuple[RoadTags | None, list[str]]:
     """Read a way's tags.
 
     Args:
         tags: of the way.
-        lon: degrees; countries have their own rules.
-        lat: degrees.
-        left_hand: traffic keeps left.
+        country: its rules.
         service: service roads are roads, too.
+        rules: how wide lanes are.
 
     Returns:
         The road, None where the way is none that cars or buses use; and what its tags say and the road does
@@ -84,14 +85,14 @@ def read_road(
     if why_not_a_road(tags, service=service) is not None:
         return None, []
     kind = tags["highway"] if _cars(tags) else "busway"
-    lanes = read_lanes(tags, _direction(tags), bus_only=not _cars(tags), left_hand=left_hand)
+    lanes = read_lanes(tags, _direction(tags), bus_only=not _cars(tags), left_hand=country.left_hand)
     timed = [key for key in tags if key.endswith(":conditional") and key.partition(":")[0] in _TIMED]
-    speed = read_speed(tags.get("maxspeed", "")) or default_speed(kind, lon, lat)
+    speed = read_speed(tags.get("maxspeed", "")) or country.default_speed(kind)
     road = RoadTags(
         kind=kind,
         name=tags.get("name", ""),
         speed=round(speed, 2),
-        width=_lane_width(tags, lanes.forward + lanes.backward),
+        width=_lane_width(tags, lanes.forward + lanes.backward, rules),
         forward=lanes.forward,
         backward=lanes.backward,
         sidewalks=("yes", "yes") if tags["highway"] == "pedestrian" else _sidewalks(tags),
@@ -118,9 +119,14 @@ def why_not_a_road(tags: Tags, *, service: bool = False) -> str | None:
     return f"{key}={tags[key]}"
 
 
-def may_have_sidewalk(road: RoadTags) -> bool:
-    """Tell whether a road without a word about sidewalks has them, as streets in towns have."""
-    return road.kind in _SIDEWALK_KINDS and road.speed <= _SIDEWALK_SPEED and not road.roundabout
+def may_have_sidewalk(road: RoadTags, fastest: float) -> bool:
+    """Tell whether a road without a word about sidewalks has them, as streets in towns have.
+
+    Args:
+        road: what it is.
+        fastest: metres a second up to which it may have them.
+    """
+    return road.kind in _SIDEWALK_KINDS and road.speed <= fastest and not road.roundabout
 
 
 def _is_bus_road(tags: Tags) -> bool:
@@ -154,15 +160,15 @@ def _direction(tags: Tags) -> int:
     return 1 if value in ("yes", "true", "1") or (implied and value != "no") else 0
 
 
-def _lane_width(tags: Tags, lanes: tuple[LaneTags, ...]) -> float:
+def _lane_width(tags: Tags, lanes: tuple[LaneTags, ...], rules: LaneRules) -> float:
     """Divide the width of a carriageway among its lanes, metres."""
     narrow = sum(lane.width or 0.0 for lane in lanes)
     wide = max(sum(lane.width is None for lane in lanes), 1)
     for key in ("width:carriageway", "width"):
         whole = read_length(tags.get(key, ""))
-        if whole is not None and _NARROWEST <= (whole - narrow) / wide <= _WIDEST:
+        if whole is not None and rules.narrowest <= (whole - narrow) / wide <= rules.widest:
             return round((whole - narrow) / wide, 2)
-    return _LANE_WIDTH
+    return rules.usual
 
 
 def _layer(tags: Tags) -> int:

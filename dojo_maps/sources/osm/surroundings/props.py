@@ -1,4 +1,4 @@
-"""What stands and lies around the roads of an extract: buildings, trees, water and green areas, as props.
+"""What is around the roads of an extract: buildings, trees, bus stops, water and green areas, as props.
 
 Heights come from tags, else from the number of floors, else from the kind of building.
 """
@@ -15,13 +15,11 @@ from dojo_maps.geometry.polylines import Floats, along
 from dojo_maps.issue import Element, Issue, Severity
 from dojo_maps.sources.osm.read.data import OsmData, Tags
 from dojo_maps.sources.osm.read.lengths import read_length
+from dojo_maps.sources.osm.rules import RULES, SurroundingRules
 from dojo_maps.sources.osm.surroundings.areas import MapShapes, areas_of, polygons_of, without_overlaps
 
-MOST = {"building": 4_000, "tree": 2_500, "water": 500, "green": 1_500}
-"""Things of each kind that are kept; the nearest to a signal, or to the map's middle, come first."""
-_MARGIN = 25.0
-"""Metres around the roads within which things are kept."""
-_FLOOR, _ROOF = 3.2, 1.0
+_PLACED = ("tree", "bus_stop")
+"""Kinds that have a place, and no outline."""
 _FLOORS = {
     "house": 2, "detached": 2, "semidetached_house": 2, "terrace": 2, "bungalow": 1, "apartments": 5,
     "residential": 4, "dormitory": 4, "hotel": 6, "office": 5, "commercial": 4, "retail": 2, "supermarket": 2,
@@ -31,9 +29,6 @@ _FLOORS = {
 }  # fmt: skip
 """Usual numbers of floors by kind of building; others have three."""
 _NO_BUILDING = ("no", "roof", "entrance", "demolished", "razed", "proposed")
-_TALLEST, _LOWEST = 600.0, 2.2
-_TREE, _SMALLEST_TREE, _TALLEST_TREE = 9.0, 3.0, 40.0
-_TREE_SPACING = 8.0
 _WATER = {
     "natural": ("water",), "waterway": ("riverbank", "dock"), "landuse": ("basin", "reservoir", "pond"),
     "leisure": ("swimming_pool",),
@@ -46,9 +41,6 @@ _GREEN = {
 }  # fmt: skip
 _KEPT_TAGS = ("name", "building", "building:levels", "height", "natural", "landuse", "leisure", "waterway",
               "leaf_type", "species", "genus")  # fmt: skip
-_LEAST_AREA = {"building": 4.0, "water": 10.0, "green": 10.0}
-_DETAIL = {"building": 0.05, "water": 0.4, "green": 0.4}
-"""How far an outline may be moved to leave corners out, metres."""
 _MOST_CORNERS = 2_000
 _MOST_NEIGHBOURS = 200
 
@@ -65,54 +57,63 @@ class _Thing:
     distance: float
 
 
-def read_context(data: OsmData, road_map: RoadMap) -> tuple[tuple[Prop, ...], tuple[Issue, ...]]:
+def read_context(
+    data: OsmData, road_map: RoadMap, rules: SurroundingRules = RULES.surroundings
+) -> tuple[tuple[Prop, ...], tuple[Issue, ...]]:
     """Find the things around the roads of a map in the extract that it was made of.
 
     Args:
         data: the extract.
         road_map: the map, with its projection.
+        rules: how much is kept.
 
     Returns:
-        Buildings and areas, which do not overlap others of their kind, then trees; and a note for each kind
-        that there is too much of.
+        Buildings, trees, bus stops and areas, which do not overlap others of their kind; and a note for each
+        kind that there is too much of.
     """
     if road_map.projection.proj is None:
         return (), ()
-    finder = _Finder(data, road_map)
+    finder = _Finder(data, road_map, rules)
     props: list[Prop] = []
     issues: list[Issue] = []
-    for kind, most in MOST.items():
+    for kind, limits in rules.things.items():
         things = sorted(finder.find(kind), key=lambda thing: (thing.distance, thing.id))
-        if len(things) > most:
-            issues.append(_left_out(kind, len(things), road_map))
-        kept = things[:most]
-        props += _tree_props(kept) if kind == "tree" else _area_props(kept, kind)
+        if len(things) > limits.most:
+            issues.append(_left_out(kind, len(things), limits.most, road_map))
+        kept = things[: limits.most]
+        if kind in _PLACED:
+            props += _placed_props(kept, kind)
+        else:
+            props += _area_props(kept, kind, limits.least_area)
     return tuple(props), tuple(issues)
 
 
 class _Finder:
     """Finds the things of a kind within the map's rectangle."""
 
-    def __init__(self, data: OsmData, road_map: RoadMap) -> None:
+    def __init__(self, data: OsmData, road_map: RoadMap, rules: SurroundingRules) -> None:
         self._data = data
+        self._rules = rules
         self._shapes = MapShapes(data, road_map.projection)
         low, high = road_map.bounds
-        self._frame = shapely.box(low[0] - _MARGIN, low[1] - _MARGIN, high[0] + _MARGIN, high[1] + _MARGIN)
+        self._frame = shapely.box(
+            low[0] - rules.margin, low[1] - rules.margin, high[0] + rules.margin, high[1] + rules.margin
+        )
         signalled = {junction for signal in road_map.signals for junction in signal.junctions}
         places = [j.position[:2] for j in road_map.junctions if j.id in signalled]
         self._focus = shapely.multipoints(places or [road_map.origin])
         shapely.prepare(self._frame)
 
     def find(self, kind: str) -> Iterator[_Thing]:
-        if kind == "tree":
-            yield from self._trees()
+        if kind in _PLACED:
+            yield from self._trees() if kind == "tree" else self._stops()
             return
         for element, number, tags in self._areas():
             if not _is_kind(kind, tags):
                 continue
             shape = self._shapes.area(element, number)
             if shape is not None and self._frame.intersects(shape):
-                height = building_height(tags) if kind == "building" else 0.0
+                height = building_height(tags, self._rules) if kind == "building" else 0.0
                 yield from self._area_things(kind, f"{element}/{number}", tags, height, shape)
 
     def _areas(self) -> Iterator[tuple[str, int, Tags]]:
@@ -132,8 +133,9 @@ class _Finder:
                 return
         else:
             shape = shapely.intersection(shape, self._frame)
-        shape = _simpler(shape, _DETAIL[kind])
-        if shape.area > _LEAST_AREA[kind] and shapely.get_num_coordinates(shape) <= _MOST_CORNERS:
+        limits = self._rules.things[kind]
+        shape = _simpler(shape, limits.detail)
+        if shape.area > limits.least_area and shapely.get_num_coordinates(shape) <= _MOST_CORNERS:
             distance = round(float(shapely.distance(shape, self._focus)), 3)
             yield _Thing(kind=kind, id=name, tags=tags, height=height, shape=shape, distance=distance)
 
@@ -144,19 +146,28 @@ class _Finder:
                 yield from self._tree(f"node/{node}", found.tags, place)
         for number, way in self._data.ways.items():
             if way.tags.get("natural") == "tree_row":
-                for k, place in enumerate(_spread(self._shapes.line(way))):
+                for k, place in enumerate(_spread(self._shapes.line(way), self._rules)):
                     yield from self._tree(f"way/{number}/{k}", way.tags, place)
 
+    def _stops(self) -> Iterator[_Thing]:
+        for node, found in self._data.nodes.items():
+            tags = found.tags
+            if tags.get("highway") == "bus_stop" and tags.get("shelter") != "no":
+                place = self._shapes.place(node)
+                if place is not None:
+                    yield from self._placed("bus_stop", f"node/{node}", tags, place, 0.0)
+
     def _tree(self, name: str, tags: Tags, place: Floats) -> Iterator[_Thing]:
+        yield from self._placed("tree", name, tags, place, tree_height(tags, self._rules))
+
+    def _placed(self, kind: str, name: str, tags: Tags, place: Floats, height: float) -> Iterator[_Thing]:
         spot = shapely.Point(place)
         if self._frame.contains(spot):
             distance = round(float(shapely.distance(spot, self._focus)), 3)
-            yield _Thing(
-                kind="tree", id=name, tags=tags, height=tree_height(tags), shape=spot, distance=distance
-            )
+            yield _Thing(kind=kind, id=name, tags=tags, height=height, shape=spot, distance=distance)
 
 
-def building_height(tags: Tags) -> float:
+def building_height(tags: Tags, rules: SurroundingRules = RULES.surroundings) -> float:
     """Tell a building's height, metres.
 
     Source: https://wiki.openstreetmap.org/wiki/Simple_3D_Buildings for the tags.
@@ -166,13 +177,15 @@ def building_height(tags: Tags) -> float:
         floors = read_length(tags.get("building:levels", ""))
         roof = read_length(tags.get("roof:levels", "")) or 0.0
         usual = _FLOORS.get(tags.get("building", ""), 3)
-        height = ((floors or usual) + roof) * _FLOOR + _ROOF
-    return min(max(height, _LOWEST), _TALLEST)
+        height = ((floors or usual) + roof) * rules.storey + rules.roof
+    return min(max(height, rules.lowest), rules.tallest)
 
 
-def tree_height(tags: Tags) -> float:
+def tree_height(tags: Tags, rules: SurroundingRules = RULES.surroundings) -> float:
     """Tell a tree's height, metres."""
-    return min(max(read_length(tags.get("height", "")) or _TREE, _SMALLEST_TREE), _TALLEST_TREE)
+    return min(
+        max(read_length(tags.get("height", "")) or rules.tree, rules.smallest_tree), rules.tallest_tree
+    )
 
 
 def _is_kind(kind: str, tags: Tags) -> bool:
@@ -190,17 +203,17 @@ def _simpler(shape: shapely.Geometry, detail: float) -> shapely.Geometry:
     return areas_of(simple)
 
 
-def _spread(line: Floats) -> Floats:
+def _spread(line: Floats, rules: SurroundingRules) -> Floats:
     """Set places along a line, as far apart as trees of a row stand: (n, 2)."""
     if len(line) < 2:
         return line
     length = along(line)
-    count = min(int(length[-1] / _TREE_SPACING) + 1, MOST["tree"])
+    count = min(int(length[-1] / rules.tree_spacing) + 1, rules.things["tree"].most)
     wanted = np.linspace(0.0, length[-1], count) if count > 1 else length[-1:] / 2
     return np.column_stack([np.interp(wanted, length, axis) for axis in line.T])
 
 
-def _area_props(things: list[_Thing], kind: str) -> Iterator[Prop]:
+def _area_props(things: list[_Thing], kind: str, least: float) -> Iterator[Prop]:
     """Make areas that do not overlap: the higher building keeps its ground, the smaller lawn or pond."""
     rank = [
         (-thing.height if kind == "building" else thing.shape.area, thing.distance, thing.id)
@@ -210,7 +223,7 @@ def _area_props(things: list[_Thing], kind: str) -> Iterator[Prop]:
     shapes = np.array([thing.shape for thing in things], dtype=object)
     left = without_overlaps(shapes, order, most=_MOST_NEIGHBOURS)
     for index, thing in enumerate(things):
-        parts = polygons_of(left[index], larger_than=_LEAST_AREA[kind]) if index in left else []
+        parts = polygons_of(left[index], larger_than=least) if index in left else []
         for number, part in enumerate(parts):
             yield Prop(
                 id=thing.id if number == 0 else f"{thing.id}/{number}",
@@ -222,11 +235,11 @@ def _area_props(things: list[_Thing], kind: str) -> Iterator[Prop]:
             )
 
 
-def _tree_props(things: Iterable[_Thing]) -> Iterator[Prop]:
+def _placed_props(things: Iterable[_Thing], kind: str) -> Iterator[Prop]:
     for thing in things:
         position = (round(thing.shape.x, 3), round(thing.shape.y, 3), 0.0)
         yield Prop(
-            id=thing.id, kind="tree", height=round(thing.height, 2), position=position, tags=_tags(thing.tags)
+            id=thing.id, kind=kind, height=round(thing.height, 2), position=position, tags=_tags(thing.tags)
         )
 
 
@@ -238,15 +251,15 @@ def _tags(tags: Tags) -> tuple[tuple[str, str], ...]:
     return tuple((key, tags[key][:255]) for key in _KEPT_TAGS if tags.get(key))
 
 
-def _left_out(kind: str, count: int, road_map: RoadMap) -> Issue:
+def _left_out(kind: str, count: int, most: int, road_map: RoadMap) -> Issue:
     x, y = road_map.origin
     return Issue(
         check="osm.context_left_out",
         severity=Severity.NOTE,
         elements=(Element(kind="map", id=road_map.name),),
         position=(x, y, 0.0) if math.isfinite(x + y) else (0.0, 0.0, 0.0),
-        message=f"of {count} things of the kind {kind}, the {MOST[kind]} nearest to signals are kept",
+        message=f"of {count} things of the kind {kind}, the {most} nearest to signals are kept",
         measured=float(count),
-        limit=float(MOST[kind]),
+        limit=float(most),
         hint="import a smaller area to have all of them",
     )

@@ -1,0 +1,1 @@
+"""The benchmark: rows of controllers and learners on scenarios, their results in files, and the tables."""

@@ -1,0 +1,155 @@
+"""Run one row of the benchmark: train its policy where it learns, evaluate it, keep all that came out."""
+
+import shlex
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from dojo_env.benchmark.rows import CONSTRAINTS, Row
+from dojo_env.errors import ConfigError
+from dojo_env.learning.result_files import read_result
+from dojo_env.learning.settings import CHECKPOINT, RunFileError, Training, list_versions
+from dojo_env.metrics import SIX
+from dojo_env.runs import run_controller, summarize
+from dojo_maps.whole_file import write_json, write_table
+
+FIGURES, SERIES = "figures.json", "series.csv"
+KEPT = (*SIX, "mean_trip_duration", "travel_time_all", "arrived", "departed", "violations", "seed")
+CURVES = {
+    "co2": "agents_total_co2", "delay": "agents_total_delay",
+    "accumulated_waiting": "agents_total_accumulated_waiting_time", "queue": "agents_total_stopped",
+}  # fmt: skip
+"""What is kept of every decision of the first seed's hour, and its name in `info`."""
+
+
+def find_folder(row: str, scenario: str, results: Path) -> Path:
+    """Tell where a row's files are; a star or a space is no name for a folder."""
+    return results / Path(scenario).stem / row.replace("*", "-encoder").replace(" ", "-")
+
+
+def find_training_folder(folder: Path, number: int) -> Path:
+    """Tell where the files of a row's training are: the first one's beside the figures."""
+    return folder / f"training{number}" if number else folder
+
+
+def describe(
+    row: Row, scenario: str, *, seeds: int, seconds: int, constraints: str = "paper", trainings: int = 1
+) -> dict[str, Any]:
+    """Tell everything that a row's figures depend on, as values that JSON knows.
+
+    Args:
+        row: the row.
+        scenario: name or path.
+        seeds: episodes, of each policy.
+        seconds: simulated seconds of an episode.
+        constraints: a name of `CONSTRAINTS`; learners have the paper's.
+        trainings: of a row that learns, each with a seed of its own.
+
+    Raises:
+        ConfigError: the row's settings cannot be.
+    """
+    task: dict[str, Any] = {"row": row.name, "scenario": scenario, "seeds": seeds, "seconds": seconds}
+    if row.learns:
+        return {**task, "trainings": trainings, "training": asdict(row.find_training(scenario))}
+    settings = {**CONSTRAINTS[constraints], **row.find_settings(scenario)}
+    return {**task, "controller": row.controller, "constraints": constraints, "settings": settings}
+
+
+def is_done(task: Mapping[str, Any], results: Path) -> bool:
+    """Tell whether a row's figures are there, made with the same settings."""
+    path = find_folder(task["row"], task["scenario"], results) / FIGURES
+    known = read_result(path) if path.is_file() else {}
+    if "training" in known:  # What came later was so before.
+        try:
+            known = {"trainings": 1, **known, "training": asdict(Training(**known["training"]))}
+        except (ConfigError, TypeError) as error:
+            raise RunFileError(path, f"made by another version ({error}); delete its folder") from error
+    return all(known.get(name) == value for name, value in task.items())
+
+
+def run_row(task: Mapping[str, Any], results: Path) -> None:
+    """Run a row's episodes and write its files, figures last.
+
+    Args:
+        task: what `describe` tells.
+        results: holds a folder per scenario, and in it one per row.
+
+    Raises:
+        ConfigError: the row's folder holds another training.
+        SimulationError: SUMO refuses the scenario, or stopped.
+    """
+    folder = find_folder(task["row"], task["scenario"], results)
+    folder.mkdir(parents=True, exist_ok=True)
+    episodes, infos = _run_policies(task, folder) if "training" in task else _run_controller(task)
+    if task.get("constraints", "paper") == "paper":
+        _write_series(folder / SERIES, infos)
+    result = {
+        **task,
+        "command": _tell_command(task),
+        "versions": list_versions(),
+        "figures": {name: value for name, value in summarize(episodes).items() if name in KEPT},
+        **({"between_trainings": _compare_trainings(episodes)} if task.get("trainings", 1) > 1 else {}),
+        "episodes": [
+            {name: episode[name] for name in (*KEPT, "training") if name in episode} for episode in episodes
+        ],
+    }
+    write_json(folder / FIGURES, result)
+
+
+def _tell_command(task: Mapping[str, Any]) -> str:
+    words = ["dojo-env", "benchmark", "--rows", task["row"], "--scenarios", task["scenario"],
+             "--seeds", str(task["seeds"]), "--seconds", str(task["seconds"])]  # fmt: skip
+    for name, usual in (("constraints", "paper"), ("trainings", 1)):
+        if task.get(name, usual) != usual:
+            words += [f"--{name}", str(task[name])]
+    return shlex.join(words)
+
+
+def _write_series(path: Path, infos: Sequence[Mapping[str, Any]]) -> None:
+    """Write the curves of an hour; those that pictures show are the paper's."""
+    series = ([int(info["step"]), *(round(info[name], 3) for name in CURVES.values())] for info in infos)
+    write_table(path, ["second", *CURVES], series)
+
+
+def _compare_trainings(episodes: Sequence[Mapping[str, Any]]) -> dict[str, float]:
+    """Give the deviation of the trainings' means, by figure."""
+    numbers = sorted({episode["training"] for episode in episodes})
+    parts = [[episode for episode in episodes if episode["training"] == number] for number in numbers]
+    return {
+        name: float(np.std([np.mean([episode[name] for episode in part]) for part in parts], ddof=1))
+        for name in (*SIX, "travel_time_all")
+    }
+
+
+Outcome = tuple[list[dict[str, Any]], list[dict[str, Any]]]
+"""The figures of each episode, and what `info` told at every decision of the first."""
+
+
+def _run_controller(task: Mapping[str, Any]) -> Outcome:
+    infos: list[dict[str, Any]] = []
+    figures = run_controller(
+        task["controller"], range(task["seeds"]), scenario=task["scenario"], num_seconds=task["seconds"],
+        on_step=infos.append, **task["settings"],
+    )  # fmt: skip
+    return figures, infos[: len(infos) // task["seeds"]]
+
+
+def _run_policies(task: Mapping[str, Any], folder: Path) -> Outcome:
+    """Train, where that is not done, and evaluate each policy on the same seeds."""
+    from dojo_env.learning.evaluation import run_policy  # torch takes long to load
+    from dojo_env.learning.learner import is_trained, train
+
+    usual = Training(**task["training"])
+    episodes: list[dict[str, Any]] = []
+    first: list[dict[str, Any]] = []
+    for number in range(task.get("trainings", 1)):
+        training, own = replace(usual, seed=usual.seed + number), find_training_folder(folder, number)
+        if not is_trained(training, own):
+            train(training, own, resume=(own / CHECKPOINT).is_file())
+        figures, infos = run_policy(training, own, range(task["seeds"]), num_seconds=task["seconds"])
+        episodes += [{**each, "training": number} for each in figures]
+        first = first or infos
+    return episodes, first

@@ -1,0 +1,225 @@
+"""The command `dojo-env train`: a policy is trained, and its best weights, curve and settings are kept."""
+
+import argparse
+import dataclasses
+import json
+import os
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from dojo_env.commands.options import add_ray_option
+from dojo_env.errors import ConfigError
+from dojo_maps import interruption
+from dojo_maps.command import Commands, add_command
+from dojo_maps.progress import say, say_nothing
+
+_RESUME = "dojo-env: train: interrupted; the same command with --resume goes on from its last checkpoint"
+
+
+def add_train(commands: Commands) -> None:
+    """Add the command to the parser."""
+    from dojo_env.learning.settings import AGENTS, ALGORITHMS, CONDITIONS, OBSERVATIONS, PATCHES
+
+    train = add_command(commands, "train", _train, "train a policy to set the signals")
+    train.add_argument(
+        "--scenario", metavar="NAME", help="a packaged scenario, or a file (default: cologne1)"
+    )
+    train.add_argument(
+        "--row", metavar="ROW", help="begin with the settings of a row of the benchmark, or of a .toml file"
+    )
+    train.add_argument(
+        "--junctions",
+        nargs="*",
+        metavar="NAME",
+        help="one policy for any junction, from those of scenarios or files (default: all packaged)",
+    )
+    train.add_argument("--algorithm", choices=list(ALGORITHMS), help="(default: ppo)")
+    train.add_argument("--observation", choices=OBSERVATIONS, help="(default: features)")
+    train.add_argument("--encoder", metavar="NAME", help="a frozen encoder of images, as efficientnet-lite0")
+    train.add_argument("--seed", type=int, metavar="N", help="of everything random (default: 0)")
+    train.add_argument(
+        "--steps", type=int, metavar="N", help="decisions, of all environments together (default: 200000)"
+    )
+    train.add_argument("--seconds", type=int, metavar="S", help="simulated, an episode (default: 3600)")
+    train.add_argument(
+        "--processes", type=int, metavar="N", help="environments, each in its own process (default: 8)"
+    )
+    train.add_argument("--min-green", type=int, metavar="S", help="seconds before a change (default: 10)")
+    train.add_argument(
+        "--every", type=int, metavar="N", help="episodes between validations and checkpoints (default: 3)"
+    )
+    train.add_argument("--reward", nargs="+", metavar="NAME=WEIGHT", help="summed up, as queue=0.01")
+    train.add_argument("--size", type=_read_size, metavar="HxW", help="pixels of images (default: 84x84)")
+    train.add_argument(
+        "--shared-views", action="store_true", default=None, help="one set of weights for all views"
+    )
+    train.add_argument("--patches", choices=PATCHES, help="of an image, with which its network begins")
+    train.add_argument(
+        "--background-subtraction",
+        action="store_true",
+        default=None,
+        help="show images as what changes in an episode",
+    )
+    train.add_argument(
+        "--averaged-weights", action="store_true", default=None, help="keep the average of the run's weights"
+    )
+    train.add_argument("--conditions", choices=list(CONDITIONS), help="light and weather (default: day)")
+    train.add_argument("--agents", choices=AGENTS, help="how several signals learn (default: single)")
+    train.add_argument(
+        "--set", nargs="+", dest="hyperparameters", metavar="NAME=VALUE", help="the algorithm's own settings"
+    )
+    train.add_argument("--out", type=Path, metavar="FOLDER", help="(default: in runs, by what is learned)")
+    train.add_argument("--resume", action="store_true", help="go on from the folder's checkpoint")
+    train.add_argument("--tensorboard", action="store_true", help="write its event files, too")
+    add_ray_option(train, "simulate on the nodes of a Ray cluster, and learn here")
+
+
+def _train(options: argparse.Namespace) -> int:
+    return _train_universal(options) if options.junctions is not None else _train_row(options)
+
+
+def _train_row(options: argparse.Namespace) -> int:
+    """Train a policy for one scenario."""
+    from dojo_env.learning.scenario_check import check_scenario
+
+    training = read_training(options)
+    folder = choose_folder(options.out, training)
+    tell = say_nothing if options.quiet else say
+    if options.ray:
+        _check_for_ray(training, tensorboard=options.tensorboard)
+    tell(f"{folder}: {training.algorithm} learns {training.scenario} from {training.observation}")
+    check_scenario(training)
+    from dojo_env.learning.learner import check_folder, train  # Bad settings are told before torch is loaded.
+
+    check_folder(training, folder, resume=options.resume)
+    interruption.explain(_RESUME)
+    if options.ray:
+        from dojo_env.clusters import open_cluster, set_environment
+
+        set_environment(options.ray)
+        from dojo_env.learning.rllib import learner  # It takes long, and no cluster should wait for it.
+
+        with open_cluster(options.ray, training.processes):
+            learner.train(training, folder, resume=options.resume, tell=tell)
+    else:
+        train(training, folder, resume=options.resume, tensorboard=options.tensorboard, tell=tell)
+    print(folder)
+    return 0
+
+
+def _train_universal(options: argparse.Namespace) -> int:
+    """Train a policy for any junction."""
+    from dojo_env.learning.universal.settings import check_folder
+    from dojo_env.scenario import PACKAGED
+
+    training = read_universal(options, tuple(PACKAGED))
+    folder = options.out or Path("runs", f"universal-seed{training.seed}")
+    tell = say_nothing if options.quiet else say
+    check_folder(training, folder, resume=options.resume)
+    tell(f"{folder}: one policy for any junction, from {', '.join(training.scenarios)}")
+    from dojo_env.learning.universal.training import open_nodes, open_processes, train
+
+    interruption.explain(_RESUME)
+    count = options.processes or os.cpu_count() or 1
+    with open_nodes(options.ray, count) if options.ray else open_processes(count) as run_all:
+        train(training, folder, run_all, resume=options.resume, tell=tell)
+    print(folder)
+    return 0
+
+
+def read_universal(options: argparse.Namespace, packaged: Sequence[str]) -> Any:
+    """Turn arguments into settings of a universal policy's training.
+
+    Args:
+        options: the command's.
+        packaged: the scenarios that are meant where none is named.
+
+    Raises:
+        ConfigError: a value cannot work, or is of a policy for one scenario.
+    """
+    from dojo_env.learning.universal.settings import UniversalTraining
+
+    others = ("scenario", "row", "algorithm", "observation", "encoder", "steps", "reward", "size", "agents",
+              "conditions", "patches", "shared_views", "background_subtraction", "averaged_weights",
+              "min_green")  # fmt: skip
+    if wrong := [name for name in others if getattr(options, name) is not None]:
+        raise ConfigError(f"--{wrong[0].replace('_', '-')} is for one scenario; leave it or --junctions out")
+    settings = read_pairs(options.hyperparameters or [])
+    known = {field.name for field in dataclasses.fields(UniversalTraining)} - {"scenarios", "seed"}
+    if unknown := settings.keys() - known:
+        raise ConfigError(f"--set {', '.join(sorted(unknown))}: known are {', '.join(sorted(known))}")
+    for name, value in (("seed", options.seed), ("longest", options.seconds), ("every", options.every)):
+        if value is not None:
+            settings[name] = value
+    return UniversalTraining(scenarios=tuple(options.junctions or packaged), **settings)
+
+
+def read_training(options: argparse.Namespace) -> Any:
+    """Turn arguments into settings; what is not given is as in the row, or as usual.
+
+    Raises:
+        ConfigError: a value cannot work.
+    """
+    from dojo_env.benchmark.rows import find_row
+    from dojo_env.learning.settings import Training
+
+    known = {field.name: getattr(options, field.name, None) for field in dataclasses.fields(Training)}
+    given = {name: value for name, value in known.items() if value is not None}
+    for name in {"reward", "hyperparameters"} & set(given):
+        given[name] = read_pairs(given[name])
+    if options.size:
+        given["height"], given["width"] = options.size
+    if options.row is None:
+        return Training(**given)
+    row = find_row(options.row)
+    if not row.learns:
+        raise ConfigError(f"--row {options.row}: it does not learn; choose another")
+    usual = row.find_training(given.get("scenario", Training().scenario))
+    if "hyperparameters" in given and given.get("algorithm", usual.algorithm) == usual.algorithm:
+        given["hyperparameters"] = {**usual.hyperparameters, **given["hyperparameters"]}
+    elif given.get("algorithm", usual.algorithm) != usual.algorithm:
+        given.setdefault("hyperparameters", {})
+    return dataclasses.replace(usual, **given)
+
+
+def choose_folder(out: Path | None, training: Any) -> Path:
+    """Take the folder that was given, or name one by what is learned."""
+    known = (training.scenario, training.algorithm, training.observation, training.encoder,
+             training.agents, training.conditions)  # fmt: skip
+    parts = [Path(part).stem for part in known if part not in ("none", "single", "day")]
+    return out or Path("runs", "-".join([*parts, f"seed{training.seed}"]))
+
+
+def _check_for_ray(training: Any, *, tensorboard: bool) -> None:
+    """Refuse what RLlib does not do here.
+
+    Raises:
+        ConfigError: the settings ask for it.
+    """
+    if training.algorithm not in ("ppo", "dqn"):
+        raise ConfigError(
+            f"--ray: RLlib has no {training.algorithm}; expected ppo or dqn, or leave --ray out"
+        )
+    if training.agents != "single":
+        raise ConfigError(f"--ray: agents={training.agents!r}: RLlib trains one signal here; leave --ray out")
+    if training.averaged_weights or tensorboard:
+        raise ConfigError("--ray: no averaged weights and no TensorBoard there; leave one or the other out")
+
+
+def _read_size(text: str) -> tuple[int, int]:
+    """Read `HEIGHTxWIDTH`."""
+    height, width = (int(part) for part in text.lower().split("x"))
+    return height, width
+
+
+def read_pairs(pairs: list[str]) -> dict[str, Any]:
+    """Read `name=value`, values as JSON."""
+    found = {}
+    for pair in pairs:
+        name, _, value = pair.partition("=")
+        try:
+            found[name] = json.loads(value)
+        except ValueError as error:
+            raise ConfigError(f"{pair}: expected name=number") from error
+    return found

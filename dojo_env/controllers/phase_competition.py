@@ -1,0 +1,101 @@
+"""A learned policy for any junction: every phase gets a score from its vector, in the light of the others.
+
+The network is small, and runs here on numpy alone: who installs the package needs no torch to use it.
+`learning.universal` trains it.
+
+Source: Zheng et al., Learning phase competition for traffic signal control (FRAP), CIKM 2019; deep sets,
+Zaheer et al., NeurIPS 2017.
+"""
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dojo_env.controllers.base import Controller
+from dojo_env.errors import PolicyError
+from dojo_env.instant import Instant
+from dojo_env.phase_features import CONSTRAINTS, PHASE_FEATURES, PhaseReader
+from dojo_env.plain_arrays import read_arrays
+
+Array = NDArray[np.float32]
+
+LAYERS = ("encode1", "encode2", "score1", "score2")
+"""Of the scores: two layers that every phase's vector goes through, two that see it beside the others."""
+WEIGHTS = tuple(f"{layer}_{part}" for layer in LAYERS for part in ("weight", "bias"))
+INPUTS = len(PHASE_FEATURES) + len(CONSTRAINTS)
+PACKAGED = Path(__file__).parent / "weights"
+"""Where the policies are that ship with the package."""
+_MOST = 1 << 24
+
+
+def score_phases(weights: Mapping[str, Array], phases: Array, constraints: Array, present: int) -> Array:
+    """Score the phases of a signal.
+
+    Args:
+        weights: of each layer, (out, in), and its bias, (out,).
+        phases: (n, features) of `PhaseReader.read`.
+        constraints: (c,) of `PhaseReader.constraints`.
+        present: the phase that is green.
+
+    Returns:
+        (n,) scores; the best phase has the greatest.
+    """
+    seen = np.concatenate([phases, np.broadcast_to(constraints, (len(phases), len(constraints)))], axis=1)
+    encoded = _layer(weights, "encode2", _layer(weights, "encode1", seen))
+    context = np.concatenate([encoded.mean(axis=0), encoded.max(axis=0), encoded[present]])
+    both = np.concatenate([encoded, np.broadcast_to(context, (len(phases), len(context)))], axis=1)
+    hidden = _layer(weights, "score1", both)
+    scores: Array = (hidden @ weights["score2_weight"].T + weights["score2_bias"])[:, 0]
+    return scores
+
+
+def _layer(weights: Mapping[str, Array], name: str, values: Array) -> Array:
+    return np.maximum(values @ weights[f"{name}_weight"].T + weights[f"{name}_bias"], 0.0)
+
+
+def read_weights(path: Path) -> dict[str, Array]:
+    """Read a policy's weights.
+
+    Raises:
+        PolicyError: the file is missing, damaged, or of other sizes.
+    """
+    weights = read_arrays(path, dict.fromkeys(WEIGHTS, "<f4"), most=_MOST, error=PolicyError)
+    sizes = [weights[f"{layer}_weight"].shape for layer in LAYERS]
+    fits = all(len(size) == 2 for size in sizes) and all(
+        weights[f"{layer}_bias"].shape == size[:1] for layer, size in zip(LAYERS, sizes, strict=True)
+    )
+    if not fits or sizes[0][1] != INPUTS or sizes[1][1] != sizes[0][0] or sizes[3] != (1, sizes[2][0]):
+        raise PolicyError(path, "its layers do not fit; take weights of this version")
+    if sizes[2][1] != 4 * sizes[1][0]:
+        raise PolicyError(path, "its layers do not fit; take weights of this version")
+    return weights
+
+
+class PhaseCompetition(Controller):
+    """The phase with the best score, at any junction."""
+
+    def __init__(self, weights: Path | Mapping[str, Array] = PACKAGED / "learned.npz") -> None:
+        """Take the weights, from their file or as they are.
+
+        Raises:
+            PolicyError: the file holds none.
+        """
+        super().__init__()
+        self._weights = read_weights(weights) if isinstance(weights, Path) else dict(weights)
+        self._readers: dict[str, PhaseReader] = {}
+
+    def reset(self, seed: int) -> None:
+        """Forget when phases were green."""
+        self._readers = {}
+
+    def choose(self, signal: str, instant: Instant) -> int:
+        """Score each phase."""
+        view = instant.signals[signal]
+        if signal not in self._readers:
+            self._readers[signal] = PhaseReader(view.plan)
+        reader = self._readers[signal]
+        phases = reader.read(signal, instant)
+        scores = score_phases(self._weights, phases, reader.constraints(view), view.phase)
+        return int(scores.argmax())

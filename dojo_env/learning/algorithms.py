@@ -1,0 +1,121 @@
+"""Stable-Baselines3's algorithms over our networks, from a run's settings."""
+
+import math
+import os
+from collections.abc import Mapping, Sequence
+from functools import partial
+from typing import Any
+
+from gymnasium import spaces
+from stable_baselines3 import A2C, DQN, PPO
+from stable_baselines3.common.base_class import BaseAlgorithm
+from stable_baselines3.common.policies import BasePolicy
+from torch.optim.swa_utils import AveragedModel
+
+from dojo_env.errors import ConfigError
+from dojo_env.learning.independent_learners import Independent, Policies
+from dojo_env.learning.networks import EncodedNet, ViewNet
+from dojo_env.learning.replay_buffer import NStepDictReplayBuffer
+from dojo_env.learning.settings import Training
+from dojo_env.learning.updates import BesideDQN, TwoThreadPPO
+
+CLASSES: dict[str, type[BaseAlgorithm]] = {"ppo": PPO, "a2c": A2C, "dqn": DQN}
+_SEEING = {"ppo": TwoThreadPPO, "dqn": BesideDQN}
+"""What stands in for them where updates take long."""
+
+
+def build_model(training: Training, environments: Any) -> Any:
+    """Build the algorithm with fresh weights.
+
+    Args:
+        training: the run's settings.
+        environments: what it learns in; an `AgentsVecEnv` where signals are several.
+
+    Returns:
+        A model of Stable-Baselines3's, or an `Independent` of as many as there are signals.
+    """
+    if training.agents == "independent":
+        return Independent(training, environments, build_model)
+    name, settings = describe_policy(training, environments.observation_space)
+    known = dict(training.hyperparameters)
+    rate = known.pop("learning_rate")
+    if training.algorithm == "dqn":
+        _check_memory(known["buffer_size"], environments.observation_space)
+        if isinstance(environments.observation_space, spaces.Dict) and known["n_steps"] > 1:
+            known["replay_buffer_class"] = NStepDictReplayBuffer
+            known["replay_buffer_kwargs"] = {"n_steps": known.pop("n_steps"), "gamma": known["gamma"]}
+    classes: Mapping[str, Any] = {**CLASSES, **_SEEING} if training.parallel_updates else CLASSES
+    return classes[training.algorithm](
+        name,
+        environments,
+        seed=training.seed,
+        device="auto" if training.sees else "cpu",
+        policy_kwargs=settings,
+        learning_rate=partial(_fall, rate),
+        **known,
+    )
+
+
+def _check_memory(steps: int, observed: spaces.Space[Any]) -> None:
+    """See that a replay buffer fits: memory fills while a run learns, and the system would end it then."""
+    parts: Any = observed.spaces.values() if isinstance(observed, spaces.Dict) else [observed]
+    needed = 2 * steps * sum(math.prod(part.shape) * part.dtype.itemsize for part in parts) / 2**30
+    there = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") / 2**30
+    if needed > there:
+        raise ConfigError(
+            f"buffer_size={steps}: so many observations need {needed:,.0f} GiB, and this machine has "
+            f"{there:,.0f}; keep fewer, or smaller images"
+        )
+
+
+def _fall(rate: float, left: float) -> float:
+    """Give the learning rate when a share of the run is left."""
+    return rate * left
+
+
+def build_policy(training: Training, observed: spaces.Space[Any], actions: spaces.Space[Any]) -> BasePolicy:
+    """Build the same policy without its algorithm, for another learner; images are (3, h, w) here."""
+    name, settings = describe_policy(training, observed)
+    return CLASSES[training.algorithm].policy_aliases[name](observed, actions, lambda _: 0.0, **settings)
+
+
+def build_policies(
+    training: Training, observed: spaces.Space[Any], phases: Sequence[int]
+) -> BasePolicy | Policies:
+    """Build what acts for one signal or several; weights are to be loaded.
+
+    Args:
+        training: the run's settings.
+        observed: what one signal observes; images are (3, h, w).
+        phases: how many each signal has.
+    """
+    if training.agents != "independent":
+        return build_policy(training, observed, spaces.Discrete(max(phases)))
+    return Policies(build_policy(training, observed, spaces.Discrete(count)) for count in phases)
+
+
+def average_weights(policy: BasePolicy | Policies) -> AveragedModel:
+    """Copy a policy whose weights will be the average of all that `update_parameters` is given.
+
+    The n-th counts as n ** 4 does (polynomial-decay averaging, Shamir and Zhang 2013): the average is mostly
+    that of the last fifth.
+    """
+    return AveragedModel(policy, avg_fn=lambda mean, last, count: mean.lerp(last, 5 / (count + 5)))
+
+
+def describe_policy(training: Training, observed: spaces.Space[Any]) -> tuple[str, dict[str, Any]]:
+    """Tell the policy's name in Stable-Baselines3, and its settings."""
+    settings: dict[str, Any] = {"net_arch": [128] if training.sees else [128, 128]}
+    if training.sees:
+        settings["normalize_images"] = False  # The network does, pixel by pixel.
+        settings["features_extractor_class"] = ViewNet
+        settings["features_extractor_kwargs"] = {
+            "shared": training.shared_views,
+            "patches": training.patches,
+        }
+        if training.algorithm == "dqn" and training.parallel_updates:
+            settings["optimizer_kwargs"] = {"fused": True}  # A tenth of an update's time.
+    elif training.encoder != "none":
+        settings["features_extractor_class"] = EncodedNet
+    several = isinstance(observed, spaces.Dict)
+    return "MultiInputPolicy" if several else "CnnPolicy" if training.sees else "MlpPolicy", settings

@@ -1,0 +1,108 @@
+"""One training run, from its settings to the best policy in its folder; goes on where it was interrupted."""
+
+from collections.abc import Callable
+from contextlib import ExitStack, closing
+from pathlib import Path
+
+from stable_baselines3.common.logger import Logger, TensorBoardOutputFormat
+
+from dojo_env.errors import ConfigError
+from dojo_env.learning.algorithms import average_weights, build_model
+from dojo_env.learning.checkpoints import read_checkpoint, restore_checkpoint
+from dojo_env.learning.environments import VALIDATION_SEEDS, open_environments, open_evaluation
+from dojo_env.learning.process_setup import prepare_process
+from dojo_env.learning.progress import Progress
+from dojo_env.learning.result_files import read_columns
+from dojo_env.learning.settings import (
+    CHECKPOINT,
+    CURVE,
+    POLICY,
+    SETTINGS,
+    Training,
+    read_training,
+    write_training,
+)
+from dojo_maps.progress import say
+
+
+def check_folder(training: Training, folder: Path, *, resume: bool) -> None:
+    """See that a folder is free for a run, or this run's.
+
+    Raises:
+        ConfigError: it holds a run already, or none, or another one's.
+    """
+    path = folder / SETTINGS
+    if resume:
+        if read_training(path) != training:
+            raise ConfigError(f"{path}: another run's settings; give the same ones, or another --out")
+        if not (folder / CHECKPOINT).is_file():
+            raise ConfigError(f"{folder}: no checkpoint yet; start again without --resume in another folder")
+    elif path.exists():
+        raise ConfigError(f"{folder} holds a run already; --resume goes on with it, or name another --out")
+
+
+def prepare_folder(training: Training, folder: Path) -> None:
+    """Make the folder of a new run; `check_folder` has seen that it is free."""
+    folder.mkdir(parents=True, exist_ok=True)
+    write_training(training, folder / SETTINGS)
+
+
+def is_trained(training: Training, folder: Path) -> bool:
+    """Tell whether a run has come to its end in a folder.
+
+    Raises:
+        ConfigError: the folder holds another run.
+    """
+    if not (folder / SETTINGS).is_file():
+        return False
+    if read_training(folder / SETTINGS) != training:
+        raise ConfigError(f"{folder}: trained with other settings; delete it, or name another --results")
+    if not (folder / POLICY).is_file() or not (folder / CURVE).is_file():
+        return False
+    return bool((read_columns(folder / CURVE, ("steps",))["steps"] >= training.whole_steps).any())
+
+
+def train(
+    training: Training,
+    folder: Path,
+    *,
+    resume: bool = False,
+    tensorboard: bool = False,
+    tell: Callable[[str], None] = say,
+) -> None:
+    """Train, and keep the best policy, the curve and a checkpoint in the folder.
+
+    Args:
+        training: all that it depends on.
+        folder: where all of it goes.
+        resume: go on from the folder's checkpoint.
+        tensorboard: write its event files, too.
+        tell: takes lines of how far it is; on standard error, unless said otherwise.
+
+    Raises:
+        ConfigError: the folder holds another run, or the checkpoint is another's.
+        SimulationError: SUMO stopped.
+    """
+    check_folder(training, folder, resume=resume)
+    prepare_process()
+    known = read_checkpoint(folder / CHECKPOINT) if resume else None
+    rows = known["known"]["rows"] if known else []
+    done = rows[-1]["steps"] if rows else 0
+    with ExitStack() as stack:
+        tell(f"starting {training.processes} environments and {len(VALIDATION_SEEDS)} for validation")
+        environments = stack.enter_context(closing(open_environments(training, done=done)))
+        validation = stack.enter_context(closing(open_evaluation(training, VALIDATION_SEEDS)))
+        model = build_model(training, environments)
+        if not resume:
+            prepare_folder(training, folder)  # Not before: all that may be wrong has been opened.
+        model.set_logger(Logger(str(folder), [TensorBoardOutputFormat(str(folder))] if tensorboard else []))
+        agents = environments.num_envs // training.processes if training.agents == "shared" else 1
+        average = average_weights(model.policy) if training.averaged_weights else None
+        progress = Progress(training, folder, validation, agents=agents, average=average, tell=tell)
+        if known is not None:
+            progress.resume(restore_checkpoint(model, known, folder / CHECKPOINT), done)
+            known = None  # The next checkpoint replaces the file, whose place is free once nobody reads it.
+        model.learn(
+            (training.whole_steps - done) * agents, progress, log_interval=None,
+            reset_num_timesteps=not resume,
+        )  # fmt: skip

@@ -1,0 +1,59 @@
+"""Conditions that a policy was not trained for: other light and cameras, or a detector for the truth."""
+
+from collections.abc import Sequence
+from typing import Any
+
+from dojo_env.conditions import PRESETS, Conditions
+from dojo_env.errors import ConfigError
+from dojo_env.learning.settings import CONDITIONS, IMAGES, Training
+from dojo_env.sensors.detector import Detector
+
+CAMERAS: dict[str, dict[str, Any]] = {
+    **{name: {"conditions": PRESETS[name]} for name in ("day", "dusk", "night", "rain", "fog")},
+    "moved-camera": {"conditions": Conditions(shake_m=0.3, shake_deg=2.0)},
+    "noise": {"conditions": Conditions(noise=12.0)},
+    "dirty-lens": {"conditions": Conditions(dirt=0.6)},
+    "random": {"conditions": CONDITIONS["random"]},
+}
+"""What a policy that sees images may meet; `random` draws as `--conditions random` does in training."""
+DETECTORS: dict[str, dict[str, Any]] = {
+    "features": {"observation": "features"},
+    "perfect-detector": {"observation": Detector(least_pixels=1, least_visible=0.0)},
+    "detector": {"observation": Detector()},
+    "noisy-detector": {"observation": Detector(missed=0.1, false_alarms=0.1)},
+    "noisier-detector": {"observation": Detector(missed=0.3, false_alarms=0.3)},
+    "late-detector": {"observation": Detector(missed=0.1, false_alarms=0.1, latency=2)},
+}
+"""What a policy that sees features may be fed with."""
+AS_TRAINED, ALL = "as-trained", "all"
+
+
+def list_conditions(training: Training) -> dict[str, dict[str, Any]]:
+    """List what a policy may meet, by name: settings of the environment."""
+    return CAMERAS if training.observation in IMAGES else DETECTORS
+
+
+def choose_conditions(training: Training, names: Sequence[str]) -> dict[str, dict[str, Any]]:
+    """Choose conditions by their names.
+
+    Args:
+        training: of the policy that meets them.
+        names: of `CAMERAS` or `DETECTORS`, or `all`; none for how it was trained.
+
+    Raises:
+        ConfigError: a name is unknown, or nothing of what is named can be met.
+    """
+    if not names:
+        return {AS_TRAINED: {}}
+    known = list_conditions(training)
+    if unknown := set(names) - {ALL, *CAMERAS, *DETECTORS}:
+        raise ConfigError(
+            f"{', '.join(sorted(unknown))}: expected {ALL}, or of {', '.join((*CAMERAS, *DETECTORS))}"
+        )
+    chosen = {name: changes for name, changes in known.items() if ALL in names or name in names}
+    if not chosen:
+        raise ConfigError(
+            f"{', '.join(names)}: not for a policy that observes {training.observation}; "
+            f"expected {ALL}, or of {', '.join(known)}"
+        )
+    return chosen

@@ -1,0 +1,1 @@
+"""The same runs on the nodes of a Ray cluster, by RLlib."""

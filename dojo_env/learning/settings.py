@@ -1,0 +1,260 @@
+"""Everything that a training run depends on, kept beside its policy as JSON."""
+
+import dataclasses
+import hashlib
+import json
+import math
+import platform
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Any
+
+from dojo_env.errors import ConfigError
+from dojo_maps.errors import SourceError
+from dojo_maps.safe_json import read_json
+from dojo_maps.whole_file import write_json
+
+ALGORITHMS: dict[str, dict[str, Any]] = {
+    "ppo": {"n_steps": 90, "batch_size": 180, "n_epochs": 3, "learning_rate": 5e-4, "gamma": 0.97,
+            "gae_lambda": 0.9, "ent_coef": 0.005, "clip_range": 0.2},
+    "a2c": {"n_steps": 12, "learning_rate": 7e-4, "gamma": 0.97, "gae_lambda": 0.9, "ent_coef": 0.005},
+    "dqn": {"buffer_size": 50_000, "learning_starts": 5_760, "batch_size": 64, "learning_rate": 5e-4,
+            "gamma": 0.97, "train_freq": 4, "gradient_steps": 1, "target_update_interval": 500,
+            "exploration_fraction": 0.3, "exploration_final_eps": 0.02, "n_steps": 1},
+}  # fmt: skip
+"""The algorithms and what their settings are unless said otherwise; the names are Stable-Baselines3's.
+
+The learning rate is that of the beginning; it falls to 0 at the end, so that the last policies differ little.
+"""
+OBSERVATIONS = ("features", "bev", "multi_view", "detector")
+IMAGES = ("bev", "multi_view")
+PATCHES = ("apart", "overlapping")
+AGENTS = ("single", "shared", "independent")
+PACKAGES = ("traffic-dojo", "libsumo", "numpy", "gymnasium", "torch", "stable-baselines3")
+CONDITIONS: dict[str, dict[str, tuple[float, float]]] = {
+    "day": {},
+    "random": {
+        "hour": (0, 24),
+        "rain": (0, 1),
+        "noise": (0, 6),
+        "shake_m": (0, 0.5),
+        "shake_deg": (0, 2),
+    },
+}
+"""Ranges from which each training episode draws its light, weather and lenses."""
+SETTINGS, CURVE, CHECKPOINT, POLICY = "training.json", "curve.csv", "checkpoint.pt", "policy.pt"
+"""The files of a run's folder."""
+REWARD = {"queue": 0.01, "diff-waiting-time": 0.05}
+"""The queue keeps everyone's trip short, the difference of waiting forgets nobody in a side street."""
+_SEEDS = 2**32
+"""As many as numpy's and Stable-Baselines3's generators take."""
+INTERVAL = 5
+"""Seconds from decision to decision."""
+
+
+class RunFileError(SourceError, ConfigError):
+    """A file of a training run is missing, damaged, or not what it should be."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Training:
+    """One training run.
+
+    Attributes:
+        scenario: name or path.
+        algorithm: `ppo`, `a2c` or `dqn`.
+        observation: what the policy sees.
+        encoder: a frozen encoder of images, or `none`.
+        seed: of everything random.
+        steps: decisions of all environments together.
+        seconds: of an episode.
+        processes: environments, each in a process of its own.
+        min_green: seconds of green alone before a change is granted.
+        reward: names of rewards and their weights.
+        height: pixels, where the policy sees images.
+        width: pixels.
+        shared_views: one set of weights for all of `multi_view`'s images.
+        patches: how those lie with which the network of an image begins; `overlapping` ones take twice the
+            time, and updates take turns with the environments on one thread.
+        background_subtraction: images show how far each pixel is from its own mean in the episode.
+        averaged_weights: the policy that is validated and kept has the average of the weights so far, in
+            which later ones count more.
+        every: rounds of episodes between validations, from which the best policy is kept, and checkpoints.
+        conditions: `day`, or `random` light, weather and lenses per episode.
+        agents: `single` for one signal; with several, all may use one `shared` policy, or each learns an
+            `independent` one.
+        hyperparameters: of the algorithm; what is not given is as in `ALGORITHMS`.
+    """
+
+    scenario: str = "cologne1"
+    algorithm: str = "ppo"
+    observation: str = "features"
+    encoder: str = "none"
+    seed: int = 0
+    steps: int = 200_000
+    seconds: int = 3600
+    processes: int = 8
+    min_green: int = 10
+    reward: Mapping[str, float] = field(default_factory=lambda: dict(REWARD))
+    height: int = 84
+    width: int = 84
+    shared_views: bool = False
+    patches: str = "apart"
+    background_subtraction: bool = False
+    averaged_weights: bool = False
+    every: int = 3
+    conditions: str = "day"
+    agents: str = "single"
+    hyperparameters: Mapping[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        """Refuse what cannot be.
+
+        Raises:
+            ConfigError: a value is of another type than its default, unknown, or out of its range.
+        """
+        _check_types(self)
+        known = {
+            "algorithm": tuple(ALGORITHMS),
+            "observation": OBSERVATIONS,
+            "conditions": tuple(CONDITIONS),
+            "agents": AGENTS,
+            "patches": PATCHES,
+        }
+        for name, values in known.items():
+            if getattr(self, name) not in values:
+                raise ConfigError(f"{name}={getattr(self, name)!r}: expected one of {', '.join(values)}")
+        for name in ("steps", "processes", "seconds", "min_green", "every"):
+            if getattr(self, name) < 1:
+                raise ConfigError(f"{name}={getattr(self, name)}: expected at least 1")
+        if not 0 <= self.seed < _SEEDS:
+            raise ConfigError(f"seed={self.seed}: expected 0 to {_SEEDS - 1}")
+        for name, unused in (("encoder", "none"), ("background_subtraction", False), ("patches", "apart")):
+            value = getattr(self, name)
+            if value != unused and self.observation not in IMAGES:
+                raise ConfigError(f"{name}={value!r} needs images; observe {' or '.join(IMAGES)}")
+        if self.agents != "single" and self.observation == "multi_view":
+            raise ConfigError("several signals have different numbers of views; observe features or bev")
+        own = _complete(self.algorithm, self.hyperparameters)
+        object.__setattr__(self, "hyperparameters", own)
+        rollout = "train_freq" if self.algorithm == "dqn" else "n_steps"
+        if self.decisions % own[rollout]:
+            raise ConfigError(f"{rollout}={own[rollout]}: expected a divisor of {self.decisions}, an episode")
+
+    @property
+    def decisions(self) -> int:
+        """Decisions in an episode."""
+        return self.seconds // INTERVAL
+
+    @property
+    def round_steps(self) -> int:
+        """Steps of an episode in each environment."""
+        return self.decisions * self.processes
+
+    @property
+    def whole_steps(self) -> int:
+        """Steps of whole rounds: a run ends where episodes end."""
+        return -(-self.steps // self.round_steps) * self.round_steps
+
+    @property
+    def sees(self) -> bool:
+        """Whether the policy learns from images, not from features or an encoder's."""
+        return self.encoder == "none" and self.observation in IMAGES
+
+    @property
+    def parallel_updates(self) -> bool:
+        """Whether updates use a second core, or leave it to the environments.
+
+        Policies kept with overlapping patches were trained without, and are to come out the same again.
+        """
+        return self.sees and self.patches == "apart"
+
+    @property
+    def environment(self) -> dict[str, Any]:
+        """Keywords of the environment that it learns in."""
+        keywords: dict[str, Any] = {
+            "scenario": self.scenario,
+            "observation": self.observation,
+            "min_green": self.min_green,
+            "num_seconds": self.seconds,
+            "max_red": None,  # The paper sets no limit.
+            "always_transition": True,  # As the table's other rows.
+        }
+        if self.observation in IMAGES:
+            keywords |= {"height": self.height, "width": self.width, "show_links": True}
+        if CONDITIONS[self.conditions]:
+            keywords["conditions"] = CONDITIONS[self.conditions]
+        return {**keywords, "reward_fn": dict(self.reward)}
+
+
+def _check_types(training: Training) -> None:
+    """Refuse a value of another type than the setting's default."""
+    for setting in dataclasses.fields(training):
+        value = getattr(training, setting.name)
+        kind = Mapping if setting.default is dataclasses.MISSING else type(setting.default)
+        if not isinstance(value, kind) or (isinstance(value, bool) and kind is not bool):
+            raise ConfigError(f"{setting.name}={value!r}: expected {kind.__name__}")
+
+
+def _complete(algorithm: str, given: Mapping[str, Any]) -> dict[str, Any]:
+    """Add an algorithm's usual settings to those that are given.
+
+    Raises:
+        ConfigError: it has no such setting, or the value cannot take the usual one's place: counts are whole
+            numbers, and none is negative.
+    """
+    usual = ALGORITHMS[algorithm]
+    if unknown := set(given) - set(usual):
+        names = ", ".join(sorted(unknown))
+        raise ConfigError(f"{algorithm} has no setting {names} here; known are {', '.join(usual)}")
+    for name, value in given.items():
+        is_count = isinstance(usual[name], int)
+        kinds = int if is_count else (int, float)
+        if not isinstance(value, kinds) or isinstance(value, bool) or not 0 <= value < math.inf:
+            raise ConfigError(f"{name}={value!r}: expected a number such as {usual[name]}")
+        if value == 0 and is_count and name != "learning_starts":
+            raise ConfigError(f"{name}={value}: expected at least 1")
+    return {**usual, **given}
+
+
+def read_training(path: Path) -> Training:
+    """Read a run's settings.
+
+    Raises:
+        RunFileError: there is none, it is not one of ours, or not as it was written.
+    """
+    value = read_json(path, error=RunFileError)
+    # Settings that were kept before there were checksums have none.
+    if not isinstance(value, dict) or value.keys() - {"sha256"} != {"training", "versions"}:
+        raise RunFileError(path, "not the settings of a training run")
+    if value.pop("sha256", _sha256(value)) != _sha256(value):
+        raise RunFileError(path, "is damaged, or was edited: its sha256 is another; train anew")
+    try:
+        return Training(**value["training"])
+    except (ConfigError, TypeError) as error:
+        raise RunFileError(path, f"not the settings of a training run ({error})") from error
+
+
+def write_training(training: Training, path: Path) -> None:
+    """Write a run's settings, the versions of what it ran on, and their checksum."""
+    known = {"training": dataclasses.asdict(training), "versions": list_versions()}
+    write_json(path, {**known, "sha256": _sha256(known)})
+
+
+def _sha256(known: Mapping[str, Any]) -> str:
+    """Hash what is kept, all but the checksum itself."""
+    told = {name: value for name, value in known.items() if name != "sha256"}
+    return hashlib.sha256(json.dumps(told, sort_keys=True).encode()).hexdigest()
+
+
+def list_versions() -> dict[str, str]:
+    """List what a run's figures may depend on."""
+    found = {"python": platform.python_version()}
+    for name in PACKAGES:
+        try:
+            found[name] = version(name)
+        except PackageNotFoundError:
+            found[name] = "not installed"
+    return found

@@ -1,0 +1,56 @@
+"""The network of the universal policy in torch: what `controllers.phase_competition` runs, and a value."""
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import nn
+
+from dojo_env.controllers.phase_competition import INPUTS, LAYERS
+
+
+class PhaseNet(nn.Module):
+    """Scores of phases, and the value of the junction's state."""
+
+    def __init__(self, width: int = 64) -> None:
+        """Begin with small scores, so that everything is tried."""
+        super().__init__()
+        self.encode1, self.encode2 = nn.Linear(INPUTS, width), nn.Linear(width, width)
+        self.score1, self.score2 = nn.Linear(4 * width, width), nn.Linear(width, 1)
+        self.value1, self.value2 = nn.Linear(3 * width, width), nn.Linear(width, 1)
+        with torch.no_grad():
+            self.score2.weight.mul_(0.1)
+
+    def forward(
+        self, phases: torch.Tensor, constraints: torch.Tensor, mask: torch.Tensor, present: torch.Tensor
+    ) -> tuple[torch.Tensor, torch.Tensor]:
+        """Judge n junctions at once.
+
+        Args:
+            phases: (n, p, features), padded to the most phases.
+            constraints: (n, c).
+            mask: (n, p) true where there is a phase.
+            present: (n,) the phase that is green.
+
+        Returns:
+            (n, p) scores, -inf where there is no phase; and (n,) values.
+        """
+        count = phases.shape[1]
+        seen = torch.cat([phases, constraints[:, None].expand(-1, count, -1)], dim=2)
+        encoded = self.encode2(self.encode1(seen).relu()).relu() * mask[..., None]
+        mean = encoded.sum(1) / mask.sum(1, keepdim=True)
+        most = encoded.amax(1)  # Nothing encoded is below 0.
+        own = encoded[torch.arange(len(encoded)), present]
+        context = torch.cat([mean, most, own], dim=1)
+        both = torch.cat([encoded, context[:, None].expand(-1, count, -1)], dim=2)
+        scores = self.score2(self.score1(both).relu())[..., 0]
+        value = self.value2(self.value1(context).relu())[:, 0]
+        return scores.masked_fill(~mask, -torch.inf), value
+
+    def export(self) -> dict[str, NDArray[np.float32]]:
+        """Give the weights of the scores as `phase_competition` takes them."""
+        found = {}
+        for name in LAYERS:
+            layer = getattr(self, name)
+            found[f"{name}_weight"] = layer.weight.detach().numpy().astype(np.float32)
+            found[f"{name}_bias"] = layer.bias.detach().numpy().astype(np.float32)
+        return found

@@ -1,0 +1,131 @@
+"""Everything that a universal policy's training depends on, kept beside the policy as JSON."""
+
+import dataclasses
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from dojo_env.config import SignalConfig
+from dojo_env.errors import ConfigError
+from dojo_env.learning.settings import RunFileError, list_versions
+from dojo_env.managers.map import MapManager
+from dojo_env.scenario import find_scenario, open_map
+from dojo_maps.safe_json import read_json
+from dojo_maps.whole_file import write_json
+
+SETTINGS, CHECKPOINT, CURVE, POLICY = "training.json", "checkpoint.pt", "curve.csv", "policy.npz"
+"""The files of a run's folder."""
+_KIND = "universal"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class UniversalTraining:
+    """All that a run depends on.
+
+    Attributes:
+        scenarios: names or paths; the policy learns at all of their signals.
+        seed: of everything random.
+        rounds: of episodes, each with an update.
+        episodes: of a round.
+        shortest: simulated seconds of an episode, the least.
+        longest: the most.
+        least_demand: of the scenario's own, as a share.
+        most_demand: likewise.
+        learning_rate: at the beginning; it falls to 0.
+        entropy: the worth of trying things, at the beginning; it falls to 0, too.
+        epochs: how often an update looks at each decision.
+        batch_size: decisions of a step.
+        every: rounds between validations.
+        validation_seconds: of each of its episodes, one a scenario.
+    """
+
+    scenarios: tuple[str, ...]
+    seed: int = 0
+    rounds: int = 60
+    episodes: int = 32
+    shortest: int = 600
+    longest: int = 1800
+    least_demand: float = 0.6
+    most_demand: float = 1.15
+    learning_rate: float = 1e-3
+    entropy: float = 0.01
+    epochs: int = 4
+    batch_size: int = 512
+    every: int = 10
+    validation_seconds: int = 1200
+
+    def __post_init__(self) -> None:
+        """Refuse what cannot be.
+
+        Raises:
+            ConfigError: a value is out of its range.
+        """
+        object.__setattr__(self, "scenarios", tuple(self.scenarios))
+        if not self.scenarios:
+            raise ConfigError("no scenarios to learn from; name at least one")
+        for name in ("rounds", "episodes", "epochs", "batch_size", "every"):
+            if getattr(self, name) < 1:
+                raise ConfigError(f"{name}={getattr(self, name)}: expected at least 1")
+        if not 120 <= self.shortest <= self.longest:
+            raise ConfigError(f"shortest={self.shortest}, longest={self.longest}: expected 120 s or more")
+        if not 0 < self.least_demand <= self.most_demand:
+            raise ConfigError(
+                f"least_demand={self.least_demand}, most_demand={self.most_demand}: expected shares"
+            )
+        if not 0 <= self.seed < 1_000:
+            raise ConfigError(f"seed={self.seed}: expected 0 to 999")
+
+
+def list_junctions(scenarios: Sequence[str]) -> list[tuple[str, tuple[str, ...]]]:
+    """List each scenario's signals at which there is something to decide.
+
+    Raises:
+        ConfigError: a scenario has none.
+    """
+    found = []
+    for name in scenarios:
+        plans = MapManager(open_map(find_scenario(name)), SignalConfig()).plans
+        signals = tuple(signal for signal, plan in plans.items() if len(plan.phases) > 1)
+        if not signals:
+            raise ConfigError(f"scenario {name}: no signal has two phases to choose from; leave it out")
+        found.append((name, signals))
+    return found
+
+
+def check_folder(training: UniversalTraining, folder: Path, *, resume: bool) -> None:
+    """See that a folder is free for a run, or this run's.
+
+    Raises:
+        ConfigError: it holds a run already, or none, or another one's.
+    """
+    path = folder / SETTINGS
+    if not resume:
+        if path.exists():
+            raise ConfigError(
+                f"{folder} holds a run already; --resume goes on with it, or name another --out"
+            )
+        return
+    if read_settings(path) != training:
+        raise ConfigError(f"{path}: another run's settings; give the same ones, or another --out")
+    if not (folder / CHECKPOINT).is_file():
+        raise ConfigError(f"{folder}: no checkpoint yet; start again without --resume in another folder")
+
+
+def read_settings(path: Path) -> UniversalTraining:
+    """Read a run's settings.
+
+    Raises:
+        RunFileError: it is none of this kind.
+    """
+    value = read_json(path, error=RunFileError)
+    if not isinstance(value, dict) or value.get("kind") != _KIND:
+        raise RunFileError(path, "not the settings of a universal policy's training")
+    try:
+        return UniversalTraining(**value["training"])
+    except (ConfigError, TypeError, KeyError) as error:
+        raise RunFileError(path, f"not the settings of a universal policy's training ({error})") from error
+
+
+def write_settings(training: UniversalTraining, path: Path) -> None:
+    """Write a run's settings, and the versions of what it ran on."""
+    write_json(path, {"kind": _KIND, "training": dataclasses.asdict(training), "versions": list_versions()})

@@ -1,0 +1,64 @@
+"""Between degrees and the metres of a map: the UTM zone of an extract, moved to begin at its roads."""
+
+import functools
+import math
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import pyproj
+import shapely
+
+from dojo_maps.description import Projection
+from dojo_maps.errors import SourceError
+from dojo_maps.sources.osm.read.data import OsmData, OsmWay
+
+
+def project_nodes(
+    data: OsmData, used: Sequence[int], path: Path | str, widest: float
+) -> tuple[Projection, dict[int, tuple[float, float]]]:
+    """Choose the projection of a map, and lay nodes into it.
+
+    Args:
+        data: the extract.
+        used: the nodes of its roads.
+        path: named in errors.
+        widest: metres that they may spread.
+
+    Returns:
+        The projection; and where the nodes lie, metres.
+
+    Raises:
+        SourceError: they spread too far to be one map.
+    """
+    lon = np.array([data.nodes[node].lon for node in used])
+    lat = np.array([data.nodes[node].lat for node in used])
+    zone = min(60, int((float(np.median(lon)) + 180) // 6) + 1)
+    south = " +south" if np.median(lat) < 0 else ""
+    proj = f"+proj=utm +zone={zone}{south} +ellps=WGS84 +datum=WGS84 +units=m +no_defs"
+    x, y = pyproj.Proj(proj)(lon, lat)
+    if not (np.isfinite(x).all() and np.isfinite(y).all()) or max(np.ptp(x), np.ptp(y)) > widest:
+        raise SourceError(
+            path,
+            f"its roads spread over more than {widest / 1000:.0f} km; cut out one place with osmium extract",
+        )
+    offset = (-math.floor(x.min()), -math.floor(y.min()))
+    places = {
+        node: (round(float(a) + offset[0], 3), round(float(b) + offset[1], 3))
+        for node, a, b in zip(used, x, y, strict=True)
+    }
+    return Projection(proj=proj, net_offset=offset), places
+
+
+def way_line(projection: Projection, data: OsmData, way: OsmWay) -> shapely.LineString | None:
+    """Lay any way of the extract into the plane, None where fewer than two nodes are there."""
+    nodes = [data.nodes[node] for node in way.nodes if node in data.nodes]
+    if len(nodes) < 2:
+        return None
+    x, y = _projected(projection.proj)(np.array([n.lon for n in nodes]), np.array([n.lat for n in nodes]))
+    return shapely.LineString(np.column_stack([x, y]) + projection.net_offset)
+
+
+@functools.cache
+def _projected(proj: str | None) -> pyproj.Proj:
+    return pyproj.Proj(proj)

@@ -1,0 +1,138 @@
+"""Where people cross a road, as it is mapped: crossing nodes, and crossing ways over a road."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+import shapely
+
+from dojo_maps.sources.osm.graph.road_graph import Footway, RoadGraph
+from dojo_maps.sources.osm.read.data import Tags
+from dojo_maps.sources.osm.read.foot_tags import is_crossing_way
+
+_FOR_WALKERS = ("pedestrian_crossing", "pedestrian", "crossing")
+"""Kinds of signals that stop traffic for people who cross."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MappedCrossing:
+    """A crossing of one section.
+
+    Attributes:
+        kind, element: the OSM element that it is mapped by, node or way.
+        node: the section's node where it lies, or the one nearest to it.
+        place: x and y, metres.
+        section, along: the section, and the metres from its start.
+        signalised: it has lights for those who walk.
+        marked: it is painted, so traffic gives way.
+    """
+
+    kind: str
+    element: int
+    node: int
+    place: tuple[float, float]
+    section: str
+    along: float
+    signalised: bool
+    marked: bool
+
+
+def find_crossings(graph: RoadGraph) -> list[MappedCrossing]:
+    """Find each crossing of a road, once for each section that it crosses, in the order of sections."""
+    ways = [footway for footway in graph.footways if is_crossing_way(footway.tags)]
+    found = _at_nodes(graph, {node: way for way in ways for node in way.nodes})
+    found += _across(graph, ways, {crossing.node for crossing in found})
+    found.sort(key=lambda c: (c.section, c.along, c.kind, c.element))
+    kept: list[MappedCrossing] = []
+    same = graph.rules.crossings.same
+    for crossing in found:
+        last = kept[-1] if kept else None
+        if last and last.section == crossing.section and crossing.along - last.along < same:
+            if crossing.signalised and not last.signalised:
+                kept[-1] = crossing
+            continue
+        kept.append(crossing)
+    return kept
+
+
+def _is_crossing_node(tags: Tags) -> bool:
+    named = tags.get("highway") == "crossing" or tags.get("crossing", "no") != "no"
+    named = named or tags.get("traffic_signals") in _FOR_WALKERS
+    return named and tags.get("crossing") != "no" and "railway" not in tags
+
+
+def _at_nodes(graph: RoadGraph, on_way: dict[int, Footway]) -> list[MappedCrossing]:
+    """Take crossings at nodes of sections; one at a vertex belongs to the first section there."""
+    found = []
+    for node, places in sorted(graph.positions().items()):
+        tags = graph.tags.get(node, {})
+        named = _is_crossing_node(tags)
+        if not (named or (node in on_way and tags.get("crossing") != "no")):
+            continue
+        if not named:
+            tags = {**on_way[node].tags, **tags}
+        section, index = min(places)
+        line = graph.line(graph.sections[section])[: index + 1]
+        found.append(
+            MappedCrossing(
+                kind="node" if named else "way",
+                element=node if named else on_way[node].way,
+                node=node,
+                place=graph.places[node],
+                section=section,
+                along=float(np.hypot(*np.diff(line, axis=0).T).sum()),
+                signalised=_is_signalised(tags),
+                marked=_is_marked(tags),
+            )
+        )
+    return found
+
+
+def _across(graph: RoadGraph, ways: Iterable[Footway], known: set[int]) -> list[MappedCrossing]:
+    """Take crossing ways that run over a section without a common node, on the ground."""
+    names, same = sorted(graph.sections), graph.rules.crossings.same
+    lines = [shapely.LineString(graph.line(graph.sections[name])) for name in names]
+    tree = shapely.STRtree(lines)
+    found = []
+    for crossing in ways:
+        path = crossing.line
+        if path is None or crossing.tags.get("bridge", "no") != "no":
+            continue
+        for hit in sorted(tree.query(path, predicate="intersects")):
+            section = graph.sections[names[hit]]
+            if section.road.layer or known.intersection(crossing.nodes) & set(section.nodes):
+                continue
+            point = lines[hit].intersection(path).representative_point()
+            along = float(lines[hit].project(point))
+            places = graph.line(section)
+            nearest = int(np.argmin(np.hypot(*(places - (point.x, point.y)).T)))
+            if section.nodes[nearest] in known and np.hypot(*(places[nearest] - (point.x, point.y))) < same:
+                continue
+            found.append(
+                MappedCrossing(
+                    kind="way",
+                    element=crossing.way,
+                    node=section.nodes[nearest],
+                    place=(float(point.x), float(point.y)),
+                    section=names[hit],
+                    along=along,
+                    signalised=_is_signalised(crossing.tags),
+                    marked=_is_marked(crossing.tags),
+                )
+            )
+    return found
+
+
+def _is_signalised(tags: Tags) -> bool:
+    return (
+        "traffic_signals" in (tags.get("crossing"), tags.get("highway"))
+        or tags.get("crossing:signals") == "yes"
+    )
+
+
+def _is_marked(tags: Tags) -> bool:
+    if tags.get("crossing:markings", "no") != "no":
+        return True
+    return tags.get("crossing") in ("traffic_signals", "uncontrolled", "marked", "zebra", "island") or (
+        "crossing" not in tags and tags.get("crossing:markings") != "no"
+    )

@@ -1,0 +1,130 @@
+"""What the next attempt must do otherwise, by what netconvert made of this one.
+
+Roads that came out shorter than a car, or on top of a neighbour, become part of their junction; crossings
+between junctions move where that gives their road enough length; crossings get the pavement that they lack.
+"""
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from dojo_maps.description import RoadMap
+from dojo_maps.index import MapIndex
+from dojo_maps.issue import Element, Issue, Severity
+from dojo_maps.sources.osm.graph.edge_id import EdgeId
+from dojo_maps.sources.osm.graph.road_graph import RoadGraph
+from dojo_maps.sources.osm.layout.arms import Layout
+from dojo_maps.sources.osm.network.overlap_merging import lying_on_neighbours
+from dojo_maps.sources.osm.plain.plain_xml import Plain
+from dojo_maps.sources.osm.read.data import link_to
+
+_NO_PAVEMENT = re.compile(
+    r"(?:invalid crossing .* with edges|crossing .* across) \[([^]]*)\] (?:\(no walkingarea|has no target)"
+)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Corrections:
+    """What attempts before have shown.
+
+    Attributes:
+        joined: pairs of vertices to join.
+        moved: crossings to move, by node: towards which node, and how many metres.
+        paved: sections with pavement on both sides.
+    """
+
+    joined: tuple[tuple[int, int], ...] = ()
+    moved: Mapping[int, tuple[int, float]] = field(default_factory=dict)
+    paved: frozenset[str] = frozenset()
+
+
+def find_corrections(
+    known: Corrections, road_map: RoadMap, warnings: tuple[str, ...], layout: Layout, plain: Plain
+) -> Corrections:
+    """Add to the corrections what a built network still needs.
+
+    Args:
+        known: the corrections that it was built with.
+        road_map: the network.
+        warnings: netconvert's own.
+        layout: what it was built from.
+        plain: what was written of that.
+
+    Returns:
+        The same object where nothing is new.
+    """
+    short, unpaved = _too_short(road_map, plain, layout.rules.network.shortest_edge), _unpaved(warnings)
+    moves = _moves(layout, short)
+    pairs = [pair for pair in short if not {*pair} & (moves.keys() - known.moved.keys())]
+    if moves.keys() <= known.moved.keys() and set(pairs) <= set(known.joined) and unpaved <= known.paved:
+        pairs = lying_on_neighbours(road_map, layout, plain)
+        if set(pairs) <= set(known.joined):
+            return known
+    return Corrections(
+        joined=(*known.joined, *pairs), moved=moves | {**known.moved}, paved=known.paved | unpaved
+    )
+
+
+def not_converged(known: Corrections, wanted: Corrections, graph: RoadGraph, *, attempts: int) -> Issue:
+    """Report that the last attempt still showed something to correct.
+
+    Args:
+        known: the corrections that it was built with.
+        wanted: those that it needs.
+        graph: the roads as they were built.
+        attempts: how many were made.
+    """
+    nodes = {node for pair in wanted.joined if pair not in known.joined for node in pair}
+    nodes |= wanted.moved.keys() - known.moved.keys()
+    nodes |= {graph.sections[name].start for name in wanted.paved - known.paved}
+    first = max(nodes)  # Not one below 0, which OpenStreetMap does not know, if there is another.
+    return Issue(
+        check="osm.not_converged",
+        severity=Severity.WARNING,
+        elements=(Element(kind="osm_node", id=str(first)),),
+        position=(*graph.places[first], 0.0),
+        message=(
+            f"after {attempts} attempts roads at {len(nodes)} nodes are still too short, lie on a neighbour, "
+            f"or lack pavement at a crossing; one is {link_to('node', first)}"
+        ),
+        hint="look at the place in netedit; draw what is crowded there simpler, or join its junctions",
+        measured=len(nodes),
+    )
+
+
+def _moves(layout: Layout, short: dict[tuple[int, int], float]) -> dict[int, tuple[int, float]]:
+    """Find the crossings between junctions that a few metres would give room: where to, and how far."""
+    graph, rules = layout.graph, layout.rules.network
+    ends = graph.ends()
+    crossed = {crossing.node for crossing in layout.crossings}
+    found = {}
+    for pair, length in short.items():
+        for node, other in (pair, pair[::-1]):
+            if node not in crossed or len(ends[node]) != 2 or len(ends[other]) == 2:
+                continue
+            sections = [graph.sections[name] for name in ends[node]]
+            onward = [s for s in sections if {s.start, s.end} != {node, other}]
+            room = rules.shortest_edge + rules.move_margin - length
+            if len(onward) == 1 and graph.length(onward[0]) > rules.room_to_move:
+                towards = onward[0].nodes[1] if onward[0].start == node else onward[0].nodes[-2]
+                found[node] = (towards, room)
+    return found
+
+
+def _too_short(road_map: RoadMap, plain: Plain, shortest: float) -> dict[tuple[int, int], float]:
+    """Find the vertices of sections that came out shorter than a car, and how short."""
+    lanes = MapIndex(road_map).lanes
+    found: dict[tuple[int, int], float] = {}
+    for road in road_map.roads:
+        length = min(lanes[lane].length for lane in road.lanes)
+        section = plain.sections.get(EdgeId.read(road.id))
+        if length < shortest and section is not None and not section.road.roundabout:
+            pair = (min(section.start, section.end), max(section.start, section.end))
+            found[pair] = min(length, found.get(pair, length))
+    return dict(sorted(found.items()))
+
+
+def _unpaved(warnings: tuple[str, ...]) -> set[str]:
+    """Find the sections whose crossings netconvert dropped because they lead to no pavement."""
+    found = (_NO_PAVEMENT.search(warning) for warning in warnings)
+    return {EdgeId.read(name).section for match in found if match for name in match[1].split()}

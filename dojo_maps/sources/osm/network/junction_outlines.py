@@ -1,0 +1,63 @@
+"""Untwist the junction outlines that netconvert draws across themselves where roads meet at sharp angles."""
+
+import re
+from collections.abc import Callable
+
+import numpy as np
+import shapely
+
+from dojo_maps.geometry.polylines import Floats
+
+_JUNCTION = re.compile(r'(<junction id="[^":][^>]*? shape=")([^"]+)(")')
+_GAP = 0.5
+"""Metres between parts of an outline that are joined."""
+_GRID = 0.01
+"""Metres that netconvert rounds to."""
+
+
+def mend_outlines(data: bytes) -> bytes:
+    """Give each junction of a network an outline that does not cross itself.
+
+    An outline keeps the ground on both sides of where it crossed; nothing but the ground is changed.
+    """
+    return replace_outlines(data, untwist)
+
+
+def replace_outlines(data: bytes, outline: Callable[[Floats], Floats | None]) -> bytes:
+    """Give junctions of a network another outline.
+
+    Args:
+        data: the network.
+        outline: gives the new corners for the old ones, (n, 2) or (n, 3) metres; None to keep them.
+    """
+
+    def replaced(found: re.Match[str]) -> str:
+        corners = np.array([[float(value) for value in corner.split(",")] for corner in found[2].split()])
+        new = outline(corners)
+        if new is None:
+            return found[0]
+        return found[1] + " ".join(",".join(f"{value:.2f}" for value in row) for row in new) + found[3]
+
+    return _JUNCTION.sub(replaced, data.decode("utf-8")).encode("utf-8")
+
+
+def untwist(corners: Floats) -> Floats | None:
+    """Outline all ground that a twisted outline encloses.
+
+    Args:
+        corners: (n, 2), or (n, 3) with heights; metres.
+
+    Returns:
+        As many columns; None where the outline does not cross itself, or encloses next to no ground.
+    """
+    if len(corners) < 4 or shapely.Polygon(corners[:, :2]).is_valid:
+        return None
+    parts = shapely.make_valid(shapely.Polygon(corners[:, :2]))
+    joined = parts.buffer(_GAP, join_style="mitre").buffer(-_GAP, join_style="mitre")
+    for whole in (joined, shapely.convex_hull(parts)):
+        rounded = shapely.set_precision(whole, _GRID)
+        if rounded.geom_type == "Polygon" and rounded.area:
+            places = shapely.get_coordinates(rounded.exterior)[:-1]
+            nearest = [np.argmin(np.hypot(*(corners[:, :2] - place).T)) for place in places]
+            return np.column_stack([places, corners[nearest, 2:]])
+    return None

@@ -1,0 +1,106 @@
+"""Junctions keep to their roads: no ground between roads far apart, nothing twisted, nothing parted."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import shapely
+from osm_drawings import CROSSING, SIGNAL, SIGNAL_CROSSING, Drawing
+
+from dojo_maps.conversion import convert
+from dojo_maps.description import RoadMap
+from dojo_maps.sources.osm import read_osm
+from dojo_maps.sources.osm.network.osm_network import OsmNetwork
+from dojo_maps.sources.osm.pipeline import build_network
+
+ONE_WAY = {"highway": "primary", "oneway": "yes", "lanes": "2"}
+
+
+def network(drawing: Drawing, folder: Path) -> OsmNetwork:
+    path = drawing.write(folder / "a.osm")
+    return build_network(read_osm(path), path=path, name="a", sha256="0" * 64)
+
+
+def side_streets(gap: float, out: float) -> Drawing:
+    """Two streets that leave a main one to the same side, signals at both, crossings far out on both."""
+    d = Drawing()
+    d.way((0, -150), (0, 0), (0, gap), (0, 150), highway="secondary", lanes="2")
+    for y in (0, gap):
+        d.way((0, y), (out, y), (150, y), highway="tertiary", lanes="2")
+        d.node(out, y, **SIGNAL_CROSSING)
+        d.node(0, y, **SIGNAL)
+    return d
+
+
+def largest(road_map: RoadMap) -> shapely.Polygon:
+    grounds = [shapely.Polygon(j.polygon[:, :2]) for j in road_map.junctions if len(j.polygon) > 3]
+    return max(grounds, key=lambda ground: ground.area)
+
+
+@pytest.mark.parametrize("out", [20.0, 25.0])
+def test_ground_between_side_streets_is_not_paved(out: float, tmp_path: Path) -> None:
+    built = network(side_streets(24.0, out), tmp_path)
+    ground = largest(built.road_map)
+    assert ground.is_valid
+    # The carriageways as they are drawn, where the map has them: 6.5 m wide, and 6 m beside them.
+    places = {node: np.array(built.layout.graph.places[node]) for node in (2, 3)}
+    paths = [shapely.LineString([places[2] - [0, 150], places[3] + [0, 150]])]
+    paths += [shapely.LineString([place, place + np.array([150, 0])]) for place in places.values()]
+    around = shapely.union_all([path.buffer(3.25 + 6.0) for path in paths])
+    assert ground.difference(around).area < 10.0
+    driven = shapely.union_all(
+        [
+            shapely.LineString(c.shape[:, :2]).buffer(1.0)
+            for c in built.road_map.connections
+            if c.direction != "t"
+        ]
+    )
+    assert driven.intersection(ground.convex_hull).difference(ground.buffer(0.3)).area < 0.5
+
+
+def test_bundle_of_a_notched_junction_is_whole(tmp_path: Path) -> None:
+    path = side_streets(24.0, 25.0).write(tmp_path / "a.osm")
+    _, report = convert(str(path), tmp_path / "a.dojo")
+    assert report["counts"]["error"] == 0
+    assert not [
+        i for i in report["issues"] if i["check"] in ("osm.junction_too_large", "geometry.junction_invalid")
+    ]
+    assert report["osm"]["road_metres"]["all"]["share"] == 1.0
+
+
+def test_crossing_is_built_where_a_one_way_road_leaves_the_extract(tmp_path: Path) -> None:
+    """Too near the junction ahead for a place of its own, and near the road's end."""
+    d = Drawing()
+    d.way((-150, 0), (0, 0), (150, 0), highway="secondary", lanes="2")
+    d.way((0, 26), (0, 16), (0, 0), sidewalk="right", **ONE_WAY)
+    d.node(0, 16, **SIGNAL_CROSSING)
+    d.node(0, 0, **SIGNAL)
+    (crossing,) = network(d, tmp_path).road_map.crossings
+    assert any(road.startswith("1002") for road in crossing.roads)
+
+
+def test_crossing_inside_a_junction_goes_to_the_street_that_leads_to_it(tmp_path: Path) -> None:
+    """Between a street's end and the junction's middle, nearer to the middle, where two roads begin."""
+    d = Drawing()
+    d.way((-150, 0), (0, 0), (150, 0), highway="secondary", lanes="2", name="Main")
+    d.way((0, 0), (3, 6), (6, 13), highway="residential", name="Inside")
+    d.way((6, 13), (20, 150), highway="residential", oneway="yes", name="Beyond")
+    d.node(0, 0, **SIGNAL)
+    d.node(3, 6, **CROSSING)
+    road_map = network(d, tmp_path).road_map
+    (crossing,) = road_map.crossings
+    names = {road.id: road.name for road in road_map.roads}
+    assert {names[road] for road in crossing.roads} == {"Beyond"}
+
+
+def test_ramp_that_ends_with_a_bridge_does_not_lie_on_the_road_it_joins(tmp_path: Path) -> None:
+    d = Drawing()
+    road, ramp = {"highway": "motorway", "lanes": "4"}, {"highway": "motorway_link", "oneway": "yes"}
+    up = {"bridge": "yes", "layer": "1"}
+    d.way((0, -200), (0, -30), **road, **up)
+    d.way((0, -30), (0, 0), **road)
+    d.way((0, 0), (0, 200), **(road | {"lanes": "5"}))
+    d.way((9, -200), (7, -25), **ramp, **up)
+    d.way((7, -25), (0, 0), **ramp)
+    _, report = convert(str(d.write(tmp_path / "a.osm")), tmp_path / "a.dojo")
+    assert not [issue["message"] for issue in report["issues"] if issue["severity"] == "error"]

@@ -1,1 +1,0 @@
-"""What the training scripts share: settings, environments, networks, checkpoints, evaluation."""
