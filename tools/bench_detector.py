@@ -3,7 +3,7 @@
 Pictures of 1280 x 896 are taken through the approaches' cameras, evenly over an hour under MaxPressure. A
 vehicle counts, driven or parked, that is at least 24 px high and more than 60 % visible: neither hidden nor
 cut off by the picture's edge. It is found where a box overlaps its own by half (intersection over union), the
-best pairs first. People count alike. Riders count apart, found as people or as what they ride, since detectors
+best pairs first. People count alike. Riders count apart, found as people or as what they ride, as detectors
 learn the two apart. A false alarm is a vehicle's box on no road user; each camera also looks at the street
 without traffic.
 Counts are those of single looks, per lane, beside the true ones and those that perfect boxes would give.
