@@ -53,6 +53,28 @@ def test_model_faces_outward(model):
     assert np.mean(fronts) > 0.97
 
 
+@pytest.mark.parametrize("kind", [Kind.CAR, Kind.VAN, Kind.BUS, Kind.TRUCK])
+def test_lamps_and_plates_lie_before_the_body(kind):
+    """Nothing of the body stands in front of what is painted on nose and tail."""
+    for variant in build_models()[kind]:
+        for model in variant.poses[0][:2]:
+            a, b, c = (model.vertices[model.faces[:, k]] for k in range(3))
+            normals, middles = np.cross(b - a, c - a), (a + b + c) / 3
+            for part, way in ((Part.HEADLAMP, 1.0), (Part.BRAKE, -1.0), (Part.WHITE, 1.0)):
+                along = normals[:, 0] / np.maximum(np.linalg.norm(normals, axis=1), 1e-12)
+                ends = (model.parts == part) & (way * along > 0.5) & (np.abs(middles[:, 0] + 0.5) > 0.4)
+                assert ends.any()
+                shown = set()
+                for middle in middles[ends]:
+                    from_afar = middle + np.array([2.0 * way, 0.0, 0.0])
+                    _, hits = nearest_hits(
+                        model.vertices, model.faces, from_afar, np.array([[-way, 0.0, 0.0]])
+                    )
+                    shown.add(Part(model.parts[hits[0]]))
+                assert part in shown
+                assert Part.BODY not in shown
+
+
 def test_coarser_levels_have_fewer_faces():
     spans = usual_fleet().library.spans
     counts = spans[:, :, 3] - spans[:, :, 2]

@@ -28,7 +28,7 @@ _PALETTE = to_linear(
         [
             (0, 0, 0), (16, 19, 22), (17, 17, 18), (30, 31, 34), (236, 238, 228), (120, 16, 14),
             (190, 110, 30), (190, 110, 30), (40, 80, 230), (205, 160, 130), (46, 52, 76), (232, 232, 230),
-            (150, 154, 160), (56, 38, 27), (60, 60, 64), (226, 206, 40), (0, 0, 0),
+            (150, 154, 160), (56, 38, 27), (60, 60, 64), (226, 206, 40), (0, 0, 0), (62, 62, 64),
         ],
         dtype=np.uint8,
     )
@@ -48,8 +48,8 @@ _EMITTED[_BLUE] = (0.2, 0.4, 1.0)
 _STREET = (0.2, 0.165, 0.12)
 """What street lamps add to road users at night."""
 _GLOSS = np.zeros(len(Part))
-_GLOSS[: Part.CHROME + 1] = (0.05, 0.1, 0.0, 0.03, 0.06, 0.05, 0.05, 0.05, 0.05, 0.0, 0.0, 0.04, 0.45)
-_GLOSS[[Part.STRIPE, Part.ACCENT]] = _GLOSS[Part.BODY]
+_GLOSS[: Part.CHROME + 1] = (0.05, 0.14, 0.0, 0.03, 0.06, 0.05, 0.05, 0.05, 0.05, 0.0, 0.0, 0.04, 0.45)
+_GLOSS[[Part.STRIPE, Part.ACCENT, Part.CABIN]] = _GLOSS[Part.BODY]
 """Share of the light that each `Part` mirrors when one looks straight at it."""
 _SPARKLE = 7.0
 """Strength of the sun's highlight, as a multiple of what is mirrored straight on."""

@@ -10,8 +10,9 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from dojo_env.rendering.car_bodies import FINE, build_wheels
-from dojo_env.rendering.shapes import Face, Part, box, lights, loft, mirrored, moved, windows
+from dojo_env.rendering.car_bodies import FINE
+from dojo_env.rendering.car_details import build_wheels
+from dojo_env.rendering.shapes import Face, Part, box, lights, loft, mirrored, moved, section, windows
 
 Floats = NDArray[np.float64]
 
@@ -19,6 +20,8 @@ _HALF = 1.25
 """Half of the widest width, metres."""
 _GAP = 0.012
 """Metres from a body to what is painted on it."""
+_ON_ROOF = 0.14
+"""Height of what cools a bus on its roof, metres."""
 _FAR, _COARSEST = 2, 3
 """Levels of detail with fewer parts."""
 
@@ -35,34 +38,69 @@ def build_bus(
         doors: places of the doors' front edges on the right side, metres behind the nose.
         sill: height of the windows' lower edge, as a share of the height.
     """
-    low, top = sill * height, 0.84 * height
+    low, top = sill * height, 0.82 * height
 
     def build(detail: int) -> list[Face]:
-        faces = _chamfered(0.0, -length, _HALF, 0.32, height, 0.16)
+        faces = _chamfered(0.0, -length, _HALF, 0.32, height - _ON_ROOF, 0.16)
+        faces += box(-0.22 * length, -0.5 * length, 0.75, height - _ON_ROOF - 0.02, height, Part.BODY)
         if detail == _COARSEST:
             return faces
-        faces += _across(0.0, 0.9, (0.3 * height, 0.8 * height), Part.GLASS)
-        faces += _across(-length, 0.8, (0.48 * height, 0.8 * height), Part.GLASS, ahead=False)
-        faces += lights(-length, _HALF, (0.55, 0.78), (0.75, 1.1))
+        side = _along(-0.25, 0.35 - length, (low - 0.1, top + 0.08), Part.TRIM, _GAP / 2)
+        faces += mirrored(side)
+        faces += _front_glass(0.94, (0.27 * height, 0.8 * height), detail)
+        faces += _across(-length, 0.82, (0.5 * height, 0.8 * height), Part.GLASS, ahead=False)
+        faces += lights(-length, _HALF, (0.5, 0.76), (0.8, 1.25))
         if detail == _FAR:
             return faces + windows(-0.5, -length + 0.5, _HALF + _GAP, low, top)
-        faces += _panes(-0.45, -length + 0.45, 1.5, low, top)
-        faces += _across(_GAP, 0.72, (0.83 * height, 0.93 * height), Part.TRIM)
-        faces += _across(2 * _GAP, 0.4, (0.855 * height, 0.905 * height), Part.RIGHT)
-        faces += _across(_GAP, 0.2, (0.38, 0.49), Part.WHITE) + _across(
-            -length - _GAP, 0.2, (0.6, 0.71), Part.WHITE, ahead=False
-        )
-        faces += _across(-length - _GAP, 0.7, (0.9, 0.4 * height), Part.TRIM, ahead=False)
+        faces += _panes(-0.45, -length + 0.45, 1.55, low, top)
+        faces += _bus_ends(length, height)
+        faces += mirrored(_along(-0.4, 0.3 - length, (0.36, 0.52), Part.TRIM, _GAP / 2))
         faces += _mirrors(height)
         for axle in axles:
             faces += _axle(axle, detail)
         for door in doors:
             leaves, middle = (-door, -door - 1.25), (-door - 0.6, -door - 0.66)
-            faces += _right_side(leaves, 0.4, top - 0.05, Part.GLASS, 2 * _GAP)
+            faces += _right_side(leaves, 0.4, top - 0.05, Part.TRIM, 1.5 * _GAP)
+            for front in (door + 0.06, door + 0.69):
+                faces += _right_side((-front, -front - 0.5), 0.55, top - 0.12, Part.GLASS, 2.5 * _GAP)
             faces += _right_side(middle, 0.4, top - 0.05, Part.TRIM, 3 * _GAP)
         return faces
 
     return build
+
+
+def _bus_ends(length: float, height: float) -> list[Face]:
+    """Put on nose and tail what shows from near: a display, plates, bumpers, the engine's grille."""
+    faces = _across(_GAP, 0.94, (0.82 * height, 0.92 * height), Part.TRIM)
+    for begin, end in ((-0.62, -0.42), (-0.3, 0.62)):
+        faces += _strip(3 * _GAP, begin, end, (0.845 * height, 0.9 * height), Part.STRIPE)
+    faces += _across(_GAP, 0.97, (0.33, 0.46), Part.TRIM) + _across(_GAP, 0.34, (0.56, 0.7), Part.TRIM)
+    faces += _across(2 * _GAP, 0.2, (0.36, 0.47), Part.WHITE)
+    back = -length - _GAP
+    faces += _across(back, 0.2, (0.6, 0.71), Part.WHITE, ahead=False)
+    faces += _across(back, 0.7, (0.9, 0.42 * height), Part.TRIM, ahead=False)
+    faces += _across(back, 0.97, (0.34, 0.5), Part.TRIM, ahead=False)
+    faces += _across(back, 0.3, (0.82 * height, 0.89 * height), Part.TRIM, ahead=False)
+    return faces
+
+
+def _front_glass(share: float, heights: tuple[float, float], detail: int) -> list[Face]:
+    """Set in a windscreen: in its dark frame, and from near with seats, wipers and the middle's bar."""
+    low, high = heights
+    faces = _across(-_GAP / 2, share, (low - 0.05, high + 0.04), Part.TRIM)
+    faces += _across(_GAP / 2, 0.96 * share, heights, Part.GLASS)
+    if detail < _FAR:
+        tall = high - low
+        faces += _across(_GAP, 0.9 * share, (low, low + 0.1 * tall), Part.TRIM)
+        for begin, end in ((0.28, 0.68), (-0.68, -0.28)):
+            faces += _strip(1.5 * _GAP, begin, end, (low + 0.1 * tall, low + 0.5 * tall), Part.CABIN)
+        faces += _across(1.5 * _GAP, 0.015, heights, Part.TRIM)
+        for y in (-0.06, 0.5):
+            x = 3 * _GAP
+            wiper = [(x, y, low + 0.02), (x, y + 0.03, low + 0.02), (x, y + 0.36, low + 0.42 * tall),
+                     (x, y + 0.33, low + 0.42 * tall)]  # fmt: skip
+            faces.append((np.array(wiper), Part.TRIM))
+    return faces
 
 
 def build_lorry(
@@ -85,24 +123,18 @@ def build_lorry(
         faces += box(-cab + 0.1, -length + 0.2, 0.45, 0.6, low + 0.01, Part.TRIM)
         if detail == _COARSEST:
             return faces
-        faces += _across(0.0, 0.9, (0.52 * height, 0.84 * height), Part.GLASS)
-        faces += lights(-length, _HALF, (0.6, 0.85), (0.75, 1.0))
-        faces += windows(-0.35, -1.15, 0.97 * _HALF + _GAP, 0.52 * height, 0.82 * height)
+        faces += _front_glass(0.95, (0.53 * height, 0.83 * height), detail)
+        faces += lights(-length, _HALF, (0.55, 0.82), (0.75, 1.0))
+        faces += mirrored(_along(-0.3, -1.3, (0.5 * height, 0.83 * height), Part.TRIM, _GAP / 2))
+        faces += windows(-0.36, -1.2, 0.97 * _HALF + _GAP, 0.52 * height, 0.81 * height)
+        faces += _deflector(cab, height, high)
         if detail == _FAR:
             return faces
-        faces += _across(_GAP, 0.75, (0.9, 0.48 * height), Part.TRIM) + _across(
-            _GAP, 0.9, (0.47, 0.58), Part.TRIM
-        )
-        for z in (1.0, 1.15, 1.3):
-            faces += _across(2 * _GAP, 0.7, (z, z + 0.03), Part.CHROME)
-        faces += _across(2 * _GAP, 0.2, (0.62, 0.73), Part.WHITE)
-        faces += _across(-length - _GAP, 0.98, (low - 0.25, low - 0.12), Part.TRIM, ahead=False)
-        faces += _across(-length - 2 * _GAP, 0.02, (low, high), Part.TRIM, ahead=False)
+        faces += _lorry_nose(height) + _lorry_load(begin, length, low, high, axles)
         faces += _mirrors(0.95 * height)
         for axle in axles:
             faces += _axle(axle, detail)
-        skirt = box(-begin - 0.3, -length + 2.6, 0.96 * _HALF, 0.5, low, Part.TRIM)
-        return faces + skirt
+        return faces
 
     return build
 
@@ -199,6 +231,64 @@ def _ladder(front: float, rear: float, low: float, detail: int) -> list[Face]:
     return faces
 
 
+def _deflector(cab: float, height: float, high: float) -> list[Face]:
+    """Lead the air over the load: a wedge on the roof of the cab."""
+    top = min(high, height + 0.75)
+    if top < height + 0.2:
+        return []
+    return loft(
+        [section(-0.55, 0.8, height - 0.05, height), section(-0.75, 0.95, height - 0.05, height + 0.15),
+         section(-cab + 0.05, 1.1, height - 0.05, top)],
+        Part.BODY,
+    )  # fmt: skip
+
+
+def _lorry_nose(height: float) -> list[Face]:
+    """Paint a cab's front: visor, grille with bars and badge, bumper, plate; and steps, doors and handles."""
+    low, high = 0.86, 0.5 * height
+    faces = _across(_GAP, 0.97, (0.84 * height, 0.88 * height), Part.TRIM)
+    faces += _across(_GAP, 0.78, (low, high - 0.04), Part.TRIM)
+    for z in np.arange(low + 0.08, high - 0.12, 0.13):
+        faces += _across(2 * _GAP, 0.72, (z, z + 0.035), Part.CHROME)
+    faces += _across(3 * _GAP, 0.12, (high - 0.32, high - 0.12), Part.CHROME)
+    # Under the lamps, which lie 1 cm before the body.
+    faces += _across(-_GAP / 2, 0.98, (0.47, 0.84), Part.TRIM) + _across(_GAP, 0.36, (0.66, 0.8), Part.BODY)
+    faces += _across(2 * _GAP, 0.2, (0.5, 0.61), Part.WHITE)
+    y = 0.97 * _HALF
+    for front, rear, z, tall in ((0.3, 0.325, 0.55, 0.86 * height), (1.5, 1.525, 1.2, 0.86 * height)):
+        quad = [(-front, tall), (-front, z), (-rear, z), (-rear, tall)]
+        faces += mirrored([(np.array([(x, y + 1.5 * _GAP, h) for x, h in quad]), Part.TRIM)])
+    for z in (0.5, 0.85):
+        faces += mirrored(_along(-0.42, -0.95, (z, z + 0.2), Part.TRIM, _GAP))
+    faces += mirrored(_along(-1.2, -1.42, (0.47 * height, 0.47 * height + 0.05), Part.TRIM, _GAP))
+    return faces
+
+
+def _lorry_load(begin: float, length: float, low: float, high: float, axles: Sequence[float]) -> list[Face]:
+    """Put on a lorry's box its frame, doors and lamps, and side guards, a tank and an underrun bar below."""
+    back, side = -length - _GAP, -begin - 0.02
+    faces = _across(_GAP / 2 - length, 1.06, (low - 0.22, low), Part.TRIM, ahead=False)
+    faces += _across(back - _GAP, 1.0, (0.52, 0.66), Part.CHROME, ahead=False)
+    faces += _across(back - _GAP, 0.02, (low, high - 0.08), Part.TRIM, ahead=False)
+    faces += _across(back, 1.06, (high - 0.09, high), Part.CHROME, ahead=False)
+    faces += _across(back - 2 * _GAP, 0.22, (low - 0.17, low - 0.06), Part.WHITE, ahead=False)
+    for y in (-1.02, -0.5, -0.06, 0.46):
+        faces += _strip(back - 2 * _GAP, y, y + 0.045, (low - 0.1, high - 0.1), Part.CHROME, ahead=False)
+    for y in (-1.12, 1.02):
+        faces += _strip(back - _GAP, y, y + 0.1, (low, high), Part.CHROME, ahead=False)
+    for z, tall in ((low, 0.1), (high - 0.08, 0.08)):
+        faces += mirrored(_along(side, -length + 0.02, (z, z + tall), Part.CHROME, _GAP))
+    faces += mirrored(_along(side, side - 0.08, (low, high), Part.CHROME, _GAP))
+    faces += mirrored(_along(-length + 0.1, -length + 0.02, (low, high), Part.CHROME, _GAP))
+    first = next(axle for axle in axles if axle > begin)
+    last = axles[-2] if axles[-2] > first + 2.0 else first
+    for front, rear in ((begin + 0.2, first - 0.75), (first + 0.75, last - 0.75)):
+        if rear - front > 0.6:
+            faces += mirrored(moved(box(-front, -rear, 0.03, 0.78, 0.94, Part.CHROME), 1.15))
+            faces += mirrored(moved(box(-front, -rear, 0.03, 0.46, 0.62, Part.CHROME), 1.15))
+    return faces + mirrored(moved(box(-begin - 0.1, -begin - 1.1, 0.3, 0.42, 1.0, Part.TRIM), 0.8))
+
+
 def _chamfered(nose: float, tail: float, half: float, low: float, high: float, cut: float) -> list[Face]:
     """Make a box whose edges are cut off along the roof and at both ends."""
 
@@ -221,6 +311,21 @@ def _across(
     x += _GAP if ahead else -_GAP
     quad = np.array([(x, -y, low), (x, y, low), (x, y, high), (x, -y, high)])
     return [(quad if ahead else quad[::-1], part)]
+
+
+def _strip(
+    x: float, begin: float, end: float, heights: tuple[float, float], part: Part, *, ahead: bool = True
+) -> list[Face]:
+    """Paint a strip on the nose or the tail, from `begin` to `end` metres to the left."""
+    (low, high), x = heights, x + (_GAP if ahead else -_GAP)
+    quad = np.array([(x, begin, low), (x, end, low), (x, end, high), (x, begin, high)])
+    return [(quad if ahead else quad[::-1], part)]
+
+
+def _along(front: float, rear: float, heights: tuple[float, float], part: Part, gap: float) -> list[Face]:
+    """Paint a strip on the left side, `gap` before it."""
+    y, (low, high) = _HALF + gap, heights
+    return [(np.array([(front, y, high), (front, y, low), (rear, y, low), (rear, y, high)]), part)]
 
 
 def _panes(nose: float, tail: float, pitch: float, low: float, high: float) -> list[Face]:

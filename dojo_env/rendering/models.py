@@ -12,7 +12,8 @@ from math import radians
 import numpy as np
 from numpy.typing import NDArray
 
-from dojo_env.rendering.car_bodies import COARSE, CarShape, build_car
+from dojo_env.rendering.car_bodies import COARSE, CarShape
+from dojo_env.rendering.car_details import build_car
 from dojo_env.rendering.heavy_bodies import build_bus, build_fire_engine, build_lorry, build_road_train
 from dojo_env.rendering.liveries import dress_ambulance, dress_police, dress_taxi, dress_van, load_bed
 from dojo_env.rendering.people import (
@@ -163,7 +164,16 @@ def _far_car(shape: CarShape, detail: int) -> list[Face]:
 
 
 _HATCHBACK = CarShape(
-    length=4.1, width=1.77, height=1.48, cowl=0.98, roof=(1.78, 3.35), foot=3.92, axles=(0.8, 3.36)
+    length=4.1,
+    width=1.77,
+    height=1.48,
+    cowl=0.98,
+    roof=(1.83, 3.4),
+    foot=3.95,
+    axles=(0.8, 3.36),
+    rake=(0.2, 0.1),
+    grille=(0.38, 0.12),
+    tall_lamps=True,
 )
 _SALOON = CarShape(
     length=4.65, width=1.81, height=1.45, cowl=1.25, roof=(2.1, 3.2), foot=4.0, deck=0.7, axles=(0.86, 3.6),
@@ -171,20 +181,29 @@ _SALOON = CarShape(
 )  # fmt: skip
 _ESTATE = CarShape(
     length=4.7, width=1.82, height=1.48, cowl=1.25, roof=(2.08, 4.1), foot=4.58, axles=(0.87, 3.62),
-    panes=((0.07, 0.36), (0.39, 0.66), (0.7, 0.92)),
+    panes=((0.07, 0.36), (0.39, 0.66), (0.7, 0.92)), rails=True, grille=(0.44, 0.13),
 )  # fmt: skip
 _SUV = CarShape(
     length=4.5, width=1.86, height=1.68, cowl=1.12, roof=(1.86, 3.95), foot=4.36,
     axles=(0.86, 3.5), wheel=0.37, clearance=0.24, bonnet=0.54, belt=(0.64, 0.66),
-    panes=((0.07, 0.4), (0.43, 0.72), (0.76, 0.92)),
+    panes=((0.07, 0.4), (0.43, 0.72), (0.76, 0.92)), rails=True, grille=(0.46, 0.2), rake=(0.16, 0.06),
 )  # fmt: skip
 _MINI = CarShape(
-    length=3.6, width=1.66, height=1.5, cowl=0.8, roof=(1.45, 2.95), foot=3.42, axles=(0.68, 3.0), wheel=0.3
+    length=3.6,
+    width=1.66,
+    height=1.5,
+    cowl=0.8,
+    roof=(1.45, 2.95),
+    foot=3.42,
+    axles=(0.68, 3.0),
+    wheel=0.3,
+    tall_lamps=True,
+    grille=(0.3, 0.1),
 )
 _VAN = CarShape(
     length=5.2, width=1.95, height=2.2, cowl=0.85, roof=(1.55, 5.12), foot=5.17,
     axles=(0.95, 4.2), wheel=0.34, clearance=0.24, bonnet=0.43, belt=(0.52, 0.52), deck=0.52, lean=0.86,
-    panes=((0.04, 0.2),),
+    panes=((0.04, 0.2),), rear_glass=(0.3, 0.8), tall_lamps=True, rake=(0.14, 0.02), grille=(0.42, 0.16),
 )  # fmt: skip
 
 

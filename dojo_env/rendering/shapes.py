@@ -38,6 +38,8 @@ class Part(IntEnum):
     """The bright stripe of a police car or a fire engine."""
     ACCENT = 16
     """A vehicle's second colour: of its bands and letters."""
+    CABIN = 17
+    """What is seen through panes: seats."""
 
 
 _SIDEWARD = 1e-3
