@@ -15,6 +15,7 @@ from dojo_env.errors import ConfigError
 from dojo_env.imaging import Imaging, settle_imaging
 from dojo_env.scenario import Scenario, find_scenario, with_files
 from dojo_env.sumo_settings import SumoSettings, settle
+from dojo_env.vehicle_models import settle_models
 
 ACTION_MODES = ("choose_phase", "next_or_keep", "set_duration")
 PROGRAMS = ("network", "fixed", "actuated", "delay_based")
@@ -185,6 +186,7 @@ class SensingConfig:
         show_links: draw each link's path in the colour it shows.
         look: `street`, or `plain` to draw road users faster and more simply.
         parked: cars stand parked where the map has room for them.
+        models: 3D models by SUMO's vehicle type, in place of ours: files, `VehicleModel`s, or a TOML file.
     """
 
     conditions: Conditions | Mapping[str, tuple[float, float]] = field(default_factory=Conditions)
@@ -197,6 +199,7 @@ class SensingConfig:
     show_links: bool = False
     look: str = "street"
     parked: bool = True
+    models: Mapping[str, Any] | Path | str = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         """Refuse what cannot be."""
@@ -207,6 +210,7 @@ class SensingConfig:
         elif not isinstance(self.conditions, Conditions):
             raise ConfigError(f"conditions={self.conditions!r}: expected Conditions, or ranges by name")
         settle_imaging(self.imaging, seed=0)
+        object.__setattr__(self, "models", settle_models(self.models))
         if isinstance(self.cameras, str):
             find_preset(self.cameras)
             return

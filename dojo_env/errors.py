@@ -41,6 +41,10 @@ class PhotographError(SourceError, ConfigError):
     """A photograph is missing, unreadable, or too large."""
 
 
+class ModelError(SourceError, ConfigError):
+    """A 3D model is missing, unreadable, or too large."""
+
+
 class FilmError(SourceError, ConfigError):
     """A film, a folder of pictures or a stream cannot be read."""
 

@@ -32,7 +32,8 @@ _PER_SECOND = round(1 / STEP)
 _FASTEST = 70.0
 """m/s; who gets farther in a second was put elsewhere and did not drive there."""
 _LEFT_OUT = (Kind.TRAIN, Kind.SHIP)
-_CYCLISTS = (Kind.BICYCLE, Kind.SCOOTER, Kind.MOTORCYCLE)
+_CYCLISTS = (Kind.BICYCLE, Kind.SCOOTER, Kind.MOTORCYCLE, Kind.MOPED)
+_CARS = (Kind.CAR, Kind.TAXI, Kind.HATCHBACK, Kind.SALOON, Kind.ESTATE, Kind.PICKUP)
 _POSE = 9
 """Position, heading, velocity, and the three sizes, in this order."""
 
@@ -85,7 +86,7 @@ def build_recorded_scenario(
 def _find_cars(snapshot: Snapshot) -> list[str]:
     """List who may be followed: cars first, else any vehicle."""
     kinds = snapshot.kinds
-    cars = [name for name, kind in zip(snapshot.ids, kinds, strict=True) if kind in (Kind.CAR, Kind.TAXI)]
+    cars = [name for name, kind in zip(snapshot.ids, kinds, strict=True) if kind in _CARS]
     return cars or [
         name for name, kind in zip(snapshot.ids, kinds, strict=True) if _type(Kind(kind)) == "VEHICLE"
     ]

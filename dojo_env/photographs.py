@@ -30,7 +30,15 @@ def read_photograph(path: Path) -> Image:
     Raises:
         PhotographError: the file is missing, none of both, broken, or has too many pixels.
     """
-    data = read_bytes(path, most=_MAX_BYTES, error=PhotographError)
+    return decode_photograph(read_bytes(path, most=_MAX_BYTES, error=PhotographError), path)
+
+
+def decode_photograph(data: bytes, path: Path) -> Image:
+    """Read a photograph out of bytes; `path` is named in errors.
+
+    Raises:
+        PhotographError: as `read_photograph`.
+    """
     size = _read_size(data)
     if size is None:
         raise PhotographError(path, "not a JPEG or PNG picture; convert it first")

@@ -11,6 +11,7 @@ import zipfile
 import zlib
 from collections.abc import Mapping
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -31,13 +32,19 @@ _LARGEST_DIRECTORY = 1 << 16
 
 
 def read_arrays(
-    path: Path, kinds: Mapping[str, str], *, most: int, error: type[SourceError]
+    path: Path,
+    kinds: Mapping[str, str],
+    *,
+    optional: Mapping[str, str] = MappingProxyType({}),
+    most: int,
+    error: type[SourceError],
 ) -> dict[str, NDArray[Any]]:
     """Read the arrays of an archive.
 
     Args:
         path: the file.
         kinds: numpy's type of every array that it must hold, by name: `<f8`, `|u1`, `TEXT`...
+        optional: the same of those that it may hold.
         most: bytes of all arrays together.
         error: raised for whatever is wrong.
 
@@ -46,16 +53,19 @@ def read_arrays(
     """
     with opened(path, most=most, error=error) as file:
         try:
-            return _read(file, kinds, most)
+            return _read(file, kinds, optional, most)
         except (ValueError, EOFError, zipfile.BadZipFile, NotImplementedError, RuntimeError, struct.error,
                 zlib.error) as problem:  # fmt: skip
             raise error(path, f"cannot be read ({problem})") from problem
 
 
-def _read(file: io.BufferedReader, kinds: Mapping[str, str], most: int) -> dict[str, NDArray[Any]]:
+def _read(
+    file: io.BufferedReader, kinds: Mapping[str, str], optional: Mapping[str, str], most: int
+) -> dict[str, NDArray[Any]]:
     _check_directory(file)
     with zipfile.ZipFile(file) as archive:
         entries = {entry.filename: entry for entry in archive.infolist()}
+        kinds = {**kinds, **{name: kind for name, kind in optional.items() if f"{name}.npy" in entries}}
         if set(entries) != {f"{name}.npy" for name in kinds}:
             raise ValueError("it holds other arrays")
         if sum(entry.file_size for entry in entries.values()) > most:

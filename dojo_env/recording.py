@@ -29,6 +29,8 @@ _KINDS = {
     "colours": "|u1", "lane_ids": TEXT, "signals": TEXT, "states": TEXT, "shown": "<i4",
 }  # fmt: skip
 """Every array of a file and its type."""
+_OPTIONAL = {"user_types": TEXT}
+"""Arrays that older files lack."""
 _FARTHEST = {"times": 1e12, "positions": 1e8, "headings": 1e3, "slopes": 2.0, "speeds": 1e10}
 """What no value can be beyond: seconds, metres, radians, m/s."""
 
@@ -64,6 +66,7 @@ class Recorder:
             snapshot.kinds.tolist(),
             map(tuple, snapshot.sizes.tolist()),
             map(tuple, snapshot.colours.tolist()),
+            snapshot.types or ("",) * len(snapshot.ids),
             strict=True,
         )
         self._rows["users"].append(np.array([_number(self._users, look) for look in looks], np.int32))
@@ -93,6 +96,7 @@ class Recorder:
             "kinds": np.array([user[2] for user in users], np.uint8),
             "sizes": np.array([user[3] for user in users], np.float64).reshape(-1, 3),
             "colours": np.array([user[4] for user in users], np.uint8).reshape(-1, 3),
+            "user_types": np.array([user[5] for user in users] or [""]),
             "lane_ids": np.array(list(self._strings)),
             "signals": np.array(self._signals or ("",)),
             "states": np.array(list(self._states) or [""]),
@@ -120,6 +124,7 @@ class Recording(Sequence[Snapshot]):
             RecordingError: they do not.
         """
         self._arrays, self._path = arrays, path
+        arrays.setdefault("user_types", np.full(max(len(arrays["numbers"]), 1), ""))
         self._check()
         self._ends = np.cumsum(arrays["counts"], dtype=np.int64)
         self.times: NDArray[np.float64] = arrays["times"]
@@ -161,6 +166,7 @@ class Recording(Sequence[Snapshot]):
                 **{name: a[name][users] for name in ("numbers", "kinds", "sizes", "colours")},
                 **{name: a[name][rows] for name in _COLUMNS},
                 lanes=tuple(a["lane_ids"][a["lanes"][rows]].tolist()),
+                types=tuple(a["user_types"][users].tolist()),
                 signals={
                     name: self._states[shown]
                     for name, shown in zip(self.signals, a["shown"][k].tolist(), strict=True)
@@ -189,7 +195,8 @@ class Recording(Sequence[Snapshot]):
             "times": (instants,), "counts": (instants,), "users": (total,), "lanes": (total,),
             "positions": (total, 3), "headings": (total,), "slopes": (total,), "speeds": (total,),
             "lights": (total,), "numbers": (users,), "kinds": (users,), "sizes": (users, 3),
-            "colours": (users, 3), "user_ids": (max(users, 1),), "scenario": (), "map_sha256": (), "seed": (),
+            "colours": (users, 3), "user_ids": (max(users, 1),), "user_types": (max(users, 1),),
+            "scenario": (), "map_sha256": (), "seed": (),
             "signals": (max(a["shown"].shape[-1:], (1,))), "lane_ids": (a["lane_ids"].size,),
             "states": (a["states"].size,), "shown": (instants, *a["shown"].shape[1:2]),
         }  # fmt: skip
@@ -232,7 +239,8 @@ def read_recording(path: Path | str) -> Recording:
         RecordingError: the file is missing, damaged, too large, or no recording.
     """
     path = Path(path)
-    return Recording(read_arrays(path, _KINDS, most=_MAX_BYTES, error=RecordingError), path)
+    arrays = read_arrays(path, _KINDS, optional=_OPTIONAL, most=_MAX_BYTES, error=RecordingError)
+    return Recording(arrays, path)
 
 
 def _number(table: dict[Any, int], key: Any) -> int:

@@ -20,27 +20,32 @@ _KINDS = {
     "taxi": Kind.TAXI, "delivery": Kind.VAN, "bus": Kind.BUS, "coach": Kind.COACH, "truck": Kind.TRUCK,
     "trailer": Kind.TRAILER, "tram": Kind.TRAM, "rail_urban": Kind.TRAM, "subway": Kind.TRAIN,
     "rail": Kind.TRAIN, "rail_electric": Kind.TRAIN, "rail_fast": Kind.TRAIN, "cable_car": Kind.TRAM,
-    "motorcycle": Kind.MOTORCYCLE, "moped": Kind.MOTORCYCLE, "bicycle": Kind.BICYCLE,
+    "motorcycle": Kind.MOTORCYCLE, "moped": Kind.MOPED, "bicycle": Kind.BICYCLE,
     "scooter": Kind.SCOOTER, "wheelchair": Kind.WHEELCHAIR, "emergency": Kind.AMBULANCE,
     "authority": Kind.POLICE, "army": Kind.TRUCK, "pedestrian": Kind.PEDESTRIAN, "ship": Kind.SHIP,
 }  # fmt: skip
 _SHAPES = {
     "taxi": Kind.TAXI, "police": Kind.POLICE, "firebrigade": Kind.FIRE_ENGINE, "emergency": Kind.AMBULANCE,
-    "delivery": Kind.VAN, "passenger/van": Kind.VAN, "truck/trailer": Kind.TRAILER,
+    "delivery": Kind.VAN, "passenger/van": Kind.VAN, "passenger/hatchback": Kind.HATCHBACK,
+    "passenger/sedan": Kind.SALOON, "passenger/wagon": Kind.ESTATE, "truck/trailer": Kind.ROAD_TRAIN,
     "truck/semitrailer": Kind.TRAILER, "truck": Kind.TRUCK, "bus/coach": Kind.COACH, "bus": Kind.BUS,
-    "bicycle": Kind.BICYCLE, "motorcycle": Kind.MOTORCYCLE, "moped": Kind.MOTORCYCLE,
+    "bus/flexible": Kind.ARTICULATED_BUS, "bus/trolley": Kind.BUS,
+    "bicycle": Kind.BICYCLE, "motorcycle": Kind.MOTORCYCLE, "moped": Kind.MOPED,
     "scooter": Kind.SCOOTER, "pedestrian": Kind.PEDESTRIAN, "ship": Kind.SHIP,
 }  # fmt: skip
 """SUMO's guiShape says more than the vehicle class where it is one of these."""
 _PRAMS = ("pram", "stroller", "pushchair")
 """SUMO has no class for those who push one, so the names of their types must tell."""
+_PICKUPS = ("pickup", "pick-up", "pick_up")
+"""The same for these cars."""
 _RIGHT, _LEFT, _BOTH, _BRAKE, _BLUE = 1, 2, 4, 8, 2048 | 4096 | 8192
 """Bits of SUMO's vehicle signals."""
 _BITS = 1 << 14
 _SPARE = 1000
 _LOOK = np.dtype(
     [
-        ("numbers", np.int32), ("kinds", np.uint8), ("colours", np.uint8, 3), ("sizes", np.float64, 3),
+        ("numbers", np.int32), ("types", np.int32), ("kinds", np.uint8), ("colours", np.uint8, 3),
+        ("sizes", np.float64, 3),
     ],
     align=True,
 )  # fmt: skip
@@ -56,7 +61,7 @@ class RoadUsers:
         self._signals: tuple[str, ...] = tuple(get.trafficlight_getIDList())
         self._rows: dict[str, int] = {}
         self._looks = np.empty(_SPARE, _LOOK)
-        self._types: dict[str, tuple[Kind, tuple[float, ...]]] = {}
+        self._types: dict[str, tuple[int, Kind, tuple[float, ...]]] = {}
         self._next = 1
 
     def read_snapshot(self, time: float, ids: tuple[str, ...], speeds: list[float]) -> Snapshot:
@@ -86,20 +91,22 @@ class RoadUsers:
         bits = chain(map(get.vehicle_getSignals, ids), repeat(0, len(people)))
         slopes = column("getSlope") if np.count_nonzero(positions[:, 2]) else repeat(0.0, count)
         snapshot: dict[str, Any] = {
-            **{name: looks[name] for name in _LOOK.fields or ()},
+            **{name: looks[name] for name in ("numbers", "kinds", "colours", "sizes")},
             "positions": positions,
             "headings": np.radians(90.0 - np.fromiter(column("getAngle"), np.float64, count)),
             "slopes": np.radians(np.fromiter(slopes, np.float64, count)),
             "lights": _LIGHTS[np.fromiter(bits, np.int64, count) % _BITS],
             "speeds": np.array(speeds, dtype=np.float64),
         }
-        lanes = tuple(column("getLaneID"))
+        lanes, known = tuple(column("getLaneID")), tuple(self._types)
+        types = tuple(map(known.__getitem__, looks["types"].tolist()))
         if positions.min(initial=0.0) < _INVALID:
             there = np.all(positions > _INVALID, axis=1)
             snapshot = {name: values[there] for name, values in snapshot.items()}
-            names, lanes = (tuple(compress(values, there.tolist())) for values in (names, lanes))
+            kept = there.tolist()
+            names, lanes, types = (tuple(compress(values, kept)) for values in (names, lanes, types))
         signals = {name: get.trafficlight_getRedYellowGreenState(name) for name in self._signals}
-        return Snapshot.trusted(time=time, ids=names, lanes=lanes, signals=signals, **snapshot)
+        return Snapshot.trusted(time=time, ids=names, lanes=lanes, types=types, signals=signals, **snapshot)
 
     def _find(self, ids: tuple[str, ...], people: tuple[str, ...]) -> list[int]:
         """Find the row of each road user's number, kind, size and colour; SUMO is asked for new ones."""
@@ -119,13 +126,13 @@ class RoadUsers:
         get, on_foot, name = self._get, key.startswith("\0"), key.removeprefix("\0")
         type_id = get.person_getTypeID(name) if on_foot else get.vehicle_getTypeID(name)
         if type_id not in self._types:
-            self._types[type_id] = _read_type(get, type_id)
-        kind, sizes = self._types[type_id]
+            self._types[type_id] = (len(self._types), *_read_type(get, type_id))
+        number, kind, sizes = self._types[type_id]
         colour = get.person_getColor(name) if on_foot else get.vehicle_getColor(name)
         row = self._rows[key] = len(self._rows)
         if on_foot and kind not in (Kind.WHEELCHAIR, Kind.PRAM):
             kind = Kind.PEDESTRIAN
-        self._looks[row] = (self._next, kind, colour[:3], sizes)
+        self._looks[row] = (self._next, number, kind, colour[:3], sizes)
         self._next += 1
 
     def _forget(self, present: list[str]) -> None:
@@ -141,10 +148,13 @@ def _read_type(get: Any, name: str) -> tuple[Kind, tuple[float, ...]]:
     usual = _KINDS.get(get.vehicletype_getVehicleClass(name), Kind.CAR)
     sizes = (get.vehicletype_getLength, get.vehicletype_getWidth, get.vehicletype_getHeight)
     kind = _SHAPES.get(get.vehicletype_getShapeClass(name), usual)
-    if usual == Kind.WHEELCHAIR:  # Its usual shape is a pedestrian's.
+    # The usual shapes of these two are a pedestrian's and a van's.
+    if usual == Kind.WHEELCHAIR or (usual, kind) == (Kind.AMBULANCE, Kind.VAN):
         kind = usual
     elif kind == Kind.PEDESTRIAN and any(word in name.lower() for word in _PRAMS):
         kind = Kind.PRAM
+    elif usual == Kind.CAR and any(word in name.lower() for word in _PICKUPS):
+        kind = Kind.PICKUP
     return kind, tuple(min(max(size(name), 0.1), LARGEST_SIZE - 1) for size in sizes)
 
 

@@ -41,6 +41,13 @@ class Kind(IntEnum):
     SHIP = 16
     WHEELCHAIR = 17
     PRAM = 18
+    HATCHBACK = 19
+    SALOON = 20
+    ESTATE = 21
+    PICKUP = 22
+    ARTICULATED_BUS = 23
+    ROAD_TRAIN = 24
+    MOPED = 25
 
 
 class Lights(IntFlag):
@@ -72,6 +79,7 @@ class Snapshot:
         lights: (n,) `Lights`.
         speeds: (n,) m/s.
         lanes: lane id of each road user, "" where it is on none.
+        types: SUMO's vehicle type of each, or none at all where they are not known.
         signals: the state of each signal, one of SUMO's letters per link index.
     """
 
@@ -87,6 +95,7 @@ class Snapshot:
     lights: Bytes = field(default_factory=lambda: np.empty(0, np.uint8))
     speeds: Floats = field(default_factory=lambda: np.empty(0))
     lanes: tuple[str, ...] = ()
+    types: tuple[str, ...] = ()
     signals: Mapping[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -104,6 +113,8 @@ class Snapshot:
         object.__setattr__(self, "signals", MappingProxyType(dict(self.signals)))
         if len(self.lanes) != count:
             raise SnapshotError(f"snapshot: {len(self.lanes)} lanes, expected {count}")
+        if len(self.types) not in (0, count):
+            raise SnapshotError(f"snapshot: {len(self.types)} types, expected {count} or none")
         self._refuse("pose", ~np.isfinite(np.column_stack([self.positions, self.headings, self.slopes])))
         self._refuse("size", ~((self.sizes > 0) & (self.sizes < LARGEST_SIZE)))
         self._refuse("kind", self.kinds > max(Kind))
@@ -137,10 +148,12 @@ class Snapshot:
     def joined(self, others: "Snapshot") -> "Snapshot":
         """Give the same instant with others among the road users."""
         values = self.__getstate__()
-        added = {name: np.concatenate([values[name], getattr(others, name)]) for name, _, _ in _COLUMNS}
-        return Snapshot.trusted(
-            **{**values, **added, "ids": self.ids + others.ids, "lanes": self.lanes + others.lanes}
-        )
+        added: dict[str, Any] = {
+            name: np.concatenate([values[name], getattr(others, name)]) for name, _, _ in _COLUMNS
+        }
+        types = (name for each in (self, others) for name in each.types or ("",) * len(each.ids))
+        added |= {"ids": self.ids + others.ids, "lanes": self.lanes + others.lanes, "types": tuple(types)}
+        return Snapshot.trusted(**{**values, **added})
 
     def _refuse(self, what: str, wrong: NDArray[np.bool_]) -> None:
         if wrong.any():

@@ -23,6 +23,7 @@ QUESTIONS: dict[str, Callable[[Instant], Any]] = {
     "signals": lambda instant: [
         (v.phase, v.state, v.green_time, v.lanes.rows) for v in instant.signals.values()
     ],
+    "list_wanted_walks": lambda instant: instant.list_wanted_walks("t"),
     "measure_all": lambda instant: instant.measure_all().time,
     "of_views": lambda instant: Instant.of_views(7.0, instant.signals).time,
 }

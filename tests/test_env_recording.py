@@ -29,8 +29,9 @@ def same(a: Snapshot, b: Snapshot) -> bool:
         a.time,
         a.ids,
         a.lanes,
+        a.types,
         dict(a.signals),
-    ) == (b.time, b.ids, b.lanes, dict(b.signals))
+    ) == (b.time, b.ids, b.lanes, b.types, dict(b.signals))
 
 
 def test_snapshot_shows_every_vehicle_as_sumo_has_it(world: LocalWorld) -> None:

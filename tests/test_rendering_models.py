@@ -4,8 +4,10 @@ import numpy as np
 import pytest
 from rays import nearest_hits
 
+from dojo_env.rendering.fleet import MOST_FACES, MOST_VERTICES, usual_fleet
 from dojo_env.rendering.models import build_models
-from dojo_env.rendering.traffic import MOST_FACES, MOST_VERTICES, library, place_users
+from dojo_env.rendering.shapes import Part
+from dojo_env.rendering.traffic import place_users
 from dojo_env.snapshot import Kind, Snapshot
 
 MODELS = [
@@ -13,9 +15,9 @@ MODELS = [
     for kind, variants in build_models().items()
     for number, variant in enumerate(variants)
     if number in (0, 1, 3, 7, 11)
-    for level, model in enumerate(variant.poses[-1])
+    for level, model in enumerate(variant.poses[0 if variant.turns else -1])
 ]
-_FIGURES = {"MOTORCYCLE", "BICYCLE", "SCOOTER", "PEDESTRIAN", "WHEELCHAIR", "PRAM"}
+_FIGURES = {"MOTORCYCLE", "MOPED", "BICYCLE", "SCOOTER", "PEDESTRIAN", "WHEELCHAIR", "PRAM"}
 """Feet, hands and umbrellas stand out of these."""
 
 
@@ -51,8 +53,30 @@ def test_model_faces_outward(model):
     assert np.mean(fronts) > 0.97
 
 
+@pytest.mark.parametrize("kind", [Kind.CAR, Kind.VAN, Kind.BUS, Kind.TRUCK])
+def test_lamps_and_plates_lie_before_the_body(kind):
+    """Nothing of the body stands in front of what is painted on nose and tail."""
+    for variant in build_models()[kind]:
+        for model in variant.poses[0][:2]:
+            a, b, c = (model.vertices[model.faces[:, k]] for k in range(3))
+            normals, middles = np.cross(b - a, c - a), (a + b + c) / 3
+            for part, way in ((Part.HEADLAMP, 1.0), (Part.BRAKE, -1.0), (Part.WHITE, 1.0)):
+                along = normals[:, 0] / np.maximum(np.linalg.norm(normals, axis=1), 1e-12)
+                ends = (model.parts == part) & (way * along > 0.5) & (np.abs(middles[:, 0] + 0.5) > 0.4)
+                assert ends.any()
+                shown = set()
+                for middle in middles[ends]:
+                    from_afar = middle + np.array([2.0 * way, 0.0, 0.0])
+                    _, hits = nearest_hits(
+                        model.vertices, model.faces, from_afar, np.array([[-way, 0.0, 0.0]])
+                    )
+                    shown.add(Part(model.parts[hits[0]]))
+                assert part in shown
+                assert Part.BODY not in shown
+
+
 def test_coarser_levels_have_fewer_faces():
-    spans = library().spans
+    spans = usual_fleet().library.spans
     counts = spans[:, :, 3] - spans[:, :, 2]
     assert (np.diff(counts, axis=1) <= 0).all()
     assert counts.max() < MOST_FACES
@@ -71,7 +95,7 @@ def _walker(way: float, *, speed: float = 1.3, heading: float = 0.0, **changes: 
 
 def _placed(snapshot: Snapshot, rain: float = 0.0) -> tuple[int, np.ndarray]:
     """Model, and its finest vertices in the world."""
-    users, models = place_users(snapshot, np.zeros(3), rain=rain), library()
+    users, models = place_users(snapshot, np.zeros(3), rain=rain), usual_fleet().library
     first, last, *_ = models.spans[users.models[0], 0]
     return int(users.models[0]), models.vertices[first:last] @ users.frames[0].T + users.places[0]
 
@@ -126,3 +150,29 @@ def test_cars_have_the_paints_of_a_real_fleet():
     paints = np.array([place_users(each, np.zeros(3)).colours[0, 0] for each in cars])
     grey = paints.max(axis=1) < 1.5 * paints.min(axis=1)
     assert 0.75 < grey.mean() < 0.9
+
+
+@pytest.mark.parametrize("number", range(7))
+def test_no_leg_shows_through_a_coat(number):
+    """In every pose: level rays at thighs meet cloth, arms or hands first, never a trouser leg."""
+    coat = build_models()[Kind.PEDESTRIAN][3]
+    model = coat.poses[number][0]
+    vertices = model.vertices * coat.size + [coat.front, 0.0, 0.0]
+    angles = np.arange(16) * np.pi / 8
+    out = np.column_stack([np.cos(angles), np.sin(angles), np.zeros(16)])
+    for height in np.linspace(0.38, 0.58, 9) * coat.size[2]:
+        middle = vertices[abs(vertices[:, 2] - height) < 0.06].mean(axis=0)
+        for direction in out:
+            start = np.array([*middle[:2], height]) + 2.0 * direction
+            _, hits = nearest_hits(vertices, model.faces, start, -direction[None])
+            assert hits[0] < 0 or model.parts[hits[0]] != Part.LEGS
+
+
+def test_bands_are_seen_where_a_van_has_any_and_on_any_colour_of_a_police_car():
+    vans = [_walker(0.0, ids=(f"v{k}",), kinds=[Kind.VAN]) for k in range(60)]
+    pairs = [place_users(each, np.zeros(3)).colours[0, [0, 4]] for each in vans]
+    assert 0.3 < np.mean([(body != band).any() for body, band in pairs]) < 0.8
+    red = _walker(0.0, kinds=[Kind.POLICE], colours=[(255, 0, 0)])
+    body, band = place_users(red, np.zeros(3)).colours[0, [0, 4]]
+    assert body == pytest.approx([1.0, 0.0, 0.0])
+    assert band[2] > band[0]

@@ -17,10 +17,11 @@ from dojo_env.parked_cars import FIRST_NUMBER
 from dojo_env.rendering import compiling
 from dojo_env.rendering.classes import SEMANTIC_OF_KIND, Semantic
 from dojo_env.rendering.compiling import kernel
+from dojo_env.rendering.fleet import pack_usual, usual_fleet
 from dojo_env.rendering.lanes import draw_lane_map, find_lane
 from dojo_env.rendering.renderer import Renderer
 from dojo_env.rendering.scene import build_scene
-from dojo_env.rendering.traffic import _looks, _pack_library, _tabulate_looks, library
+from dojo_env.rendering.traffic import _looks, _tabulate_looks
 from dojo_env.sensors.placement import place_cameras
 from dojo_env.snapshot import Kind, Lights, Snapshot
 from dojo_maps.bundle import read_bundle
@@ -344,21 +345,25 @@ def _find(x, y, lanes, found):
 
 def test_models_are_the_same_whether_built_or_kept(tmp_path, monkeypatch):
     monkeypatch.setattr(compiling, "_FOLDER", str(tmp_path / "kernels"))
-    for load, build in ((library, _pack_library), (_looks, _tabulate_looks)):
-        built = build()
+    fleet = usual_fleet()
+    tables = (
+        (usual_fleet.cache_clear, lambda: usual_fleet().library, pack_usual()),
+        (_looks.cache_clear, lambda: _looks(fleet), _tabulate_looks(fleet)),
+    )
+    for forget, load, built in tables:
         for _ in ("kept now", "kept before"):
-            load.cache_clear()
+            forget()
             for ours, theirs in zip(load(), built, strict=True):
                 np.testing.assert_array_equal(ours, theirs)
                 assert (ours.dtype, ours.flags.writeable) == (theirs.dtype, True)
     (kept,) = (tmp_path / "kernels").glob("models.npz")
     age = kept.stat().st_mtime_ns
-    library.cache_clear()
-    library()
+    usual_fleet.cache_clear()
+    usual_fleet()
     assert kept.stat().st_mtime_ns == age  # It was read.
     kept.write_bytes(kept.read_bytes()[:-100])
-    library.cache_clear()
-    np.testing.assert_array_equal(library().faces, _pack_library().faces)
+    usual_fleet.cache_clear()
+    np.testing.assert_array_equal(usual_fleet().library.faces, pack_usual().faces)
     assert kept.stat().st_mtime_ns != age
 
 

@@ -140,9 +140,9 @@ def test_sensors_that_share_a_camera_draw_it_once(make, monkeypatch):
     drawn = []
     picture = Renderer._picture
 
-    def count(self, snapshot, users, camera, passes):
+    def count(self, snapshot, users, camera, *more):
         drawn.append(camera.name)
-        return picture(self, snapshot, users, camera, passes)
+        return picture(self, snapshot, users, camera, *more)
 
     monkeypatch.setattr(Renderer, "_picture", count)
     env = make({"a": "bev", "b": "bev:depth", "c": "events:bev", "d": "approach_0", "e": "detector"})

@@ -17,7 +17,9 @@ SIZES = {
     Kind.MOTORCYCLE: (2.2, 0.9, 1.5), Kind.BICYCLE: (1.7, 0.6, 1.75), Kind.SCOOTER: (1.9, 0.8, 1.6),
     Kind.AMBULANCE: (6.2, 2.1, 2.7), Kind.POLICE: (4.7, 1.8, 1.6), Kind.FIRE_ENGINE: (8.2, 2.5, 3.2),
     Kind.PEDESTRIAN: (0.4, 0.6, 1.75), Kind.SHIP: (17.0, 4.0, 4.0),
-    Kind.WHEELCHAIR: (1.2, 0.7, 1.2), Kind.PRAM: (0.4, 0.6, 1.75),
+    Kind.WHEELCHAIR: (1.2, 0.7, 1.2), Kind.PRAM: (0.4, 0.6, 1.75), Kind.HATCHBACK: (4.1, 1.8, 1.5),
+    Kind.SALOON: (4.7, 1.8, 1.45), Kind.ESTATE: (4.7, 1.8, 1.5), Kind.PICKUP: (5.3, 1.9, 1.8),
+    Kind.ARTICULATED_BUS: (18.0, 2.5, 3.1), Kind.ROAD_TRAIN: (18.75, 2.55, 3.9), Kind.MOPED: (1.9, 0.8, 1.7),
 }  # fmt: skip
 
 

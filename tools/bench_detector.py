@@ -1,27 +1,35 @@
 """What a detector finds in traffic cameras' pictures, how well it counts, and what relying on it costs.
 
 Pictures of 1280 x 896 are taken through the approaches' cameras, evenly over an hour under MaxPressure. A
-vehicle counts that is at least 24 px high and more than 60 % visible, driven or parked. It is found where a
-box overlaps its own by half (intersection over union), the best pairs first. A false alarm is a box on no
-road user at all. Counts are those of single looks, per lane, beside the true ones and those that perfect
-boxes would give.
+vehicle counts, driven or parked, that is at least 24 px high and more than 60 % visible: neither hidden nor
+cut off by the picture's edge. It is found where a box overlaps its own by half (intersection over union), the
+best pairs first. People count alike. Riders count apart, found as people or as what they ride, as detectors
+learn the two apart. A false alarm is a vehicle's box on no road user; each camera also looks at the street
+without traffic.
+Counts are those of single looks, per lane, beside the true ones and those that perfect boxes would give.
 
+With --mixed, a bundle's demand has lorries, buses, coaches, vans and riders among its cars.
 With --control, MaxPressure also runs from the truth, from perfect boxes and from the detector, for so long.
 
     python tools/bench_detector.py nanodet.onnx centernet.onnx --views mast_arm 3,-6 --conditions day rain
 """
 
 import argparse
+import re
+import tempfile
 import time
 from collections import Counter
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, fields, replace
+from itertools import product
 from pathlib import Path
 from typing import Any
+from zlib import crc32
 
 import numpy as np
+from numpy.typing import NDArray
 
-from dojo_env.camera import BEV
+from dojo_env.camera import BEV, Camera
 from dojo_env.camera_presets import CAMERA_PRESETS, PAPER
 from dojo_env.conditions import read_conditions
 from dojo_env.config import build_config
@@ -31,9 +39,12 @@ from dojo_env.detectors.measuring import LaneWatch
 from dojo_env.detectors.suppression import measure_overlaps
 from dojo_env.errors import ConfigError
 from dojo_env.local_world import LocalWorld
+from dojo_env.rendering.boxes import Boxes
+from dojo_env.rendering.outputs import Picture
+from dojo_env.scenario import Scenario
 from dojo_env.sensors.video_detector import PICTURE, TRUE_BOXES, VideoDetector, list_true_boxes
 from dojo_env.snapshot import Kind, Snapshot
-from dojo_maps.whole_file import write_json
+from dojo_maps.whole_file import write_json, write_text
 
 VIEWS = (PAPER, "usual", "6,-15", "3,-6")
 """Names of `CAMERA_PRESETS`, or metres above the ground and degrees above the horizon."""
@@ -41,45 +52,63 @@ BINS = ((24, 48), (48, 96), (96, 10_000))
 """Pixels of height."""
 LEAST_VISIBLE, LEAST_OVERLAP, TOUCHING = 0.6, 0.5, 0.3
 PEOPLE = (Kind.PEDESTRIAN, Kind.WHEELCHAIR, Kind.PRAM)
+RIDERS = (Kind.BICYCLE, Kind.MOTORCYCLE, Kind.SCOOTER)
 HEAVY = {Kind.BUS: {Kind.BUS, Kind.COACH}, Kind.TRUCK: {Kind.TRUCK, Kind.TRAILER, Kind.FIRE_ENGINE}}
 """Kinds that detectors name, and what they stand for."""
+MIXED = {"truck": 12, "bus": 12, "coach": 6, "trailer": 6, "delivery": 10, "motorcycle": 8, "bicycle": 8}
+"""SUMO's classes that cars become with --mixed, and their percents."""
 CONTROLLER = "max-pressure-paper"
 """It needs counts of lanes alone."""
 
 
 @dataclass
 class Tally:
-    """What a detector found in the pictures of one view and light."""
+    """What a detector found in the pictures of one view and light; adds up."""
 
-    there: Counter[tuple[int, int]] = field(default_factory=Counter)
-    found: Counter[tuple[int, int]] = field(default_factory=Counter)
-    heavy: int = 0
-    named: int = 0
+    there: Counter[str] = field(default_factory=Counter)
+    found: Counter[str] = field(default_factory=Counter)
     right: int = 0
     false: int = 0
+    false_people: int = 0
+    on_empty: int = 0
     pictures: int = 0
     seconds: float = 0.0
-    vehicles: set[str] = field(default_factory=set)
+    vehicles: frozenset[str] = frozenset()
     off_truth: list[float] = field(default_factory=list)
     off_perfect: list[float] = field(default_factory=list)
 
+    def __add__(self, other: "Tally") -> "Tally":
+        """Put two together."""
+        return Tally(
+            **{
+                each.name: (
+                    self.vehicles | other.vehicles
+                    if each.name == "vehicles"
+                    else getattr(self, each.name) + getattr(other, each.name)
+                )
+                for each in fields(self)
+            }
+        )
+
     def row(self) -> dict[str, Any]:
         """Give the figures by name."""
-        there, found = sum(self.there.values()), sum(self.found.values())
+        shown = {name: f"{self.found[name]}/{self.there[name]}" for name in sorted(self.there)}
         return {
-            "recall": found / max(there, 1),
+            "recall": self.found["vehicles"] / max(self.there["vehicles"], 1),
             "precision": self.right / max(self.right + self.false, 1),
-            "by_height": {f"{a}-{b}": f"{self.found[a, b]}/{self.there[a, b]}" for a, b in BINS},
-            "heavy_named": f"{self.named}/{self.heavy}",
+            **shown,
+            "false": self.false,
+            "false_people": self.false_people,
+            "on_empty": self.on_empty,
             "counts_off": float(np.mean(self.off_truth or [0.0])),
             "counts_off_perfect": float(np.mean(self.off_perfect or [0.0])),
-            "vehicles": len(self.vehicles),
+            "distinct": len(self.vehicles),
             "pictures": self.pictures,
             "ms_a_picture": 1e3 * self.seconds / max(self.pictures, 1),
         }
 
 
-def open_world(scenario: str, view: str, light: str, **keywords: Any) -> LocalWorld:
+def open_world(scenario: Any, view: str, light: str, **keywords: Any) -> LocalWorld:
     """Open a scenario whose approaches' cameras hang as a view has it, see `VIEWS`."""
     seen = {"width": PICTURE[0], "height": PICTURE[1], "conditions": read_conditions(light)}
     if view in CAMERA_PRESETS:
@@ -103,7 +132,7 @@ def open_world(scenario: str, view: str, light: str, **keywords: Any) -> LocalWo
     return LocalWorld(build_config(scenario=scenario, cameras=cameras, **seen, **keywords))
 
 
-def record(scenario: str, count: int) -> list[Snapshot]:
+def record(scenario: Any, count: int) -> list[Snapshot]:
     """Take snapshots evenly over an hour under MaxPressure."""
     world = LocalWorld(build_config(scenario=scenario))
     chooser = make_controller(CONTROLLER)
@@ -117,63 +146,116 @@ def record(scenario: str, count: int) -> list[Snapshot]:
     return [taken[round(k)] for k in np.linspace(len(taken) / 10, len(taken) - 1, count)]
 
 
-def match(found: Detections, boxes: Any, tally: Tally) -> None:
-    """Count what was found of the vehicles of one picture, and what was found where nobody is."""
-    found = found.take(found.kinds != Kind.PEDESTRIAN)
-    heights = boxes.picture[:, 3] - boxes.picture[:, 1]
-    counted = ~np.isin(boxes.kinds, PEOPLE) & (heights >= BINS[0][0]) & (boxes.visible > LEAST_VISIBLE)
-    overlaps = measure_overlaps(boxes.picture.astype(float), found.boxes)
+def measure_inside(boxes: Boxes, camera: Camera) -> NDArray[np.float64]:
+    """Tell which share of each road user lies within the picture, by the rectangle around its box: (k,)."""
+    low, high = boxes.projected.min(axis=1), boxes.projected.max(axis=1)
+    size = (camera.width, camera.height)
+    inside = (high.clip(0, size) - low.clip(0, size)).prod(axis=1) / (high - low).prod(axis=1)
+    return np.nan_to_num(inside)  # What reaches behind the camera is cut off.
+
+
+def pair(overlaps: NDArray[np.float64], counted: NDArray[np.bool_]) -> dict[int, int]:
+    """Pair what is counted with what was found: column by row, the best overlaps first."""
     pairs: dict[int, int] = {}
     for flat in np.argsort(-overlaps, axis=None, kind="stable").tolist():
-        row, column = divmod(flat, max(len(found), 1))
+        row, column = divmod(flat, max(overlaps.shape[1], 1))
         if overlaps[row, column] < LEAST_OVERLAP:
             break
         if counted[row] and row not in pairs and column not in pairs.values():
             pairs[row] = column
-    for row in np.flatnonzero(counted).tolist():
-        size = next((a, b) for a, b in BINS if a <= heights[row] < b)
-        tally.there[size] += 1
-        tally.found[size] += row in pairs
-        tally.vehicles.add(boxes.ids[row])
-        name = next((name for name, kinds in HEAVY.items() if boxes.kinds[row] in kinds), None)
-        if name is not None and row in pairs:
-            tally.heavy += 1
-            tally.named += int(found.kinds[pairs[row]] == name)
-    touched = overlaps.max(axis=0, initial=0.0) >= TOUCHING
+    return pairs
+
+
+def match(told: Detections, picture: Picture, scenario: str, tally: Tally) -> None:
+    """Count what was found of the road users of one picture, and what was found where nobody is."""
+    boxes = picture.boxes
+    heights = boxes.picture[:, 3] - boxes.picture[:, 1]
+    seen = boxes.visible * measure_inside(boxes, picture.camera)
+    counted = (heights >= BINS[0][0]) & (seen > LEAST_VISIBLE)
+    are_people, ride = np.isin(boxes.kinds, PEOPLE), np.isin(boxes.kinds, RIDERS)
+    overlaps = measure_overlaps(boxes.picture.astype(float), told.boxes)
+    by_person = told.kinds == Kind.PEDESTRIAN
+    pairs = pair(np.where(by_person, 0.0, overlaps), counted & ~are_people & ~ride)
     tally.right += len(pairs)
-    tally.false += int((~touched).sum())
+    pairs |= pair(np.where(by_person, overlaps, 0.0), counted & are_people)
+    pairs |= pair(overlaps, counted & ride)
+    for row in np.flatnonzero(counted).tolist():
+        names = ["people"] if are_people[row] else ["riders"] if ride[row] else ["vehicles"]
+        if names == ["vehicles"]:
+            names += next([f"{a}-{b} px"] for a, b in BINS if a <= heights[row] < b)
+            tally.vehicles |= {f"{scenario} {boxes.ids[row]}"}
+        tally.there.update(names)
+        tally.found.update(names if row in pairs else ())
+        for name, kinds in HEAVY.items():
+            if boxes.kinds[row] in kinds:
+                tally.there[name.name.lower()] += 1
+                tally.found[name.name.lower()] += row in pairs
+            if boxes.kinds[row] in kinds and row in pairs:
+                tally.there[f"{name.name.lower()}, named"] += 1
+                tally.found[f"{name.name.lower()}, named"] += int(told.kinds[pairs[row]] == name)
+    missed = overlaps.max(axis=0, initial=0.0) < TOUCHING
+    tally.false += int((missed & ~by_person).sum())
+    tally.false_people += int((missed & by_person).sum())
 
 
-def look(model: DetectorModel, scenario: str, snapshots: Sequence[Snapshot], view: str, light: str) -> Tally:
-    """Let a detector look at each signal's approaches in each snapshot."""
+def look(
+    models: Mapping[str, DetectorModel], scenario: Any, snapshots: Sequence[Snapshot], view: str, light: str
+) -> dict[str, Tally]:
+    """Let detectors look at each signal's approaches in each snapshot."""
     world = open_world(scenario, view, light)
-    tally, road_map = Tally(), world.map.bundle.road_map
+    tallies, road_map = {name: Tally() for name in models}, world.map.bundle.road_map
     for signal in world.signals:
         cameras = [each for each in world.eyes.cameras(signal) if each.name != BEV]
         lanes = world.map.plans[signal].lanes
-        watches = [LaneWatch(cameras, road_map, lanes) for _ in range(2)]
+        watch = LaneWatch(cameras, road_map, lanes)
+
+        def count(at: float, seen: Sequence[Detections], watch: LaneWatch = watch) -> NDArray[np.float64]:
+            watch.reset()
+            return watch.update(at, seen).vehicles
+
+        empty = world.eyes.look(Snapshot(time=0.0), cameras, ("rgb", "boxes"))
         for snapshot in snapshots:
             pictures = world.eyes.look(snapshot, cameras, ("rgb", "boxes"))
-            begin = time.perf_counter()
-            found = [model.detect(picture.rgb) for picture in pictures]
-            tally.seconds += time.perf_counter() - begin
-            tally.pictures += len(pictures)
-            for each, picture in zip(found, pictures, strict=True):
-                match(each, picture.boxes, tally)
-            perfect = [list_true_boxes(picture.boxes) for picture in pictures]
-            counts = []
-            for watch, seen in zip(watches, (found, perfect), strict=True):
-                watch.reset()
-                counts.append(watch.update(snapshot.time, seen).vehicles)
+            perfect = count(snapshot.time, [list_true_boxes(picture.boxes) for picture in pictures])
             true = np.array([snapshot.lanes.count(lane) for lane in lanes])
-            tally.off_truth += np.abs(counts[0] - true).tolist()
-            tally.off_perfect += np.abs(counts[0] - counts[1]).tolist()
+            for name, model in models.items():
+                tally, begin = tallies[name], time.perf_counter()
+                found = [model.detect(picture.rgb) for picture in pictures]
+                tally.seconds += time.perf_counter() - begin
+                tally.pictures += len(pictures)
+                for each, picture in zip(found, pictures, strict=True):
+                    match(each, picture, world.config.scenario.name, tally)
+                counts = count(snapshot.time, found)
+                tally.off_truth += np.abs(counts - true).tolist()
+                tally.off_perfect += np.abs(counts - perfect).tolist()
+        for name, model in models.items():
+            alone = Tally()
+            for picture in empty:
+                match(model.detect(picture.rgb), picture, "", alone)
+            tallies[name].on_empty += alone.false
     world.close()
-    return tally
+    return tallies
+
+
+def mix(scenario: str, folder: Path) -> Scenario:
+    """Give a bundle's demand other vehicles, too: which ones, follows from their ids."""
+    bundle = Path(scenario)
+    lots = [name for name, percent in MIXED.items() for _ in range(percent)]
+
+    def change(found: re.Match[str]) -> str:
+        lot = crc32(found[1].encode()) % 100
+        return f'<vehicle id="{found[1]}" type="{f"mixed_{lots[lot]}" if lot < len(lots) else "car"}"'
+
+    text = (bundle / "demand.rou.xml").read_text("utf-8")
+    text = re.sub(r'<vehicle id="([^"]+)" type="car"', change, text)
+    types = "".join(f'<vType id="mixed_{name}" vClass="{name}"/>' for name in MIXED)
+    routes = folder / f"{bundle.stem}.rou.xml"
+    write_text(routes, text.replace("<routes>", f"<routes>{types}", 1))
+    return Scenario(name=f"{bundle.stem}, mixed", map=bundle, routes=(routes,))
 
 
 def control(
-    model: str | None, scenario: str, view: str, light: str, seconds: int, seed: int
+    model: str | None, scenario: Any, view: str, light: str, seconds: int, seed: int
 ) -> dict[str, float]:
     """Run MaxPressure by a detector, or where there is none by the truth: travel time, errors per lane."""
     chooser = make_controller(CONTROLLER)
@@ -198,24 +280,35 @@ def control(
     }
 
 
-def list_rows(options: argparse.Namespace) -> Iterator[dict[str, Any]]:
-    """Measure, one detector, scenario, view and light after the other."""
-    models = {path: load_detector(path) for path in options.detectors}
-    for scenario in options.scenarios:
+def list_rows(options: argparse.Namespace, folder: Path) -> Iterator[dict[str, Any]]:
+    """Measure, one scenario, light and view after the other; at last all scenarios together."""
+    models = {path.name: load_detector(path) for path in options.detectors}
+    total: dict[tuple[str, str, str], Tally] = {}
+    for name in options.scenarios:
+        scenario = mix(name, folder) if options.mixed else name
         snapshots = record(scenario, options.n) if options.n else []
-        for light in options.conditions:
-            for view in options.views:
-                where = {"scenario": scenario, "view": view, "light": light}
-                for path, model in models.items() if snapshots else ():
-                    found = look(model, scenario, snapshots, view, light)
-                    yield {"detector": path.name, **where, **found.row()}
-                for name in ("truth", TRUE_BOXES, *map(str, models)) if options.control else ():
-                    for seed in range(options.seeds):
-                        told = control(
-                            None if name == "truth" else name,
-                            scenario, view, light, options.control, seed,
-                        )  # fmt: skip
-                        yield {"control": Path(name).name, **where, "seed": seed, **told}
+        for light, view in product(options.conditions, options.views):
+            where = {"scenario": Path(name).stem, "view": view, "light": light}
+            seen = look(models, scenario, snapshots, view, light) if snapshots else {}
+            for detector, tally in seen.items():
+                yield {"detector": detector, **where, **tally.row()}
+                key = (detector, view, light)
+                total[key] = total.get(key, Tally()) + tally
+            for told in list_controlled(options, scenario, view, light) if options.control else ():
+                yield {**where, **told}
+    for (detector, view, light), tally in total.items() if len(options.scenarios) > 1 else ():
+        yield {"detector": detector, "scenario": "all", "view": view, "light": light, **tally.row()}
+
+
+def list_controlled(
+    options: argparse.Namespace, scenario: Any, view: str, light: str
+) -> Iterator[dict[str, Any]]:
+    """Control by the truth, by perfect boxes and by each detector."""
+    for name in ("truth", TRUE_BOXES, *map(str, options.detectors)):
+        for seed in range(options.seeds):
+            model = None if name == "truth" else name
+            told = control(model, scenario, view, light, options.control, seed)
+            yield {"control": Path(name).name, "seed": seed, **told}
 
 
 def main() -> None:
@@ -229,14 +322,16 @@ def main() -> None:
     add("--views", nargs="+", default=VIEWS, metavar="VIEW", help="a preset of cameras, or H,PITCH")
     add("--conditions", nargs="+", default=["day"], metavar="NAME", help="day, dusk, rain, night, ...")
     add("-n", type=int, default=8, metavar="N", help="instants; each is seen by all cameras")
+    add("--mixed", action="store_true", help="with lorries, buses and riders; scenarios are bundles' folders")
     add("--control", type=int, default=0, metavar="S", help="seconds to control by the detector")
     add("--seeds", type=int, default=1, metavar="N", help="of the controlled episodes")
     add("--json", type=Path, metavar="FILE", help="also write the figures")
     options = parser.parse_args()
     rows = []
-    for row in list_rows(options):
-        rows.append(row)
-        print("  ".join(map(tell, row, row.values())), flush=True)
+    with tempfile.TemporaryDirectory() as folder:
+        for row in list_rows(options, Path(folder)):
+            rows.append(row)
+            print("  ".join(map(tell, row, row.values())), flush=True)
     if options.json:
         write_json(options.json, {"rows": rows})
 

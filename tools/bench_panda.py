@@ -6,9 +6,10 @@ from typing import Any
 import numpy as np
 
 from dojo_env.camera import Camera
+from dojo_env.rendering.fleet import usual_fleet
 from dojo_env.rendering.lighting import SRGB
 from dojo_env.rendering.scene import Scene
-from dojo_env.rendering.traffic import library, place_users
+from dojo_env.rendering.traffic import place_users
 from dojo_env.snapshot import Snapshot
 from dojo_maps.errors import ToolMissingError
 
@@ -62,7 +63,7 @@ class PandaWorld:
         return [self._read(self._views[camera][1], camera) for camera in cameras]
 
     def _user_node(self, users: Any, k: int) -> Any:
-        models = library()
+        models = usual_fleet().library
         first, _, face, end = models.spans[users.models[k], 0]
         corners = models.vertices[first + models.faces[face:end]].reshape(-1, 3)
         colour = SRGB[(users.colours[k, 0] * 4095).astype(int)]

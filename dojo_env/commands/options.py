@@ -27,6 +27,11 @@ def add_sensing_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--imaging", metavar="NAME", help="ideal, traffic_camera, webcam, or such as shutter_s=0.02"
     )
+    parser.add_argument(
+        "--models",
+        metavar="FILE",
+        help="a TOML file that names a 3D model (glTF, OBJ) for some vehicle types",
+    )
     parser.add_argument("--preset", choices=list(CAMERA_PRESETS), help=f"how cameras hang (default: {PAPER})")
 
 
@@ -38,13 +43,14 @@ def add_view_options(parser: argparse.ArgumentParser) -> None:
 
 
 def read_sensing(options: argparse.Namespace) -> dict[str, Any]:
-    """Turn `--conditions`, `--imaging` and `--preset` into settings of an environment."""
+    """Turn `--conditions`, `--imaging`, `--models` and `--preset` into settings of an environment."""
     from dojo_env.conditions import read_conditions
     from dojo_env.imaging import read_imaging
 
     wanted = {
         "conditions": options.conditions and read_conditions(options.conditions),
         "imaging": options.imaging and read_imaging(options.imaging),
+        "models": options.models,
         "cameras": options.preset,
     }
     return {name: value for name, value in wanted.items() if value}

@@ -1,5 +1,6 @@
 """Keypoints of vehicles: where their models have wheels and lamps, and what of these a camera sees."""
 
+from collections.abc import Iterator
 from functools import cache
 
 import numpy as np
@@ -7,7 +8,7 @@ from numpy.typing import NDArray
 
 from dojo_env.camera import Camera
 from dojo_env.datasets.labels import HIDDEN, SHOWN
-from dojo_env.rendering.models import Model, build_models
+from dojo_env.rendering.models import Model, Variant, build_models
 from dojo_env.rendering.shapes import Part
 from dojo_env.snapshot import Kind
 
@@ -17,9 +18,12 @@ _TOLERANCE = 0.3
 """Metres that something must be nearer to hide a point: middles of lamps and wheels lie in round shapes."""
 _APART = 0.15
 """A lamp nearer to the middle than this share of the width is neither the left nor the right one."""
-_NO_POINT = np.full(3, np.nan)
+_Mark = tuple[Floats, NDArray[np.int32]]
+"""A point, and the corners around it."""
+_NO_MARK: _Mark = (np.full(3, np.nan), np.zeros(1, np.int32))
 _WITHOUT = {
     Kind.MOTORCYCLE, Kind.BICYCLE, Kind.SCOOTER, Kind.PEDESTRIAN, Kind.SHIP, Kind.WHEELCHAIR, Kind.PRAM,
+    Kind.MOPED,
 }  # fmt: skip
 """Kinds without left and right wheels or lamps."""
 
@@ -34,27 +38,39 @@ def model_points() -> Floats:
     """
     return np.array(
         [
-            np.full((8, 3), np.nan) if kind in _WITHOUT else [*_wheels(pose[0]), *_lamps(pose[0])]
+            points
             for kind, variants in build_models().items()
             for variant in variants
-            for pose in variant.poses
+            for points in _points_of(variant, has_any=kind not in _WITHOUT)
         ]
     )
 
 
-def _wheels(model: Model) -> list[Floats]:
+def _points_of(variant: Variant, *, has_any: bool) -> Iterator[Floats]:
+    """Give the points of each pose, (8, 3): those of the first, moved as the corners around them have."""
+    first = variant.poses[0][0]
+    marks = [*_wheels(first), *_lamps(first)] if has_any else [_NO_MARK] * 8
+    for model, *_ in variant.poses:
+        moved = model.vertices - first.vertices if has_any else model.vertices
+        yield np.array([point + moved[around].mean(axis=0) for point, around in marks])
+
+
+def _wheels(model: Model) -> list[_Mark]:
     """Find the outer centres of the outermost wheels: front left and right, rear left and right."""
-    found = []
-    corners = model.vertices[model.faces[model.parts == Part.TYRE]]
+    found: list[_Mark] = []
+    tyres = model.faces[model.parts == Part.TYRE]
     for side in (1.0, -1.0):
-        spans = _axles(corners[(corners[:, :, 1] * side > 0).all(axis=1)])
+        own = tyres[(model.vertices[tyres, 1] * side > 0).all(axis=1)]
+        spans = _axles(model.vertices[own])
         for low, high in spans[-1:] + spans[:1]:
-            wheel = corners[(corners[:, :, 1] * side > 0).all(axis=1)].reshape(-1, 3)
-            wheel = wheel[(wheel[:, 0] >= low) & (wheel[:, 0] <= high)]
+            corners = np.unique(own)
+            x = model.vertices[corners, 0]
+            corners = corners[(x >= low) & (x <= high)]
+            wheel = model.vertices[corners]
             outside = wheel[np.argmax(wheel[:, 1] * side), 1]
             height = 0.5 * (wheel[:, 2].min() + wheel[:, 2].max())
-            found.append(np.array([0.5 * (low + high), outside, height]))
-        found += [_NO_POINT] * (2 - len(spans[-1:] + spans[:1]))
+            found.append((np.array([0.5 * (low + high), outside, height]), corners))
+        found += [_NO_MARK] * (2 - len(spans[-1:] + spans[:1]))
     front_left, rear_left, front_right, rear_right = found
     return [front_left, front_right, rear_left, rear_right]
 
@@ -70,17 +86,16 @@ def _axles(faces: Floats) -> list[tuple[float, float]]:
     return spans
 
 
-def _lamps(model: Model) -> list[Floats]:
+def _lamps(model: Model) -> list[_Mark]:
     """Find the middles of the lamps: head lamps left and right, rear lamps left and right."""
-    found = []
+    found: list[_Mark] = []
     for part, is_ahead in ((Part.HEADLAMP, True), (Part.BRAKE, False)):
-        corners = model.vertices[model.faces[model.parts == part]]
-        middles = corners.mean(axis=1)
+        faces = model.faces[model.parts == part]
+        middles = model.vertices[faces].mean(axis=1)
         for side in (1.0, -1.0):
-            own = corners[((middles[:, 0] > -0.5) == is_ahead) & (middles[:, 1] * side > _APART)].reshape(
-                -1, 3
-            )
-            found.append(0.5 * (own.min(axis=0) + own.max(axis=0)) if len(own) else _NO_POINT)
+            corners = np.unique(faces[((middles[:, 0] > -0.5) == is_ahead) & (middles[:, 1] * side > _APART)])
+            own = model.vertices[corners]
+            found.append((0.5 * (own.min(axis=0) + own.max(axis=0)), corners) if len(own) else _NO_MARK)
     return found
 
 

@@ -13,6 +13,7 @@ from dojo_env.datasets.labels import ObjectLabel, SignalLink
 from dojo_env.rendering.boxes import Boxes
 from dojo_env.rendering.masks import encode_masks
 from dojo_env.rendering.outputs import Picture
+from dojo_env.rendering.scene import Scene
 from dojo_env.rendering.traffic import place_users
 from dojo_env.snapshot import Kind, Lights, Snapshot
 from dojo_maps.description import RoadMap
@@ -54,24 +55,22 @@ class Thresholds:
 class Instant:
     """The road users of an instant, ready for the labels of any camera's picture."""
 
-    def __init__(
-        self, snapshot: Snapshot, links: Mapping[str, NextLink], ways: "Ways", origin: Floats
-    ) -> None:
+    def __init__(self, snapshot: Snapshot, links: Mapping[str, NextLink], ways: "Ways", scene: Scene) -> None:
         """Take an instant.
 
         Args:
             snapshot: everyone on the road.
             links: the signal's link that each vehicle comes to, by SUMO's id.
             ways: of the map.
-            origin: (3,) of the scene, metres, map frame.
+            scene: that they are in.
         """
         self._snapshot, self._links, self._ways = snapshot, links, ways
         self._described: dict[int, dict[str, Any]] = {}
-        users = place_users(snapshot, origin)
+        users = place_users(snapshot, scene.origin, ways=scene.ways)
         self._rows = {int(number): k for k, number in enumerate(snapshot.numbers)}
         self._points = (
             np.einsum("kij,kcj->kci", users.frames, model_points()[users.models])
-            + (users.places + origin)[:, None]
+            + (users.places + scene.origin)[:, None]
         )
 
     def label(self, picture: Picture, tracks: "Tracks", thresholds: Thresholds) -> tuple[ObjectLabel, ...]:

@@ -44,6 +44,7 @@ _CATEGORIES = {
     Kind.TRAILER: Category.TRUCK, Kind.FIRE_ENGINE: Category.TRUCK, Kind.TRAM: Category.TRAIN,
     Kind.TRAIN: Category.TRAIN, Kind.MOTORCYCLE: Category.MOTORCYCLE, Kind.SCOOTER: Category.MOTORCYCLE,
     Kind.BICYCLE: Category.BICYCLE, Kind.PEDESTRIAN: Category.PERSON, Kind.SHIP: Category.BOAT,
+    Kind.ARTICULATED_BUS: Category.BUS, Kind.ROAD_TRAIN: Category.TRUCK, Kind.MOPED: Category.MOTORCYCLE,
 }  # fmt: skip
 """All other kinds are cars."""
 

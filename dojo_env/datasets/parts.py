@@ -214,7 +214,7 @@ class _Shooting:
             snapshot = without_users(sample.snapshot) if is_empty else sample.snapshot
             scene = stage.eyes.scene
             everyone = snapshot if is_empty else snapshot.joined(scene.parked)
-            instant = Instant(everyone, sample.links, stage.ways, scene.origin)
+            instant = Instant(everyone, sample.links, stage.ways, scene)
             for k in places:
                 (picture,) = stage.eyes.look(snapshot, [self._cameras[k]], OUTPUTS, parked=not is_empty)
                 yield self._keep(picture, instant, snapshot, k, run=run, seed=seed, is_empty=is_empty)

@@ -11,9 +11,10 @@ from numpy.typing import NDArray
 from dojo_env.camera import Camera
 from dojo_env.errors import ConfigError
 from dojo_env.rendering.classes import SEMANTIC_COLOURS, SEMANTIC_OF_KIND, Semantic
+from dojo_env.rendering.fleet import Library
 from dojo_env.rendering.outputs import OUTPUTS, BulletDrawing, Picture, check_outputs
 from dojo_env.rendering.scene import Scene
-from dojo_env.rendering.traffic import Users, library, place_users
+from dojo_env.rendering.traffic import Users, place_users
 from dojo_env.snapshot import Lights, Snapshot
 from dojo_maps.errors import ToolMissingError
 from dojo_maps.progress import quiet_output
@@ -126,7 +127,7 @@ class BulletWorld:
         self._given = (snapshot, parked)
         if parked:
             snapshot = snapshot.joined(self._scene.parked)
-        users = place_users(snapshot, self._scene.origin)
+        users = self._place(snapshot)
         sizes = map(tuple, np.linalg.norm(users.frames, axis=1).round(6).tolist())
         looks = dict(zip(snapshot.ids, zip(users.models.tolist(), sizes, strict=True), strict=True))
         for name in [name for name in self._bodies if looks.get(name) != self._looks[name]]:
@@ -190,7 +191,7 @@ class BulletWorld:
         if self._shown is None:
             return ()
         found = []
-        for i, k in _near_pairs(place_users(self._shown, self._scene.origin), distance):
+        for i, k in _near_pairs(self._place(self._shown), distance):
             if (self._shown.lights[[i, k]] == Lights.OFF).all():
                 continue
             first, second = self._shown.ids[i], self._shown.ids[k]
@@ -202,6 +203,10 @@ class BulletWorld:
                 x, y, z = np.array(nearest[5]) + self._scene.origin
                 found.append(Contact(first, second, float(nearest[8]), (float(x), float(y), float(z))))
         return tuple(found)
+
+    def _place(self, snapshot: Snapshot) -> Users:
+        scene = self._scene
+        return place_users(snapshot, scene.origin, ways=scene.ways, fleet=scene.fleet)
 
     def _mesh(self, vertices: Floats, faces: NDArray[Any]) -> tuple[int, int]:
         """Make shapes of a mesh as it is: one that rays meet, and one that pictures show."""
@@ -221,7 +226,7 @@ class BulletWorld:
         """Add a road user: its mesh, and its convex hull, which neither pictures nor rays see."""
         # pybullet keeps shapes until the world ends, so all that look the same share theirs.
         if looks not in self._shapes:
-            mesh = _mesh_of(users, k)
+            mesh = _mesh_of(users, k, self._scene.fleet.library)
             hull = self._bullet.createCollisionShape(
                 self._bullet.GEOM_MESH, vertices=mesh[0].tolist(), physicsClientId=self._client
             )
@@ -286,9 +291,8 @@ class BulletWorld:
         return Picture(camera=camera, outputs={name: make(drawing) for name, make in makers.items() if make})
 
 
-def _mesh_of(users: Users, k: int) -> tuple[Floats, NDArray[np.int32]]:
+def _mesh_of(users: Users, k: int, models: Library) -> tuple[Floats, NDArray[np.int32]]:
     """A road user's finest model at its size: vertices and faces."""
-    models = library()
     first, last, face, end = models.spans[users.models[k], 0]
     size = np.linalg.norm(users.frames[k], axis=0)
     return models.vertices[first:last] * size, models.faces[face:end]

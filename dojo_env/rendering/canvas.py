@@ -5,13 +5,14 @@ from numpy.typing import NDArray
 
 from dojo_env.rendering.compiling import kernel
 from dojo_env.rendering.drawing import WEATHER, count_alone, draw_users, users_in_view
+from dojo_env.rendering.fleet import MOST_FACES, Library
 from dojo_env.rendering.ground import BEAM_LENGTH, draw_on_ground
 from dojo_env.rendering.lighting import Light
 from dojo_env.rendering.lights import draw_flat, draw_lamps
 from dojo_env.rendering.raster import STATIC
 from dojo_env.rendering.scene import Lamps, Paths
 from dojo_env.rendering.target import Target, restore
-from dojo_env.rendering.traffic import MOST_FACES, Users, library
+from dojo_env.rendering.traffic import Users
 from dojo_env.rendering.view import View
 
 Ints = NDArray[np.int32]
@@ -26,9 +27,17 @@ _SHADOW_LENGTH = 3.0
 class Canvas:
     """What a camera draws into, frame by frame: it puts back only what the frame before has changed."""
 
-    def __init__(self, view: View, clean: NDArray[np.float32], light: Light, *, plain: bool = False) -> None:
+    def __init__(
+        self,
+        view: View,
+        clean: NDArray[np.float32],
+        light: Light,
+        models: Library,
+        *,
+        plain: bool = False,
+    ) -> None:
         """Begin with the background's inverse depths, under a light; plain is cheaper."""
-        self._plain = plain
+        self._plain, self._models = plain, models
         self._view, self._clean, self._light = view, clean, light.packed
         self._sun = light.sun if light.sun_colour.max() > _NO_SUN else np.zeros(3)
         height, width = clean.shape
@@ -53,13 +62,13 @@ class Canvas:
         """
         self._make_room(len(users.models) * MOST_FACES + len(lamps.colours) + len(paths.colours))
         lit = (self._light, self._sun, self._plain)
-        _draw(users, lamps, paths, library(), *lit, self._view, self._clean, self._target)
+        _draw(users, lamps, paths, self._models, *lit, self._view, self._clean, self._target)
         return self._target
 
     def count_pixels(self, users: Users, whose: Ints) -> Ints:
         """Count the pixels that each of some road users would cover if it were alone: (k,)."""
         alone = self._target._replace(tags=np.full_like(self._target.tags, STATIC))
-        return count_alone(whose, users, library(), _NO_LIGHT, self._plain, self._view, alone)
+        return count_alone(whose, users, self._models, _NO_LIGHT, self._plain, self._view, alone)
 
     def _make_room(self, faces: int) -> None:
         if len(self._target.owners) < faces:
@@ -76,5 +85,5 @@ def _draw(users, lamps, paths, models, light, sun, plain, view, clean, target):
     headlights = light[WEATHER, 0] > 0.0
     near = users_in_view(users, BEAM_LENGTH if headlights else _SHADOW_LENGTH, view)
     count = draw_users(near, users, models, light, plain, view, target, count)
-    draw_on_ground(near, users, models.profiles, sun, headlights, plain, view, target)
+    draw_on_ground(near, users, models, sun, headlights, plain, view, target)
     draw_lamps(lamps, view, target, count)

@@ -1,19 +1,18 @@
-"""Bodies of cars and vans: a rounded shell with wheel arches, a greenhouse on it, and details in clean lines.
+"""Bodies of cars and vans: a rounded shell with wheel arches, and a greenhouse on it.
 
 A shell is lofted through stations along the car: in each its half width, its lower edge (which follows the
-wheel arches) and its top are known, and a ring of corners runs over it. Lamps, grille, plates and lines are
-flat patches a few millimetres before the shell. Lengths are metres, x points to the nose and is 0 there, y to
-the left, z up; faces turn counter-clockwise, from outside.
+wheel arches) and its top are known, and a ring of corners runs over it; nose and tail lean back above and
+below the bumper. What is painted on it is in `car_details`. Lengths are metres, x points to the nose and is
+0 there, y to the left, z up; faces turn counter-clockwise, from outside.
 """
 
-from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
-from dojo_env.rendering.shapes import Face, Part, box, mirrored
+from dojo_env.rendering.shapes import Face, Part, mirrored
 
 Floats = NDArray[np.float64]
 Curve = tuple[tuple[float, float], ...]
@@ -21,18 +20,22 @@ Curve = tuple[tuple[float, float], ...]
 
 FINE, COARSE = 0, 1
 """Levels of detail that have these bodies."""
-_NOSE: Curve = ((0.0, 0.62), (0.03, 0.76), (0.09, 0.87), (0.2, 0.945), (0.45, 0.985), (0.8, 1.0))
+_NOSE: Curve = ((0.0, 0.6), (0.035, 0.75), (0.1, 0.87), (0.22, 0.945), (0.45, 0.985), (0.8, 1.0))
 """Half width as a share, by metres behind the nose."""
-_TAIL: Curve = ((0.0, 0.74), (0.03, 0.84), (0.09, 0.92), (0.22, 0.965), (0.6, 1.0))
+_TAIL: Curve = ((0.0, 0.72), (0.03, 0.83), (0.09, 0.92), (0.22, 0.965), (0.6, 1.0))
 """The same, by metres before the tail."""
-_LOW, _SHOULDER, _EDGE = 0.93, 0.97, 0.9
+_LOW, _SHOULDER, _EDGE = 0.93, 0.97, 0.88
 """Half widths of the lower edge, the shoulder and the belt, as shares of the widest."""
 _LONGEST_PANE = 0.25
 """Share of the way along the windows that is drawn straight."""
 _OPEN_DECK = 0.4
 """Metres before the rear window's foot where the shell is closed under the windows, as it narrows there."""
-_GAP = 0.012
-"""Metres from the shell to what is painted on it."""
+_HIGH_PANE = 0.1
+"""Share of the way to the roof from which on there is metal, not a seal, under a pane."""
+_LEAN_REACH = 0.5
+"""Metres over which a leaning nose or tail becomes an upright side."""
+_CHIN = 0.07
+"""How far the bumper's lower edge lies behind the bumper, metres."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -54,6 +57,11 @@ class CarShape:
         axles: places of the axles.
         lean: half width at the roof's edge, as a share of the widest.
         panes: side windows: begin and end of each, as shares of the way along the greenhouse.
+        rear_glass: lower and upper edge of the rear window, as shares of the way from the belt to the roof.
+        rake: how far the bonnet's front edge, and the top of the tail, lie behind the bumpers.
+        grille: half width and height of the grille; its upper edge lies under the bonnet's.
+        tall_lamps: the rear lamps stand upright beside the tailgate.
+        rails: there are rails along the roof.
     """
 
     length: float
@@ -68,8 +76,13 @@ class CarShape:
     clearance: float = 0.17
     wheel: float = 0.32
     axles: tuple[float, float] = (0.85, 3.45)
-    lean: float = 0.66
+    lean: float = 0.68
     panes: tuple[tuple[float, float], ...] = ((0.08, 0.47), (0.51, 0.86))
+    rear_glass: tuple[float, float] = (0.06, 0.93)
+    rake: tuple[float, float] = (0.2, 0.08)
+    grille: tuple[float, float] = (0.4, 0.13)
+    tall_lamps: bool = False
+    rails: bool = False
 
     def half_width(self, place: float) -> float:
         """Half of the widest width at a place, metres."""
@@ -80,7 +93,8 @@ class CarShape:
         """Height of the shell, under the windows that of the belt, metres."""
         front, rear = self.belt
         curve = (
-            (0.0, self.bonnet - 0.035), (0.06, self.bonnet), (0.25, self.bonnet + 0.03), (self.cowl, front),
+            (0.0, self.bonnet - 0.025), (0.06, self.bonnet), (0.25, self.bonnet + 0.035),
+            (0.6 * self.cowl, 0.45 * self.bonnet + 0.55 * front + 0.01), (self.cowl, front),
             (self.foot, rear), (max(self.foot, self.length - 0.12), self.deck),
             (self.length, self.deck - 0.05),
         )  # fmt: skip
@@ -88,7 +102,7 @@ class CarShape:
 
     def lower_edge(self, place: float) -> float:
         """Height of the sill, the bumper, or the wheel arch at a place, metres."""
-        sill = ((0.0, self.clearance + 0.06), (0.4, self.clearance), (self.length - 0.4, self.clearance),
+        sill = ((0.0, self.clearance + 0.05), (0.4, self.clearance), (self.length - 0.4, self.clearance),
                 (self.length, self.clearance + 0.1))  # fmt: skip
         low = _at(sill, place)
         reach = self.wheel + 0.05
@@ -97,41 +111,102 @@ class CarShape:
                 low = max(low, self.wheel + float(np.sqrt(reach**2 - (place - axle) ** 2)))
         return low
 
+    def ring(self, place: float) -> Floats:
+        """Cut the shell on its left side: (7, 3), from the lower edge to the middle of its top."""
+        half, low, top = self.half_width(place), self.lower_edge(place), self.top(place)
+        waist = max(low + 0.02, 0.45 * top + 0.1)
+        shoulder = max(waist + 0.02, top - 0.09)
+        points = (
+            (_LOW * half, low), (half, min(max(low + 0.01, 0.3 * top + 0.1), waist)), (half, waist),
+            (_SHOULDER * half, shoulder), (_EDGE * half, top), (0.5 * half, top + 0.03), (0.0, top + 0.04),
+        )  # fmt: skip
+        return np.array([(-place + self._lean(place, z), y, z) for y, z in points])
+
+    def skin(self, y: float, z: float, *, ahead: bool) -> tuple[Floats, Floats]:
+        """Find a point on the nose or the tail.
+
+        Args:
+            y: metres to the left along the bumper; beyond where it turns, the point lies on the side.
+            z: height, metres.
+            ahead: on the nose, or else on the tail.
+
+        Returns:
+            (3,) the point, and (3,) the level direction out of the shell there.
+        """
+        place, turned = self._around(y, ahead=ahead)
+        ring = self.ring(place)
+        side = min(abs(y), float(np.interp(z, ring[:5, 2], ring[:5, 1])))
+        out = np.array([np.cos(turned) * (1 if ahead else -1), np.sin(turned) * np.sign(y), 0.0])
+        return np.array([-place + self._lean(place, z), side * np.sign(y), z]), out
+
+    def corners(self, *, ahead: bool) -> Floats:
+        """Give the distances from the middle, ascending, at which a bumper bends; right ones are negative."""
+        shares = np.array([share for _, share in (_NOSE if ahead else _TAIL)])
+        return 0.5 * self.width * np.concatenate([-shares[::-1], shares])
+
+    def bends(self, y: float, *, ahead: bool) -> Floats:
+        """Give the heights, ascending, at which nose or tail bend at a distance from the middle."""
+        return self.ring(self._around(y, ahead=ahead)[0])[1:4, 2]
+
+    def _around(self, y: float, *, ahead: bool) -> tuple[float, float]:
+        """Go along a bumper: the place there, and how far the bumper has turned to the side, radians."""
+        backs, shares = np.array(_NOSE if ahead else _TAIL).T
+        share = 2.0 * abs(y) / self.width
+        back = float(np.interp(share, shares, backs))
+        turned = 0.5 * np.pi * min(1.0, max(0.0, (share - shares[0]) / (1.0 - shares[0])))
+        return (back if ahead else self.length - back), turned
+
+    def _lean(self, place: float, z: float) -> float:
+        """Tell how far ahead of its station a point lies: nose and tail lean back above and below bumpers."""
+        front, rear = place / _LEAN_REACH, (self.length - place) / _LEAN_REACH
+        if min(front, rear) >= 1.0:
+            return 0.0
+        end, rake = (0.0, self.rake[0]) if front < rear else (self.length, self.rake[1])
+        top, low = self.top(end), self.lower_edge(end)
+        waist, foot = 0.45 * top + 0.1, max(low + 0.01, 0.3 * top + 0.1)
+        back = rake * max(0.0, z - waist) / (top - waist) + _CHIN * max(0.0, foot - z) / (foot - low)
+        return back * (front - 1.0 if front < rear else 1.0 - rear)
+
 
 def _at(curve: Curve, place: float) -> float:
     places, values = zip(*curve, strict=True)
     return float(np.interp(place, places, values))
 
 
-def build_car(shape: CarShape, detail: int) -> list[Face]:
-    """Build a car.
+def build_shell(shape: CarShape, detail: int) -> list[Face]:
+    """Build the body under the windows.
 
     Args:
         shape: its measures.
         detail: `FINE` or `COARSE`.
-
-    Returns:
-        Its faces.
     """
-    faces = _shell(shape, detail) + _greenhouse(shape, detail)
-    faces += _front_details(shape, detail) + _rear_details(shape, detail)
-    for axle in shape.axles:
-        half = shape.half_width(axle)
-        faces += build_wheels(-axle, half, shape.wheel, 14 if detail == FINE else 8)
-        reach = shape.wheel + 0.03
-        faces += box(-axle + reach, -axle - reach, 0.84 * half, 0.14, 2 * shape.wheel, Part.TRIM)
-    mirror = box(-shape.cowl - 0.12, -shape.cowl - 0.3, 0.09, 0.0, 0.14, Part.BODY)
-    lift = np.array([0.0, _EDGE * shape.half_width(shape.cowl) + 0.08, shape.top(shape.cowl) + 0.01])
-    faces += mirrored([(corners + lift, part) for corners, part in mirror])
-    if detail == FINE:
-        faces += _side_lines(shape)
+    places = _stations(shape, detail)
+    rings = [shape.ring(place) for place in places]
+    if detail == COARSE:
+        rings = [np.delete(ring, 5, axis=0) for ring in rings]
+    last = len(rings[0]) - 1
+    left: list[Face] = []
+    for (front, ahead), (rear, behind) in pairwise(zip(places, rings, strict=True)):
+        is_covered = front >= shape.cowl and rear <= shape.foot - _OPEN_DECK
+        left += [
+            (np.array([ahead[k + 1], ahead[k], behind[k], behind[k + 1]]), Part.BODY)
+            for k in range(4 if is_covered else last)
+        ]
+    faces = mirrored(left)
+    for ring, turn in ((rings[0], 1), (rings[-1], -1)):
+        other = ring * [1.0, -1.0, 1.0]
+        for k in range(last):
+            quad = np.array([other[k], ring[k], ring[k + 1], other[k + 1]])
+            faces.append((quad[::turn], Part.BODY))
     return faces
 
 
 def _stations(shape: CarShape, detail: int) -> list[float]:
     """List the places of the shell's cuts: close together where it bends."""
-    ends = [0.0, 0.03, 0.09, 0.2, 0.45] if detail == FINE else [0.0, 0.06, 0.25]
+    ends = [0.0, 0.035, 0.1, 0.22, 0.45] if detail == FINE else [0.0, 0.06, 0.22]
     places = [*ends, *(shape.length - place for place in ends), shape.cowl, shape.foot]
+    if detail == FINE:
+        places.append(0.6 * shape.cowl)
     reach = shape.wheel + 0.05
     turns = (
         (-1.0, -0.92, -0.7, -0.35, 0.0, 0.35, 0.7, 0.92, 1.0)
@@ -144,52 +219,23 @@ def _stations(shape: CarShape, detail: int) -> list[float]:
     return [0.0, *(b for a, b in pairwise(inside) if b - a > 0.015)]
 
 
-def _ring(shape: CarShape, place: float) -> Floats:
-    """Cut the shell on its left side: (6, 3), from the lower edge to the middle of its top."""
-    half, low, top = shape.half_width(place), shape.lower_edge(place), shape.top(place)
-    waist = max(low + 0.02, 0.45 * top + 0.1)
-    shoulder = max(waist + 0.02, top - 0.09)
-    points = (
-        (_LOW * half, low), (half, min(max(low + 0.01, 0.3 * top + 0.1), waist)), (half, waist),
-        (_SHOULDER * half, shoulder), (_EDGE * half, top), (0.0, top + 0.025),
-    )  # fmt: skip
-    return np.array([(-place, y, z) for y, z in points])
+def build_greenhouse(shape: CarShape, detail: int) -> list[Face]:
+    """Build roof, pillars and windows; the side windows stand on the belt and lean inwards.
 
-
-def _shell(shape: CarShape, detail: int) -> list[Face]:
-    places = _stations(shape, detail)
-    rings = [_ring(shape, place) for place in places]
-    left: list[Face] = []
-    for (front, ahead), (rear, behind) in pairwise(zip(places, rings, strict=True)):
-        is_covered = front >= shape.cowl and rear <= shape.foot - _OPEN_DECK
-        left += [
-            (np.array([ahead[k + 1], ahead[k], behind[k], behind[k + 1]]), Part.BODY)
-            for k in range(4 if is_covered else 5)
-        ]
-    faces = mirrored(left)
-    for ring, turn in ((rings[0], 1), (rings[-1], -1)):
-        outline = np.concatenate([ring * [1.0, -1.0, 1.0], ring[-2::-1]])
-        faces.append((outline[::-1] if turn > 0 else outline, Part.BODY))
-    return faces
-
-
-def _greenhouse(shape: CarShape, detail: int) -> list[Face]:
-    """Build roof, pillars and windows; the side windows stand on the belt and lean inwards."""
+    Args:
+        shape: the car's measures.
+        detail: `FINE` or `COARSE`.
+    """
     front, rear = shape.roof
     edge, crown = shape.height - 0.07, shape.height
     half = 0.5 * shape.width
     slim = shape.lean * half
 
-    def belt(place: float) -> tuple[float, float, float]:
-        return -place, _EDGE * shape.half_width(place), shape.top(place)
-
-    foot, head = (
-        np.array([belt(shape.cowl), belt(shape.foot)]),
-        np.array([(-front, slim, edge), (-rear, slim, edge)]),
-    )
+    foot = np.array([shape.ring(place)[4] for place in (shape.cowl, shape.foot)])
+    head = np.array([(-front, slim, edge), (-rear, min(slim, 0.96 * foot[1, 1]), edge)])
 
     def along(share: float, up: float) -> Floats:
-        low = np.array(belt(shape.cowl + share * (shape.foot - shape.cowl)))
+        low = shape.ring(shape.cowl + share * (shape.foot - shape.cowl))[4]
         high = head[0] + share * (head[1] - head[0])
         return low + up * (high - low)
 
@@ -200,7 +246,7 @@ def _greenhouse(shape: CarShape, detail: int) -> list[Face]:
     left: list[Face] = []
     for number, (a, b) in enumerate(pairwise(cuts)):
         pillar = Part.TRIM if 0 < number < len(cuts) - 2 else Part.BODY
-        bands = ((0.0, 0.05, Part.BODY), (0.05, 0.9, Part.GLASS), (0.9, 1.0, Part.BODY))
+        bands = ((0.0, 0.05, Part.TRIM), (0.05, 0.9, Part.GLASS), (0.9, 1.0, Part.BODY))
         for start, end in pairwise(np.linspace(a, b, 1 + int(np.ceil((b - a) / _LONGEST_PANE)))):
             for low, high, part in bands if number % 2 else ((0.0, 1.0, pillar),):
                 left.append(pane(start, end, low, high, part))
@@ -210,12 +256,14 @@ def _greenhouse(shape: CarShape, detail: int) -> list[Face]:
         rows.insert(1, 0.5 * (rows[0] + rows[1]))
     for ahead, behind in pairwise(rows):
         left += [(np.array([ahead[k + 1], ahead[k], behind[k], behind[k + 1]]), Part.BODY) for k in range(3)]
-    left += _pane_across(*screen, crown)
-    left += _pane_across(*window, crown, tail=True)
+    left += _pane_across(*screen, crown, (0.06, 0.93))
+    if detail == FINE:
+        left += _behind_screen(*screen, crown) + _roof_lines(head, crown)
+    left += _pane_across(*window, crown, shape.rear_glass, tail=True)
     return mirrored(left)
 
 
-_SHARES = (1.0, 0.91, 0.5, 0.0)
+_SHARES = (1.0, 0.93, 0.5, 0.0)
 """Where windscreen, rear window and roof bend on their way from the side to the middle."""
 
 
@@ -231,206 +279,42 @@ def _across(low: Floats, high: Floats, bend: float, crown: float, up: float) -> 
     )
 
 
-def _pane_across(low: Floats, high: Floats, bend: float, crown: float, *, tail: bool = False) -> list[Face]:
+def _pane_across(
+    low: Floats, high: Floats, bend: float, crown: float, glass: tuple[float, float], *, tail: bool = False
+) -> list[Face]:
     """Build the left half of windscreen or rear window: a pillar, two panes, and a strip under the roof."""
-    heights = (0.0, 0.05, 0.93, 1.0)
-    rows = [_across(low, high, bend, crown, up) for up in heights]
+    rows = [_across(low, high, bend, crown, up) for up in (0.0, *glass, 1.0)]
+    sill = Part.BODY if glass[0] > _HIGH_PANE else Part.TRIM
     faces: list[Face] = []
-    for (below, above), part in zip(pairwise(rows), (Part.TRIM, Part.GLASS, Part.BODY), strict=True):
+    for (below, above), part in zip(pairwise(rows), (sill, Part.GLASS, Part.BODY), strict=True):
         for k in range(3):
             quad = np.array([below[k], above[k], above[k + 1], below[k + 1]])
             faces.append((quad[::-1] if tail else quad, Part.BODY if k == 0 else part))
     return faces
 
 
-def _patch(
-    place: Callable[[float], float],
-    ends: tuple[float, float],
-    heights: tuple[float, float],
-    part: Part,
-    *,
-    columns: int = 1,
-    ahead: bool = True,
-) -> list[Face]:
-    """Paint a strip on the nose or the tail.
-
-    Args:
-        place: how far ahead the strip lies at each distance from the middle, metres.
-        ends: where it begins and ends, metres to the left.
-        heights: its lower and upper edge, metres.
-        part: what it shows.
-        columns: flat pieces that it is made of.
-        ahead: it is seen from before the car, or else from behind.
-    """
-    ys = np.linspace(*ends, columns + 1)
-    low, high = heights
+def _behind_screen(low: Floats, high: Floats, bend: float, crown: float) -> list[Face]:
+    """Show the left half of what is seen through the windscreen: dashboard, a seat, and the mirror."""
     faces: list[Face] = []
-    for a, b in pairwise(ys):
-        quad = np.array([(place(a), a, low), (place(b), b, low), (place(b), b, high), (place(a), a, high)])
-        faces.append((quad if (b > a) == ahead else quad[::-1], part))
-    return faces
-
-
-def _bumper(shape: CarShape, curve: Curve, gap: float) -> Callable[[float], float]:
-    """Tell how far ahead the nose lies, or the tail behind, at a distance from the middle, and `gap` more."""
-    shares = [share for _, share in curve]
-    backs = [back for back, _ in curve]
-    half = 0.5 * shape.width
-
-    def back(y: float) -> float:
-        return gap - float(np.interp(abs(y) / half, shares, backs))
-
-    return back
-
-
-def _front_details(shape: CarShape, detail: int) -> list[Face]:
-    """Paint lamps, grille, plate and the lower intake on the nose."""
-    half, height = 0.5 * shape.width, shape.height
-    top = shape.bonnet * height - 0.05
-    at = [_bumper(shape, _NOSE, _GAP * k) for k in (1, 1.6, 2.2)]
-    lamp = (top - 0.13, top)
-    faces: list[Face] = []
-    left: list[Face] = []
-    left += _patch(
-        at[0], (0.56 * half, 0.965 * half), (lamp[0] - 0.02, lamp[1] + 0.015), Part.TRIM, columns=4
-    )
-    left += _patch(at[1], (0.58 * half, 0.9 * half), lamp, Part.HEADLAMP, columns=3)
-    turn = _patch(at[1], (0.9 * half, 0.955 * half), lamp, Part.LEFT)
-    faces += mirrored(left) + _indicators(turn)
-    faces += _patch(at[0], (-0.53 * half, 0.53 * half), (top - 0.12, top - 0.015), Part.TRIM, columns=2)
-    faces += _patch(
-        at[0],
-        (-0.66 * half, 0.66 * half),
-        (shape.clearance + 0.08, shape.clearance + 0.2),
-        Part.TRIM,
-        columns=2,
-    )
-    faces += _plate(at, 0.5 * (shape.clearance + 0.2 + top - 0.12) - 0.055, ahead=True)
-    if detail == FINE:
-        for z in (top - 0.085, top - 0.05):
-            faces += _patch(at[1], (-0.5 * half, 0.5 * half), (z, z + 0.012), Part.CHROME)
-        fog = _patch(
-            at[0], (0.74 * half, 0.84 * half), (shape.clearance + 0.1, shape.clearance + 0.18), Part.TRIM
-        )
-        faces += mirrored(fog)
-        faces += _bonnet_line(shape)
-    return faces
-
-
-def _bonnet_line(shape: CarShape) -> list[Face]:
-    """Draw the gap at the bonnet's front edge and the trough of the wipers."""
-    faces: list[Face] = []
-    for place, thick in ((0.14, 0.015), (shape.cowl - 0.1, 0.05)):
-        half = _EDGE * shape.half_width(place)
-        corners = []
-        for x, turn in ((place, 1.0), (place + thick, -1.0)):
-            lift = shape.top(x) + 0.01
-            corners += [
-                (-x, turn * half * 0.96, lift),
-                (-x, 0.0, lift + 0.027),
-                (-x, -turn * half * 0.96, lift),
-            ]
-        a, b, c, d, e, f = (np.array(corner) for corner in corners)
-        faces += [(np.array([f, a, b, e]), Part.TRIM), (np.array([e, b, c, d]), Part.TRIM)]
-    return faces
-
-
-def _rear_details(shape: CarShape, detail: int) -> list[Face]:
-    """Paint lamps, plate and bumper on the tail."""
-    half, height = 0.5 * shape.width, shape.height
-    back = [_bumper(shape, _TAIL, _GAP * k) for k in (1, 1.6, 2.2)]
-
-    def moved(place: Callable[[float], float]) -> Callable[[float], float]:
-        return lambda y: -shape.length - place(y)
-
-    at = [moved(place) for place in back]
-    top = (shape.deck - 0.08) * height
-    lamp = (top - 0.16, top)
-    faces: list[Face] = []
-    left = _patch(at[0], (0.6 * half, 0.95 * half), lamp, Part.BRAKE, columns=3, ahead=False)
-    faces += mirrored(left)
-    turn = _patch(at[1], (0.66 * half, 0.9 * half), (lamp[0] + 0.01, lamp[0] + 0.05), Part.LEFT, ahead=False)
-    faces += _indicators(turn)
-    faces += _patch(
-        at[0],
-        (-0.8 * half, 0.8 * half),
-        (shape.clearance + 0.12, shape.clearance + 0.24),
-        Part.TRIM,
-        columns=2,
-        ahead=False,
-    )
-    faces += _plate(at, top - 0.17, ahead=False)
-    if detail == FINE:
-        faces += _patch(
-            at[0], (-0.58 * half, 0.58 * half), (top - 0.035, top - 0.02), Part.CHROME, ahead=False
-        )
-    return faces
-
-
-def _indicators(left: list[Face]) -> list[Face]:
-    """Put the left ones' twins on the right."""
-    return left + [(corners, Part.RIGHT) for corners, _ in mirrored(left)[1::2]]
-
-
-def _plate(at: Sequence[Callable[[float], float]], low: float, *, ahead: bool) -> list[Face]:
-    """Screw a number plate on, 52 cm wide, with a few letters."""
-    faces = list(_patch(at[1], (-0.26, 0.26), (low, low + 0.11), Part.WHITE, ahead=ahead))
-    for y in (-0.19, -0.1, 0.02, 0.1, 0.18):
-        faces += _patch(at[2], (y - 0.025, y + 0.025), (low + 0.02, low + 0.09), Part.TRIM, ahead=ahead)
-    return faces
-
-
-def _side_lines(shape: CarShape) -> list[Face]:
-    """Draw door gaps and handles on the sides."""
-    left: list[Face] = []
-    doors = [shape.cowl + 0.1, 0.5 * (shape.cowl + shape.foot) - 0.05, shape.axles[1] - shape.wheel - 0.12]
-    for place in doors:
-        a, b = _ring(shape, place), _ring(shape, place + 0.018)
-        for k in range(1, 4):
-            quad = np.array([a[k + 1], a[k], b[k], b[k + 1]]) + np.array([0.0, 0.006, 0.0])
-            left.append((quad, Part.TRIM))
-    for place in (doors[1] - 0.28, doors[2] - 0.2):
-        y, z = shape.half_width(place) + 0.004, shape.top(place) - 0.17
-        left.append(
-            (
-                np.array(
-                    [
-                        (-place, y, z + 0.03),
-                        (-place, y, z),
-                        (-place - 0.16, y, z),
-                        (-place - 0.16, y, z + 0.03),
-                    ]
-                ),
-                Part.TRIM,
+    for (begin, end), (bottom, top), part in (
+        ((0.0, 0.95), (0.06, 0.16), Part.TRIM),
+        ((0.22, 0.68), (0.25, 0.68), Part.CABIN),
+        ((0.34, 0.56), (0.7, 0.83), Part.CABIN),
+        ((0.0, 0.1), (0.83, 0.91), Part.TRIM),
+    ):
+        rows = []
+        for up in (bottom, top):
+            row = _across(low, high, bend, crown, up)
+            rows.append(
+                [[np.interp(share, _SHARES[::-1], row[::-1, k]) for k in range(3)] for share in (end, begin)]
             )
-        )
-    return mirrored(left)
+        (a, b), (c, d) = np.array(rows) + np.array([0.02, 0.0, 0.02])
+        faces.append((np.array([a, c, d, b]), part))
+    return faces
 
 
-def build_wheels(x: float, half: float, radius: float, sides: int) -> list[Face]:
-    """Set a wheel on each side: tread, walls of the tyre, and a bright rim with dark gaps.
-
-    Args:
-        x: of the axle.
-        half: of the wheels' outer sides, from the middle.
-        radius: of a wheel.
-        sides: of its tread.
-    """
-    angles = np.arange(sides) * 2 * np.pi / sides - np.pi / 2
-
-    def circle(share: float, y: float) -> Floats:
-        return np.column_stack([
-            x + share * radius * np.cos(angles), np.full(sides, y), radius + share * radius * np.sin(angles)
-        ])  # fmt: skip
-
-    outer, inner, rim = circle(1.0, half - 0.01), circle(1.0, half - 0.2), circle(0.68, half - 0.005)
-    left: list[Face] = [(rim[::-1], Part.CHROME), (inner, Part.TYRE)]
-    for k in range(sides):
-        left.append((np.array([outer[k - 1], outer[k], inner[k], inner[k - 1]]), Part.TYRE))
-        left.append((np.array([outer[k], outer[k - 1], rim[k - 1], rim[k]]), Part.TYRE))
-    hub, spoke = circle(0.2, half + 0.002), circle(0.58, half + 0.002)
-    step = max(1, sides // 5)
-    for k in range(0, sides - step + 1, step):
-        m = (k + max(1, step // 2)) % sides
-        left.append((np.array([hub[k], spoke[m], spoke[k]]), Part.TYRE))
-    return mirrored(left)
+def _roof_lines(head: Floats, crown: float) -> list[Face]:
+    """Draw the left seam between the roof and the body's side."""
+    a, b = (end * [1.0, 0.95, 1.0] + [0.0, 0.0, 0.1 * (crown - end[2]) + 0.012] for end in head)
+    side = np.array([0.0, 0.025, -0.004])
+    return [(np.array([a, a + side, b + side, b]), Part.TRIM)]

@@ -5,12 +5,12 @@ from math import exp, sqrt
 import numpy as np
 
 from dojo_env.rendering.compiling import inner, kernel
+from dojo_env.rendering.fleet import MOST_VERTICES
 from dojo_env.rendering.lighting import SRGB, to_linear
 from dojo_env.rendering.raster import COVER, NEARER, draw_face, fill_triangle
 from dojo_env.rendering.shading import expose
 from dojo_env.rendering.shapes import Part
 from dojo_env.rendering.target import project, touch, turn
-from dojo_env.rendering.traffic import MOST_VERTICES
 from dojo_env.snapshot import Lights
 
 _FINEST, _FINE, _MIDDLE = 100.0, 36.0, 12.0
@@ -28,15 +28,17 @@ _PALETTE = to_linear(
         [
             (0, 0, 0), (16, 19, 22), (17, 17, 18), (30, 31, 34), (236, 238, 228), (120, 16, 14),
             (190, 110, 30), (190, 110, 30), (40, 80, 230), (205, 160, 130), (46, 52, 76), (232, 232, 230),
-            (150, 154, 160), (56, 38, 27), (60, 60, 64), (226, 206, 40),
+            (150, 154, 160), (56, 38, 27), (60, 60, 64), (226, 206, 40), (0, 0, 0), (62, 62, 64),
         ],
         dtype=np.uint8,
     )
 )  # fmt: skip
 """Linear colour by `Part`, of those that are the same for all road users."""
+_PARTS = len(Part)
 _OWN = np.full(len(Part), -1)
 """Row of a road user's own colours by `Part`; -1 where it has none."""
 _OWN[[Part.BODY, Part.SKIN, Part.LEGS, Part.HAIR, Part.GEAR]] = range(5)
+_OWN[Part.ACCENT] = _OWN[Part.GEAR]
 _EMITTED = np.minimum(1.0, _PALETTE * 1.2)
 """Linear light of a lit part."""
 _EMITTED[_HEADLAMP] = (1.0, 0.97, 0.86)
@@ -45,7 +47,9 @@ _EMITTED[_LEFT] = _EMITTED[_RIGHT] = (1.0, 0.5, 0.04)
 _EMITTED[_BLUE] = (0.2, 0.4, 1.0)
 _STREET = (0.2, 0.165, 0.12)
 """What street lamps add to road users at night."""
-_GLOSS = np.array([0.05, 0.1, 0.0, 0.03, 0.06, 0.05, 0.05, 0.05, 0.05, 0.0, 0.0, 0.04, 0.45])
+_GLOSS = np.zeros(len(Part))
+_GLOSS[: Part.CHROME + 1] = (0.05, 0.14, 0.0, 0.03, 0.06, 0.05, 0.05, 0.05, 0.05, 0.0, 0.0, 0.04, 0.45)
+_GLOSS[[Part.STRIPE, Part.ACCENT, Part.CABIN]] = _GLOSS[Part.BODY]
 """Share of the light that each `Part` mirrors when one looks straight at it."""
 _SPARKLE = 7.0
 """Strength of the sun's highlight, as a multiple of what is mirrored straight on."""
@@ -242,8 +246,9 @@ def _emission(part, lights, headlights):
 @inner
 def _shade_face(users, k, models, face, height, inside, veil, light, plain, shades, row):
     """Light a face: what it emits, or sun and sky on its colour and what it mirrors of them; then fog."""
-    part = models.parts[face]
-    own = _OWN[part]
+    number = models.parts[face] - _PARTS
+    part = models.parts[face] if number < 0 else _BODY  # A model from elsewhere has paint of its own colours.
+    own = _OWN[part] if number < 0 else -1
     lights = users.lights[k]
     glow = -1.0 if lights & _OFF else _emission(part, lights, light[WEATHER, 0])
     square = facing = level = 0.0
@@ -270,6 +275,8 @@ def _shade_face(users, k, models, face, height, inside, veil, light, plain, shad
             value = glow * _EMITTED[part, c]
         else:
             base = users.colours[k, own, c] if own >= 0 else _PALETTE[part, c]
+            if number >= 0:
+                base = models.colours[number, c]
             soft = share * light[_SKY_COLOUR, c] + (1.0 - share) * light[_GROUND_COLOUR, c]
             soft += light[WEATHER, 0] * _STREET[c] * (0.4 + 0.6 * share)
             around = _AROUND * light[_SKY_COLOUR, c]

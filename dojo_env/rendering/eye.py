@@ -75,14 +75,14 @@ def open_eye(scene: Scene, cars: Snapshot, camera: Camera, light: Light, *, smoo
         background, depths, parked = park_cars(
             *draw_background(scene, straight, light),
             cars,
-            scene.origin,
+            scene,
             straight,
             light,
             smooth=smooth,
             plain=plain,
         )
         canvases = {
-            factor: Canvas(straight.scaled(factor), clean, light, plain=plain)
+            factor: Canvas(straight.scaled(factor), clean, light, scene.fleet.library, plain=plain)
             for factor, clean in depths.items()
         }
         return background, canvases, parked

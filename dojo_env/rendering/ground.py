@@ -5,13 +5,14 @@ where shadow and light are given in closed form: soft edges at every size, witho
 is kept in the pixel's tag: `STATIC` less (shadow + 32 contact + 1024 light), each from 0 to `LEVELS`.
 """
 
-from math import ceil, sqrt
+from math import ceil, isnan, sqrt
 
 import numpy as np
 
 from dojo_env.rendering.compiling import inner, kernel
 from dojo_env.rendering.raster import STATIC
 from dojo_env.rendering.target import LEVELS, keep_span
+from dojo_env.rendering.traffic import Users
 from dojo_env.snapshot import Lights
 
 BEAM_LENGTH = 22.0
@@ -36,13 +37,13 @@ _EDGES = np.array(
 
 
 @kernel
-def draw_on_ground(near, users, profiles, sun, headlights, plain, view, target):
+def draw_on_ground(near, users, models, sun, headlights, plain, view, target):
     """Lay the shadows of road users, and at night the light of their head lamps, on the planes they stand on.
 
     Args:
         near: (k,) which road users.
         users: all of them.
-        profiles: (models, 4) see `Library`.
+        models: the library.
         sun: (3,) towards the sun; zero where none shines.
         headlights: whether head lamps are on.
         plain: throw the shadow of a box, and none where a road user touches the ground if the sun shines.
@@ -51,19 +52,57 @@ def draw_on_ground(near, users, profiles, sun, headlights, plain, view, target):
     """
     plane, corners, bounds = np.empty((7, 3)), np.empty((8, 2)), np.empty((view.height, 2))
     prisms, seen = np.empty((2, 8)), np.empty((8, 3))
-    for k in near:
-        if not _lay_plane(users, k, view, plane):
+    one = Users(
+        np.empty((1, 3, 3)),
+        np.empty((1, 3)),
+        np.empty(1, np.int32),
+        users.colours,
+        users.lights,
+        users.origin,
+    )
+    for number in range(len(near) * models.prints.shape[1]):
+        k, section = near[number // models.prints.shape[1]], number % models.prints.shape[1]
+        if not _stand(users, k, models, section, one) or not _lay_plane(one, 0, view, plane):
             continue
-        shadows = _throw(users, k, profiles, sun, view, plane, prisms, corners)
+        shadows = _throw(one, 0, models.profiles, sun, view, plane, prisms, corners)
         if plain and shadows:
             shadows = 1
         _fill(False, shadows, prisms, corners, plane, view, seen, bounds, target)
-        if headlights and plane[6, 1] > _NARROW and not users.lights[k] & _OFF:
+        if headlights and section == 0 and plane[6, 1] > _NARROW and not users.lights[k] & _OFF:
             for corner in range(8):
                 far = corner >> 2
                 half = _BEAM_FOOT + far * _BEAM_SPREAD * BEAM_LENGTH
                 corners[corner, 0], corners[corner, 1] = far * BEAM_LENGTH, half * (2 * (corner & 1) - 1)
             _fill(True, 0, prisms, corners, plane, view, seen, bounds, target)
+
+
+@inner
+def _stand(users, k, models, section, one):
+    """Take a section of a road user for one of its own; tells whether there is such a section."""
+    model = users.models[k]
+    ends = models.prints[model, section]
+    if isnan(ends[0, 0]):
+        return False
+    frame = users.frames[k]
+    one.models[0] = model if isnan(models.prints[model, 1, 0, 0]) else len(models.profiles) - 1
+    ahead = wide = 0.0
+    for axis in range(3):
+        one.places[0, axis] = users.places[k, axis]
+        one.places[0, axis] += ends[0, 0] * frame[axis, 0] + ends[0, 1] * frame[axis, 1]
+        along = ends[0, 0] - ends[1, 0], ends[0, 1] - ends[1, 1]
+        one.frames[0, axis, 0] = along[0] * frame[axis, 0] + along[1] * frame[axis, 1]
+        one.frames[0, axis, 2] = frame[axis, 2]
+        ahead += one.frames[0, axis, 0] ** 2
+        wide += frame[axis, 1] ** 2
+    # To the left: at right angles to ahead and up, and as wide as the whole road user.
+    size, tall = sqrt(wide / ahead), 0.0
+    for axis in range(3):
+        tall += frame[axis, 2] ** 2
+    for axis in range(3):
+        m, n = (axis + 1) % 3, (axis + 2) % 3
+        cross = frame[m, 2] * one.frames[0, n, 0] - frame[n, 2] * one.frames[0, m, 0]
+        one.frames[0, axis, 1] = size / sqrt(tall) * cross
+    return True
 
 
 @inner

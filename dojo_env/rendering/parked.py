@@ -11,7 +11,7 @@ from dojo_env.rendering.background import OWN, SAMPLES, Background, Depths
 from dojo_env.rendering.canvas import Canvas
 from dojo_env.rendering.classes import SEMANTIC_OF_KIND, Semantic
 from dojo_env.rendering.lighting import Light
-from dojo_env.rendering.scene import NO_LAMPS, NO_PATHS
+from dojo_env.rendering.scene import NO_LAMPS, NO_PATHS, Scene
 from dojo_env.rendering.target import label, resolve_pixels, resolve_samples
 from dojo_env.rendering.traffic import Users, place_users
 from dojo_env.rendering.view import View
@@ -36,7 +36,7 @@ def park_cars(
     background: Background,
     depths: Depths,
     cars: Snapshot,
-    origin: NDArray[np.float64],
+    scene: Scene,
     view: View,
     light: Light,
     *,
@@ -49,7 +49,7 @@ def park_cars(
         background: the static world without them.
         depths: of its samples; see `draw_background`.
         cars: see `parked_cars.list_parked`.
-        origin: (3,) of the scene, metres, map frame.
+        scene: the static world.
         view: the background's.
         light: what shines.
         smooth: pictures have more samples a pixel.
@@ -60,11 +60,12 @@ def park_cars(
         where pictures are smooth `SAMPLES`), and the cars.
     """
     clean = {1: np.ascontiguousarray(depths[OWN]), **({SAMPLES: depths} if smooth else {})}
-    users = place_users(cars, origin)
+    users = place_users(cars, scene.origin, fleet=scene.fleet)
     if not cars.ids:
         return background, clean, Parked(cars, users, np.empty(0, np.int32))
     canvases = {
-        factor: Canvas(view.scaled(factor), empty, light, plain=plain) for factor, empty in clean.items()
+        factor: Canvas(view.scaled(factor), empty, light, scene.fleet.library, plain=plain)
+        for factor, empty in clean.items()
     }
     targets = {factor: canvas.draw(users, NO_LAMPS, NO_PATHS) for factor, canvas in canvases.items()}
     own, finest = targets[1], targets[max(targets)]

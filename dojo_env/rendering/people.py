@@ -12,7 +12,7 @@ from math import cos, pi, sin
 import numpy as np
 from numpy.typing import NDArray
 
-from dojo_env.rendering.shapes import Face, Part, tube
+from dojo_env.rendering.shapes import Face, Part, loft_rings, tube
 
 Floats = NDArray[np.float64]
 Point = tuple[float, float, float]
@@ -211,19 +211,46 @@ def _torso(look: Look, poses: _Poses, detail: int) -> list[Face]:
     return faces
 
 
+_HEM = ((0.0, 0.255), (0.35, 0.245), (0.7, 0.235), (1.0, 0.222))
+"""Half widths of a skirt or coat, by the share of the way from its lower edge to the hips."""
+_LOOSE = 0.15
+"""Metres from the legs' middles to the cloth before and behind them."""
+
+
 def _hem(look: Look, poses: _Poses, sides: int) -> list[Face]:
-    """Let skirt or coat fall from the hips over both knees."""
-    knees = np.stack([_bend_leg(poses, number)[1] for number in range(2)], axis=1)
-    middle, reach = knees[..., 0].mean(axis=1), 0.62 * np.ptp(knees[..., 0], axis=1) + 0.14
-    (x, z), level = poses.hips.T, np.zeros(len(poses.hips))
-    low = knees[..., 2].max(axis=1) - 0.06
-    spine = np.stack(
-        [np.column_stack(each) for each in ((middle, level, low), (x, level, z - 0.1), (x, level, z + 0.08))],
+    """Let skirt or coat fall from the hips over both knees: level rings, each around both legs."""
+    limbs = [_bend_leg(poses, number) for number in range(2)]
+    (x, z), low = poses.hips.T, np.max([knee[:, 2] for _, knee, _ in limbs], axis=0) - 0.06
+    angles = (np.arange(sides) + 0.5) * 2 * pi / sides
+    rings = []
+    for share, wide in _HEM:
+        level = low + share * (z - 0.1 - low)
+        legs = np.array([_at_height(hip, knee, level) for hip, knee, _ in limbs] + [x] * (share == 1.0))
+        back, front = legs.min(axis=0) - _LOOSE, legs.max(axis=0) + _LOOSE
+        rings.append((0.5 * (back + front), level, 0.5 * (front - back), wide))
+    rings.append((x, z + 0.08, np.full(len(x), 0.122), 0.175))
+    corners = np.stack(
+        [
+            np.stack(
+                [
+                    middle[:, None] - deep[:, None] * np.sin(angles),
+                    np.broadcast_to(wide * np.cos(angles), (len(x), sides)),
+                    np.broadcast_to(level[:, None], (len(x), sides)),
+                ],
+                axis=-1,
+            )
+            for middle, level, deep, wide in rings
+        ],
         axis=1,
     )
-    wide = np.broadcast_to([0.23, 0.205, 0.155], (len(x), 3))
-    deep = np.column_stack([np.maximum(reach, 0.16), level + 0.15, level + 0.112])
-    return tube(spine, np.stack([wide, deep], axis=-1), sides, look.top if look.coat else Part.LEGS)
+    return loft_rings(corners, look.top if look.coat else Part.LEGS)
+
+
+def _at_height(hip: Floats, knee: Floats, level: Floats) -> Floats:
+    """Find how far ahead a thigh is at a height; below the knee it counts as straight down."""
+    share = np.clip((hip[:, 2] - level) / (hip[:, 2] - knee[:, 2]), 0.0, 1.0)
+    ahead: Floats = hip[:, 0] + share * (knee[:, 0] - hip[:, 0])
+    return ahead
 
 
 def _head(look: Look, poses: _Poses, detail: int) -> list[Face]:

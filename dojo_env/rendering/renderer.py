@@ -78,7 +78,8 @@ class Renderer:
             ConfigError: an output has no such name.
         """
         passes = _plan(tuple(outputs), smooth=self.smooth)
-        users = place_users(snapshot, self.scene.origin, rain=self._rain)
+        scene = self.scene
+        users = place_users(snapshot, scene.origin, rain=self._rain, ways=scene.ways, fleet=scene.fleet)
         return tuple(self._picture(snapshot, users, camera, passes, parked) for camera in cameras)
 
     def forget(self, cameras: Iterable[Camera] | None = None) -> None:

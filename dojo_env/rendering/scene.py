@@ -1,6 +1,6 @@
 """The static world of a map, ready to draw: triangles and what they are, signal lamps, and link paths."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import NamedTuple
@@ -11,9 +11,12 @@ from numpy.typing import NDArray
 
 from dojo_env.parked_cars import list_parked
 from dojo_env.rendering.classes import LAYERS, OTHER_LAYER, Semantic, Surface
+from dojo_env.rendering.fleet import Fleet, build_fleet, usual_fleet
 from dojo_env.rendering.lanes import lane_pieces
 from dojo_env.rendering.lighting import to_linear
+from dojo_env.rendering.ways import Ways, lay_ways
 from dojo_env.snapshot import Snapshot
+from dojo_env.vehicle_models import VehicleModel
 from dojo_maps.bundle import Bundle
 from dojo_maps.description import LinkKind, RoadMap, Signal
 
@@ -61,6 +64,8 @@ class Scene:
             number of its own from 0 to 1.
         lanes: (k, 10) pieces of lanes, see `LaneMap`.
         parked: the cars that stand in it; they are no part of its meshes.
+        ways: the middles of lanes.
+        fleet: what road users are drawn as.
     """
 
     road_map: RoadMap
@@ -74,6 +79,8 @@ class Scene:
     things: NDArray[np.float32]
     lanes: Floats
     parked: Snapshot
+    ways: Ways
+    fleet: Fleet
 
     @property
     def ground(self) -> float:
@@ -81,15 +88,19 @@ class Scene:
         return float(self.vertices[:, 2].min()) if len(self.vertices) else 0.0
 
 
-def build_scene(bundle: Bundle, *, parked: bool = True) -> Scene:
+def build_scene(
+    bundle: Bundle, models: Mapping[str, VehicleModel] | None = None, *, parked: bool = True
+) -> Scene:
     """Read a bundle's meshes and tell what each face is.
 
     Args:
         bundle: the map.
+        models: of a user's, by SUMO's vehicle type, in place of ours.
         parked: whether cars stand parked where it has them.
 
     Raises:
         DescriptionError: the bundle's scene is missing or broken.
+        ModelError: a model's file cannot be read.
     """
     vertices: list[Floats] = [np.empty((0, 3))]
     faces = [np.empty((0, 3), dtype=np.int64)]
@@ -121,6 +132,8 @@ def build_scene(bundle: Bundle, *, parked: bool = True) -> Scene:
         things=np.concatenate(things),
         lanes=lane_pieces(bundle.road_map),
         parked=list_parked(bundle.road_map) if parked else Snapshot(time=0.0),
+        ways=lay_ways(bundle.road_map),
+        fleet=build_fleet(models) if models else usual_fleet(),
     )
 
 

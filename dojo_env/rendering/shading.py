@@ -33,6 +33,8 @@ _LIT_WINDOWS = 0.55
 """Share of the panes that are dark at night."""
 _LEVEL = 0.95
 """Upward part of the normal of level roofs."""
+_INDOORS = 0.6
+"""Share of the sky's light that reaches what hangs or stands behind a pane."""
 _STREET = 0.16
 """What panes mirror where they do not show the sky, as a share of its light."""
 _GRASS, _ASPHALT, _PAVING, _PAINT, _BALLAST, _FACADE, _FOLIAGE, _WATER, _GLASS = 1, 2, 3, 4, 5, 6, 7, 8, 10
@@ -155,7 +157,7 @@ def _shade_sample(face, depth, u, v, view, world, scratch, lane, shown):
         textures.ruffle(place[0], place[1], place[2], pixel, normal)
     tone, pane = _tone(surface, face, place, normal, pixel, world, lane)
     if pane >= 0.0:
-        _show_pane(pane, normal, ray, world.light, shown)
+        _show_pane(pane, tone, normal, ray, world.light, shown)
     else:
         _light_surface(face, tone, place, normal, world, shown)
     _mirror(surface, place, normal, ray, pixel, world, shown)
@@ -191,8 +193,8 @@ def _sky(x, y, z, light, c):
 
 
 @inner
-def _show_pane(pane, normal, ray, light, shown):
-    """Show a window: what it mirrors over the dark behind it, or at night somebody's lamp."""
+def _show_pane(pane, tone, normal, ray, light, shown):
+    """Show a window: what it mirrors over what is behind it, or at night somebody's lamp."""
     along = normal[0] * ray[0] + normal[1] * ray[1] + normal[2] * ray[2]
     x, y, z = (
         ray[0] - 2.0 * along * normal[0],
@@ -202,7 +204,7 @@ def _show_pane(pane, normal, ray, light, shown):
     mirrored = 0.1 + 0.9 * (1.0 - min(1.0, abs(along))) ** 5
     opens = min(1.0, max(0.0, 4.0 * z + 0.3))
     for c in range(3):
-        behind = (0.03 + 0.12 * (pane < 0.3)) * light[_SKY_COLOUR, c]
+        behind = (0.03 + 0.12 * (pane < 0.3) + _INDOORS * tone) * light[_SKY_COLOUR, c]
         behind += light[_WEATHER, 0] * 0.6 * _WINDOW[c] * (pane > _LIT_WINDOWS)
         street = _STREET * light[_SKY_COLOUR, c]
         sky = street + opens * (_sky(x, y, z, light, c) - street)

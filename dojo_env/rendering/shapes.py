@@ -36,6 +36,10 @@ class Part(IntEnum):
     """What somebody has with him: a bag, an umbrella, a helmet, the frame of a bicycle."""
     STRIPE = 15
     """The bright stripe of a police car or a fire engine."""
+    ACCENT = 16
+    """A vehicle's second colour: of its bands and letters."""
+    CABIN = 17
+    """What is seen through panes: seats."""
 
 
 _SIDEWARD = 1e-3
@@ -110,6 +114,19 @@ def tube(
     angles = (np.arange(sides) + 0.5) * 2 * np.pi / sides
     flat = across[..., None, :] * np.column_stack([np.cos(angles), np.sin(angles)])
     rings = spine[..., None, :] + flat[..., :1] * left[..., None, :] + flat[..., 1:] * over[..., None, :]
+    return loft_rings(rings, parts)
+
+
+def loft_rings(rings: Floats, parts: Part | NDArray[np.uint8]) -> list[Face]:
+    """Join rings by quads, and close the first and the last.
+
+    Args:
+        rings: (..., n, sides, 3), each counter-clockwise seen from the next.
+        parts: see `tube`.
+
+    Returns:
+        Faces; their corners begin with the dimensions of `rings` before its last three.
+    """
     after = np.roll(rings, -1, axis=-2)
     quads = np.stack(
         [rings[..., :-1, :, :], after[..., :-1, :, :], after[..., 1:, :, :], rings[..., 1:, :, :]], axis=-2

@@ -1,6 +1,6 @@
 """Procedural textures: how bright each surface is at a place of the map. Pure functions of position."""
 
-from math import floor, sqrt
+from math import floor, sin, sqrt
 
 from dojo_env.rendering.compiling import kernel
 
@@ -219,7 +219,8 @@ def facade(along, height, left, number, pixel):  # noqa: PLR0911 - one for each 
         pixel: size of a pixel there, metres.
 
     Returns:
-        The tone, and where there is a pane of glass a number from 0 to 1 that is its own; else -1.
+        The tone, and -1; or where there is a pane of glass how bright is what is behind it, and a number
+        from 0 to 1 that is its own.
     """
     own = int(number * 65535.0)
     plaster = 1.0 + 0.16 * _layered_noise(0.4 * along, 0.4 * height, 0.4 * pixel)
@@ -243,7 +244,19 @@ def facade(along, height, left, number, pixel):  # noqa: PLR0911 - one for each 
         return 0.92 * plaster, -1.0
     if border < 0.025 or abs(u) < 0.014:
         return 1.25, -1.0
-    return 1.0, _hashed(i + 31 * own, j)
+    pane = _hashed(i + 31 * own, j)
+    return _curtain(abs(u) / half, (v - 0.27) / 0.55, pane), pane
+
+
+@kernel
+def _curtain(aside, up, pane):
+    """How bright is what hangs behind a pane: a blind that is partly down, curtains, or nothing."""
+    share = (17.0 * pane) % 1.0
+    if share < 0.35:
+        return 0.62 if up > 1.0 - 2.2 * share else 0.0
+    if share < 0.75:
+        return 0.5 - 0.12 * sin(40.0 * aside) if aside > 1.3 - share else 0.0
+    return 0.0
 
 
 @kernel
@@ -259,7 +272,18 @@ def _shop(along, height, own, plaster, pixel):
         return 0.75 * plaster, -1.0
     if edge < 0.014 or abs(u - 0.5) < 0.008 or height > 2.58:
         return 0.4, -1.0
-    return 1.0, 0.56 + 0.44 * _hashed(i + 17 * own, 2) if pixel < 1.0 else 0.5
+    return _goods(along, height, own), 0.56 + 0.44 * _hashed(i + 17 * own, 2) if pixel < 1.0 else 0.5
+
+
+@kernel
+def _goods(along, height, own):
+    """How bright is what stands in a shop window, piece by piece; above it the shop is dim."""
+    i = floor(along / 0.7)
+    tall = 0.6 + 1.3 * _hashed(i + own, 13)
+    aside = abs(along / 0.7 - i - 0.5)
+    if height < tall and aside < 0.25 + 0.2 * _hashed(i + own, 14):
+        return 0.15 + 0.75 * _hashed(i + own, floor(2.2 * height) + 15)
+    return 0.3 if height < 0.55 else 0.12 * (height > 2.2)
 
 
 @kernel
@@ -267,7 +291,8 @@ def foliage(x, y, z, pixel):
     """Leaves, and the dark between them."""
     tone = 1.0 + 0.8 * _layered_noise(0.9 * (x + 0.37 * z), 0.9 * (y + 0.61 * z), 0.9 * pixel)
     leaves = _layered_noise(4.5 * (x - 0.43 * z), 4.5 * (y + 0.71 * z), 4.5 * pixel)
-    return (tone + 1.3 * leaves) * (0.45 if leaves < -0.16 else 1.0)
+    twigs = _layered_noise(9.0 * (x + y), 9.0 * z + 5.0 * (x - y), 9.0 * pixel)
+    return (tone + 1.3 * leaves + 2.2 * twigs) * (0.35 if leaves + 0.9 * twigs < -0.12 else 1.0)
 
 
 @kernel

@@ -44,9 +44,11 @@ def _spoked_wheel(x: float, radius: float, detail: int, *, y: float = 0.0) -> li
     middle, sides = (x, y, radius), _WHEEL_SIDES[detail]
     if detail == _COARSEST:
         return _full_wheel(x, radius, 0.03, detail, y=y)
+    # From further away tyres are drawn thicker, or pixels would miss them.
+    inner = (0.92, 0.87, 0.8)[detail] * radius
     if detail == _FAR:
-        return ring(middle, (0.86 * radius, radius), 0.03, sides, Part.TYRE)
-    faces = ring(middle, (0.92 * radius, radius), 0.022, sides, Part.TYRE)
+        return ring(middle, (inner, radius), 0.03, sides, Part.TYRE)
+    faces = ring(middle, (inner, radius), 0.022, sides, Part.TYRE)
     faces += _rod([(x, y - 0.05, radius), (x, y + 0.05, radius)], 0.025, Part.CHROME, 5)
     if detail == 0:
         faces += ring(middle, (0.87 * radius, 0.92 * radius), 0.008, sides, Part.CHROME)[:2]
@@ -189,6 +191,43 @@ def build_motorcyclist(look: Look, detail: int) -> list[Face]:
         faces += moved(
             box(0.4, 0.34, 0.035, 0.86, 0.92, part) + box(-0.82, -0.88, 0.035, 0.76, 0.82, part), y
         )
+    return faces
+
+
+def build_moped_rider(look: Look, detail: int) -> list[Face]:
+    """Build somebody who sits on a motor scooter, feet on its floor."""
+    pose = Pose(
+        hips=(-0.3, 0.83),
+        lean=0.12,
+        ankles=((0.2, 0.13, 0.4), (0.2, -0.13, 0.4)),
+        hands=((0.36, 0.3, 1.0), (0.36, -0.3, 1.0)),
+    )
+    (faces,) = build_people(look, [pose], detail)
+    for x in (0.64, -0.62):
+        faces += _full_wheel(x, 0.24, 0.06, detail)
+    tail = [section(-0.12, 0.15, 0.3, 0.66), section(-0.2, 0.2, 0.28, 0.72), section(-0.75, 0.2, 0.34, 0.74),
+            section(-0.92, 0.1, 0.5, 0.7)]  # fmt: skip
+    shield = [section(0.5, 0.12, 0.36, 0.9), section(0.42, 0.2, 0.32, 0.94), section(0.34, 0.2, 0.3, 0.92)]
+    faces += loft(tail, Part.BODY) + loft(shield, Part.BODY)
+    faces += box(0.42, -0.2, 0.17, 0.26, 0.32, Part.TRIM) + box(-0.14, -0.78, 0.15, 0.72, 0.8, Part.TRIM)
+    if detail == _COARSEST:
+        return faces
+    faces += _rod([(0.4, 0.0, 0.9), (0.34, 0.0, 1.02)], 0.05, Part.BODY, 4)
+    faces += _rod(
+        [(0.32, 0.33, 1.0), (0.36, 0.12, 1.03), (0.36, -0.12, 1.03), (0.32, -0.33, 1.0)], 0.022, Part.TRIM
+    )
+    faces += box(0.53, 0.48, 0.07, 0.72, 0.84, Part.HEADLAMP) + box(-0.9, -0.94, 0.07, 0.58, 0.66, Part.BRAKE)
+    if detail == _FAR:
+        return faces
+    guard = np.array([(0.86, 0.0, 0.36), (0.64, 0.0, 0.53), (0.42, 0.0, 0.46)])
+    faces += tube(guard, np.array([(0.075, 0.015)] * 3), 4, Part.BODY)
+    faces += box(-0.94, -0.96, 0.09, 0.4, 0.52, Part.WHITE)
+    for part, y in ((Part.LEFT, 0.14), (Part.RIGHT, -0.14)):
+        faces += moved(box(0.5, 0.44, 0.03, 0.78, 0.84, part) + box(-0.86, -0.91, 0.03, 0.6, 0.66, part), y)
+        faces += moved(
+            _rod([(0.36, 0.0, 1.03), (0.38, 0.06, 1.16)], 0.01, Part.TRIM)
+            + box(0.4, 0.37, 0.05, 1.14, 1.24, Part.TRIM), 1.6 * y
+        )  # fmt: skip
     return faces
 
 

@@ -14,6 +14,7 @@ from dojo_env.conditions import Conditions, sample_conditions
 from dojo_env.config import SensingConfig
 from dojo_env.imaging import settle_imaging
 from dojo_env.snapshot import Snapshot
+from dojo_env.vehicle_models import settle_models
 from dojo_maps.bundle import Bundle
 
 if TYPE_CHECKING:
@@ -45,7 +46,7 @@ class Eyes:
         """The static world."""
         from dojo_env.rendering.scene import build_scene
 
-        return build_scene(self._bundle, parked=self.config.parked)
+        return build_scene(self._bundle, settle_models(self.config.models), parked=self.config.parked)
 
     def reset(self, seed: int) -> None:
         """Begin an episode: draw its conditions and its camera body, unless they are fixed."""

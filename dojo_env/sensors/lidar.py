@@ -16,8 +16,9 @@ from numpy.typing import NDArray
 from dojo_env.errors import ConfigError
 from dojo_env.rendering.classes import SEMANTIC_OF_KIND, Semantic
 from dojo_env.rendering.compiling import inner, kernel
+from dojo_env.rendering.fleet import MOST_VERTICES
 from dojo_env.rendering.scene import Scene
-from dojo_env.rendering.traffic import MOST_VERTICES, Users, library, place_users
+from dojo_env.rendering.traffic import Users, place_users
 from dojo_env.sensors.base import SENSORS, Look, Sensor, Site
 from dojo_env.snapshot import Snapshot
 
@@ -142,8 +143,9 @@ class LidarScanner:
 
     def scan(self, snapshot: Snapshot, lidars: Sequence[Lidar]) -> tuple[Scan, ...]:
         """Scan one instant with each lidar."""
-        snapshot = snapshot.joined(self._scene.parked)
-        users = place_users(snapshot, self._scene.origin)
+        scene = self._scene
+        snapshot = snapshot.joined(scene.parked)
+        users = place_users(snapshot, scene.origin, ways=scene.ways, fleet=scene.fleet)
         return tuple(self._scan(snapshot, users, lidar) for lidar in lidars)
 
     def _scan(self, snapshot: Snapshot, users: Users, lidar: Lidar) -> Scan:
@@ -152,7 +154,7 @@ class LidarScanner:
         static_ranges, static_semantic = self._static[lidar]
         ranges, semantic = static_ranges.copy(), static_semantic.copy()
         owners = np.full(ranges.shape, -1, dtype=np.int32)
-        models = library()
+        models = self._scene.fleet.library
         _hit_users(
             users.frames, users.places, users.models, models.vertices, models.faces, models.spans,
             np.array(lidar.position) - self._scene.origin, lidar.elevations, radians(lidar.heading_deg),

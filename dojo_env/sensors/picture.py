@@ -3,11 +3,13 @@
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
 from dojo_env.camera import BEV, Camera
 from dojo_env.errors import ConfigError
+from dojo_env.parked_cars import FIRST_NUMBER
 from dojo_env.rendering.outputs import OUTPUTS
 from dojo_env.sensors.base import CAMERA_KIND, SENSORS, Look, Sensor, Site
 
@@ -18,7 +20,7 @@ class CameraSensor:
 
     Attributes:
         camera: a camera, or the name of one that is placed from the map, such as `bev` or `approach_0`.
-        output: `rgb`, `depth`, `semantic` or `instance`.
+        output: `rgb`, `depth`, `semantic` or `instance`: of the simulated road users alone, in `instance`.
         interval: seconds from look to look; 0 looks at each decision.
         delay: seconds from a look until the agent gets it.
     """
@@ -52,7 +54,7 @@ class _MountedCamera(Sensor):
 
     def observe(self, look: Look) -> NDArray[Any]:
         made: NDArray[Any] = look.pictures[self._camera].outputs[self._output]
-        return made
+        return np.where(made < FIRST_NUMBER, made, 0) if self._output == "instance" else made
 
 
 def _mount(text: str, site: Site) -> Sensor:
