@@ -44,6 +44,8 @@ from dojo_env.rendering.outputs import Picture
 from dojo_env.scenario import Scenario
 from dojo_env.sensors.video_detector import PICTURE, TRUE_BOXES, VideoDetector, list_true_boxes
 from dojo_env.snapshot import Kind, Snapshot
+from dojo_maps.bundle import DEMAND
+from dojo_maps.input_files import read_bytes
 from dojo_maps.whole_file import write_json, write_text
 
 VIEWS = (PAPER, "usual", "6,-15", "3,-6")
@@ -246,7 +248,7 @@ def mix(scenario: str, folder: Path) -> Scenario:
         lot = crc32(found[1].encode()) % 100
         return f'<vehicle id="{found[1]}" type="{f"mixed_{lots[lot]}" if lot < len(lots) else "car"}"'
 
-    text = (bundle / "demand.rou.xml").read_text("utf-8")
+    text = read_bytes(bundle / DEMAND).decode()
     text = re.sub(r'<vehicle id="([^"]+)" type="car"', change, text)
     types = "".join(f'<vType id="mixed_{name}" vClass="{name}"/>' for name in MIXED)
     routes = folder / f"{bundle.stem}.rou.xml"

@@ -82,6 +82,8 @@ def _train(options: argparse.Namespace) -> int:
 def _train_row(options: argparse.Namespace) -> int:
     """Train a policy for one scenario."""
     from dojo_env.learning.scenario_check import check_scenario
+    from dojo_env.learning.settings import check_folder
+    from dojo_env.learning.settings import read_training as read_training_file
 
     training = read_training(options)
     folder = choose_folder(options.out, training)
@@ -90,9 +92,9 @@ def _train_row(options: argparse.Namespace) -> int:
         _check_for_ray(training, tensorboard=options.tensorboard)
     tell(f"{folder}: {training.algorithm} learns {training.scenario} from {training.observation}")
     check_scenario(training)
-    from dojo_env.learning.learner import check_folder, train  # Bad settings are told before torch is loaded.
+    check_folder(training, folder, read_training_file, resume=options.resume)
+    from dojo_env.learning.learner import train  # Bad settings are told before torch is loaded.
 
-    check_folder(training, folder, resume=options.resume)
     interruption.explain(_RESUME)
     if options.ray:
         from dojo_env.clusters import open_cluster, set_environment
@@ -110,13 +112,14 @@ def _train_row(options: argparse.Namespace) -> int:
 
 def _train_universal(options: argparse.Namespace) -> int:
     """Train a policy for any junction."""
-    from dojo_env.learning.universal.settings import check_folder
+    from dojo_env.learning.settings import check_folder
+    from dojo_env.learning.universal.settings import read_settings
     from dojo_env.scenario import PACKAGED
 
     training = read_universal(options, tuple(PACKAGED))
     folder = options.out or Path("runs", f"universal-seed{training.seed}")
     tell = say_nothing if options.quiet else say
-    check_folder(training, folder, resume=options.resume)
+    check_folder(training, folder, read_settings, resume=options.resume)
     tell(f"{folder}: one policy for any junction, from {', '.join(training.scenarios)}")
     from dojo_env.learning.universal.training import open_nodes, open_processes, train
 

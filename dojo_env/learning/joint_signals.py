@@ -33,6 +33,7 @@ class Stack:
         shapes = [observed.shape or () for observed, _ in known.values()]
         self.action_space = spaces.MultiDiscrete(phases)
         self._places = [] if len(shapes[0]) == 3 else place_features(phases, [size for (size,) in shapes])
+        self.observation_space: spaces.Box
         if self._places:
             width = 1 + max(int(places[-1]) for places in self._places) + len(self._agents)
             self.observation_space = spaces.Box(0.0, 1.0, (len(phases), width), np.float32)

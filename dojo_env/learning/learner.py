@@ -19,26 +19,11 @@ from dojo_env.learning.settings import (
     POLICY,
     SETTINGS,
     Training,
+    check_folder,
     read_training,
     write_training,
 )
 from dojo_maps.progress import say
-
-
-def check_folder(training: Training, folder: Path, *, resume: bool) -> None:
-    """See that a folder is free for a run, or this run's.
-
-    Raises:
-        ConfigError: it holds a run already, or none, or another one's.
-    """
-    path = folder / SETTINGS
-    if resume:
-        if read_training(path) != training:
-            raise ConfigError(f"{path}: another run's settings; give the same ones, or another --out")
-        if not (folder / CHECKPOINT).is_file():
-            raise ConfigError(f"{folder}: no checkpoint yet; start again without --resume in another folder")
-    elif path.exists():
-        raise ConfigError(f"{folder} holds a run already; --resume goes on with it, or name another --out")
 
 
 def prepare_folder(training: Training, folder: Path) -> None:
@@ -83,7 +68,7 @@ def train(
         ConfigError: the folder holds another run, or the checkpoint is another's.
         SimulationError: SUMO stopped.
     """
-    check_folder(training, folder, resume=resume)
+    check_folder(training, folder, read_training, resume=resume)
     prepare_process()
     known = read_checkpoint(folder / CHECKPOINT) if resume else None
     rows = known["known"]["rows"] if known else []

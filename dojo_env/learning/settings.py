@@ -5,7 +5,7 @@ import hashlib
 import json
 import math
 import platform
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -235,6 +235,28 @@ def read_training(path: Path) -> Training:
         return Training(**value["training"])
     except (ConfigError, TypeError) as error:
         raise RunFileError(path, f"not the settings of a training run ({error})") from error
+
+
+def check_folder(training: Any, folder: Path, read: Callable[[Path], Any], *, resume: bool) -> None:
+    """See that a folder is free for a run, or this run's.
+
+    Args:
+        training: the run's settings.
+        folder: of the run.
+        read: reads such settings from their file.
+        resume: whether the run goes on.
+
+    Raises:
+        ConfigError: the folder holds a run already, or none, or another one's.
+    """
+    path = folder / SETTINGS
+    if resume:
+        if read(path) != training:
+            raise ConfigError(f"{path}: another run's settings; give the same ones, or another --out")
+        if not (folder / CHECKPOINT).is_file():
+            raise ConfigError(f"{folder}: no checkpoint yet; start again without --resume in another folder")
+    elif path.exists():
+        raise ConfigError(f"{folder} holds a run already; --resume goes on with it, or name another --out")
 
 
 def write_training(training: Training, path: Path) -> None:

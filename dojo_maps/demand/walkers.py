@@ -116,8 +116,8 @@ def _choose_sides(areas: Sequence[Sequence[_Door]], ends: dict[str, set[str]]) -
     """
     if len(areas) != 2:
         return None
-    pairs = (pair for pair in product(*areas) if ends[pair[0][0].road] != ends[pair[1][0].road])
-    return next(pairs, None)
+    pairs = product(areas[0], areas[1])
+    return next((pair for pair in pairs if ends[pair[0][0].road] != ends[pair[1][0].road]), None)
 
 
 def _has_room(pair: Sequence[_Door], starts: dict[str, bool]) -> bool:

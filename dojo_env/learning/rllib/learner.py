@@ -16,11 +16,11 @@ from ray.tune.trainable import trainable
 
 from dojo_env.learning.checkpoints import are_known
 from dojo_env.learning.environments import VALIDATION_SEEDS, open_environment, open_evaluation
-from dojo_env.learning.learner import check_folder, prepare_folder
+from dojo_env.learning.learner import prepare_folder
 from dojo_env.learning.process_setup import prepare_process
 from dojo_env.learning.progress import Curve
 from dojo_env.learning.rllib.settings import ENVIRONMENT, FIGURES, build_config
-from dojo_env.learning.settings import CHECKPOINT, RunFileError, Training
+from dojo_env.learning.settings import CHECKPOINT, RunFileError, Training, check_folder, read_training
 from dojo_env.learning.tensor_files import load_tensors, save_tensors
 from dojo_maps.progress import say
 
@@ -36,7 +36,7 @@ def train(
         resume: go on from the folder's checkpoint.
         tell: takes lines of how far it is.
     """
-    check_folder(training, folder, resume=resume)
+    check_folder(training, folder, read_training, resume=resume)
     known: dict[str, Any] = read_checkpoint(folder / CHECKPOINT) if resume else {"steps": 0}
     prepare_process()
     begun = known["steps"]

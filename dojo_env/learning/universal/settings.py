@@ -92,25 +92,6 @@ def list_junctions(scenarios: Sequence[str]) -> list[tuple[str, tuple[str, ...]]
     return found
 
 
-def check_folder(training: UniversalTraining, folder: Path, *, resume: bool) -> None:
-    """See that a folder is free for a run, or this run's.
-
-    Raises:
-        ConfigError: it holds a run already, or none, or another one's.
-    """
-    path = folder / SETTINGS
-    if not resume:
-        if path.exists():
-            raise ConfigError(
-                f"{folder} holds a run already; --resume goes on with it, or name another --out"
-            )
-        return
-    if read_settings(path) != training:
-        raise ConfigError(f"{path}: another run's settings; give the same ones, or another --out")
-    if not (folder / CHECKPOINT).is_file():
-        raise ConfigError(f"{folder}: no checkpoint yet; start again without --resume in another folder")
-
-
 def read_settings(path: Path) -> UniversalTraining:
     """Read a run's settings.
 

@@ -22,7 +22,7 @@ from dojo_env.controllers.phase_competition import PhaseCompetition
 from dojo_env.errors import SimulationError
 from dojo_env.learning.pace import Pace
 from dojo_env.learning.process_setup import prepare_process
-from dojo_env.learning.settings import RunFileError
+from dojo_env.learning.settings import RunFileError, check_folder
 from dojo_env.learning.tensor_files import load_tensors, save_tensors
 from dojo_env.learning.universal.cases import Case, draw_case
 from dojo_env.learning.universal.network import PhaseNet
@@ -34,8 +34,8 @@ from dojo_env.learning.universal.settings import (
     POLICY,
     SETTINGS,
     UniversalTraining,
-    check_folder,
     list_junctions,
+    read_settings,
     write_settings,
 )
 from dojo_env.runs import run_controller
@@ -118,7 +118,7 @@ def train(
         ConfigError: the folder holds another run, or a scenario cannot be learned from.
         SimulationError: SUMO stopped in a validation, or in all episodes of a round.
     """
-    check_folder(training, folder, resume=resume)
+    check_folder(training, folder, read_settings, resume=resume)
     prepare_process()
     junctions = list_junctions(training.scenarios)
     tell(f"{sum(len(signals) for _, signals in junctions)} junctions of {len(junctions)} scenarios")
