@@ -1,11 +1,11 @@
 """Trams, trains and cycle tracks of an import: where they are built, how they pass junctions, who waits."""
 
-import subprocess
 from pathlib import Path
 from typing import Any
 
 import pytest
 import sumolib
+from networks import run_sumo_tool
 from osm_drawings import SIGNAL, Drawing, cross
 
 from dojo_maps.bundle import Bundle
@@ -36,14 +36,10 @@ def drive(bundle: Bundle, folder: Path, trips: list[tuple[str, str, str]]) -> di
         for k, (name, start, end) in enumerate(trips)
     )
     (folder / "a.rou.xml").write_text(f"<routes>{types}{rows}</routes>")
-    subprocess.run(
-        [
-            *("sumo", "-n", str(bundle.network), "-r", str(folder / "a.rou.xml"), "--end", "600"),
-            *("--collision.check-junctions", "--collision.action", "warn", "--no-step-log"),
-            *("--statistic-output", str(folder / "stat.xml"), "--time-to-teleport", "120"),
-        ],
-        check=True,
-        capture_output=True,
+    run_sumo_tool(
+        *("sumo", "-n", bundle.network, "-r", folder / "a.rou.xml", "--end", "600"),
+        *("--collision.check-junctions", "--collision.action", "warn", "--no-step-log"),
+        *("--statistic-output", folder / "stat.xml", "--time-to-teleport", "120"),
     )
     found: dict[str, str] = {}
     for record in sumolib.xml.parse(str(folder / "stat.xml"), ["vehicles", "teleports", "safety"]):
