@@ -14,6 +14,7 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
+import forked
 import networks
 import pytest
 from oracle import ExpectedMap, read_expected
@@ -130,18 +131,11 @@ def command_environment(**changes: str) -> dict[str, str]:
     return {**os.environ, "PYTHONPATH": os.pathsep.join(paths), **changes}
 
 
-def dojo_maps(*arguments: object, timeout: float = 300, **options: Any) -> subprocess.CompletedProcess[str]:
+def dojo_maps(
+    *arguments: object, cwd: Path | None = None, env: dict[str, str] | None = None, timeout: float = 300
+) -> subprocess.CompletedProcess[str]:
     """Run the real command line."""
-    options.setdefault("env", command_environment())
-    return subprocess.run(
-        [sys.executable, "-m", "dojo_maps.cli", *map(str, arguments)],
-        capture_output=True,
-        text=True,
-        encoding="utf-8",
-        timeout=timeout,
-        check=False,
-        **options,
-    )
+    return forked.run([*map(str, arguments)], cwd=cwd, env=env or command_environment(), timeout=timeout)
 
 
 @contextlib.contextmanager
