@@ -25,7 +25,7 @@ REPOSITORY = Path(__file__).resolve().parents[1]
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
 NO_GENERATED = "--no-generated"
-_LONG = ("test_train", "test_learned_rows", "test_benchmark", "test_robustness", "test_env_encoders")
+_LONG = ("test_ray", "test_train", "test_learned_rows", "test_benchmark", "test_robustness", "test_env_encoders")
 """Files of the tests that train policies or load encoders."""
 
 
@@ -160,6 +160,7 @@ def environment_cache(shared_folder: Path) -> Iterator[Path]:
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("DOJO_CACHE", str(shared_folder / "cache"))
         patch.setenv("NUMBA_CACHE_DIR", str(REPOSITORY / ".pytest_cache" / "kernels"))
+        patch.setenv("SB3_LOGDIR", str(shared_folder / "logs"))  # else a folder in /tmp for each model
         yield shared_folder / "cache"
 
 

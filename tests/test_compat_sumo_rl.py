@@ -125,7 +125,7 @@ def check_equal(face: str, keywords: dict[str, Any], steps: int) -> None:
     raise AssertionError(f"first differences from SUMO-RL in four layouts of memory: decisions {found}")
 
 
-@pytest.mark.sampled(3)
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("settings", SETTINGS, ids=lambda s: s["reward_fn"])
 @pytest.mark.parametrize("name", SCENARIOS)
 def test_observations_and_rewards_are_those_of_sumo_rl(name: str, settings: dict[str, Any]) -> None:

@@ -194,6 +194,7 @@ def test_the_observation_is_the_features_as_far_as_cameras_see(drive):
     assert np.mean(off) < 0.03
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize("name", ["max-pressure", "max-pressure-paper", "webster"])
 def test_controllers_act_on_what_is_measured(name, drive):
     world = drive(seconds=30)

@@ -43,6 +43,7 @@ def prove_all(found: list[SignalPlan], **settings: object) -> int:
     return states
 
 
+@pytest.mark.sampled(6)
 @pytest.mark.parametrize("name", [TWO_WAY if name == "two-way" else name for name in PACKAGED])
 @pytest.mark.parametrize("phases", ["program", "computed"])
 def test_packaged_scenarios_are_proved(name: str, phases: str) -> None:

@@ -15,6 +15,7 @@ stable_baselines3 = pytest.importorskip("stable_baselines3")
 OBSERVATIONS = ["features", "bev", "multi_view", "detector"]
 
 
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize("scenario", ["two-way", "cologne1", "ingolstadt1"])
 @pytest.mark.parametrize("observation", OBSERVATIONS)
 def test_checker_accepts_every_observation(scenario: str, observation: str) -> None:

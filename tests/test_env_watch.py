@@ -184,6 +184,7 @@ def test_wrong_usage_of_watch_is_one_line_and_a_status(
     assert said.count("\n") == 1
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize("scenario", ["two-way", "cologne1", "cologne3"])
 def test_figures_counted_from_snapshots_are_those_of_the_environment(scenario: str) -> None:
     world = LocalWorld(build_config(scenario=scenario, num_seconds=300))

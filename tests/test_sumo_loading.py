@@ -137,7 +137,7 @@ def test_sumo_ends_with_the_context() -> None:
 
 
 def test_repair_that_sumo_would_refuse_is_given_up(monkeypatch: pytest.MonkeyPatch) -> None:
-    path, _ = find_network("arterial4x4")
+    path, _ = find_network("two-way")
     data, check = read_bytes(path), "signals.yellow_short"
     lengthen = REPAIRS[check]
 
