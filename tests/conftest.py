@@ -25,13 +25,20 @@ REPOSITORY = Path(__file__).resolve().parents[1]
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
 NO_GENERATED = "--no-generated"
-_LONG = ("test_ray", "test_train", "test_learned_rows", "test_benchmark", "test_robustness", "test_env_encoders")
+_LONG = (
+    "test_ray",
+    "test_train",
+    "test_learned_rows",
+    "test_benchmark",
+    "test_robustness",
+    "test_env_encoders",
+)
 """Files of the tests that train policies or load encoders."""
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--whole", action="store_true", help="every case of the long suites, on every network")
-    parser.addoption("--fuzz", type=int, default=12, help="how many damaged copies of a network to convert")
+    parser.addoption("--fuzz", type=int, default=6, help="how many damaged copies of a network to convert")
     parser.addoption("--interruptions", type=int, default=4, help="how many commands to interrupt at random")
 
 

@@ -25,7 +25,7 @@ from scene_reader import (
 )
 from shapely import LineString
 
-pytestmark = pytest.mark.sampled(7)
+pytestmark = pytest.mark.sampled(5)
 
 KERB_LIMIT = 0.25
 LIFT_LEAST, LIFT_MOST = 0.005, 0.05

@@ -38,6 +38,7 @@ def cameras(scene):
     return [camera for camera in placed if camera.name != BEV]
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize(
     ("change", "kinds"),
     [({}, (Kind.CAR,)), ({"roll_deg": 8.0, "pitch_deg": -20.0}, (Kind.CAR,)),

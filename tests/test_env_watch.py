@@ -101,6 +101,7 @@ def test_the_page_shows_pauses_steps_and_goes_on(scenario: str, tmp_path: Path) 
         assert page.run("document.documentElement.scrollWidth <= innerWidth")
 
 
+@pytest.mark.sampled(0)
 @needs_browser
 def test_the_page_chooses_among_signals_while_it_is_paused(tmp_path: Path) -> None:
     with watching("watch", "--scenario", "cologne3") as watched, Browser(watched.url, tmp_path) as page:

@@ -142,7 +142,7 @@ def test_city_runs_in_sumo_without_a_word(city: tuple[Bundle, dict[str, Any]], t
     assert done.stderr == ""
 
 
-@pytest.mark.sampled(8)
+@pytest.mark.sampled(5)
 def test_drawn_junction_is_whole(drawn: tuple[str, Bundle, dict[str, Any]]) -> None:
     name, bundle, report = drawn
     quality = report["osm"]
@@ -172,6 +172,7 @@ def cut(lon: float, lat: float, path: Path) -> Path:
     return path
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize(
     ("lon", "lat"), [(24.94276, 60.17053), (24.93874, 60.16987), (24.94218, 60.16758), (24.94996, 60.17821)]
 )
@@ -393,6 +394,7 @@ ODD = {
 }  # fmt: skip
 
 
+@pytest.mark.sampled(6)
 @pytest.mark.parametrize(("elements", "status"), ODD.values(), ids=ODD.keys())
 def test_import_of_odd_data_is_a_bundle_or_one_error(
     elements: str, status: int, tmp_path: Path, capsys: pytest.CaptureFixture[str]

@@ -99,6 +99,7 @@ def test_benchmark_gives_the_same_figures_on_a_cluster(cluster: Any, tmp_path: P
         assert (a / "series.csv").read_bytes() == (b / "series.csv").read_bytes()
 
 
+@pytest.mark.sampled(0)
 def test_a_data_set_has_the_same_bytes_on_a_cluster(cluster: Any, tmp_path: Path) -> None:
     done = run_env(*DATASET, "-o", tmp_path / "here")
     assert done.returncode == 0, done.stderr
@@ -172,12 +173,18 @@ def test_bad_arguments_are_one_line_before_any_work(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    "command", [("train", "--out", "{folder}"), (*BENCHMARK, "--results", "{folder}")], ids=["train", "benchmark"]
+    "command",
+    [("train", "--out", "{folder}"), (*BENCHMARK, "--results", "{folder}")],
+    ids=["train", "benchmark"],
 )
 def test_a_cluster_that_is_not_there_is_one_line(command: tuple[object, ...], tmp_path: Path) -> None:
     folder = tmp_path / "a"
     status, errors = run(
-        command[0], "--quiet", *(str(each).format(folder=folder) for each in command[1:]), "--ray", "127.0.0.1:1"
+        command[0],
+        "--quiet",
+        *(str(each).format(folder=folder) for each in command[1:]),
+        "--ray",
+        "127.0.0.1:1",
     )
     assert status == 2
     assert "no Ray cluster answers" in errors

@@ -11,7 +11,7 @@ from dojo_maps.errors import DojoError
 from dojo_maps.repair.fixing import describe, patch_of
 from dojo_maps.repair.rounds import fix_network
 
-pytestmark = pytest.mark.sampled(6)
+pytestmark = pytest.mark.sampled(4)
 
 
 def check_ends_fairly(data: bytes) -> None:

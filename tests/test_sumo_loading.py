@@ -51,6 +51,7 @@ def states(report: dict[str, Any]) -> dict[str, str]:
     return {check["id"]: check["status"] for check in report["checks"]}
 
 
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize("kind", REFUSED)
 def test_network_that_sumo_refuses_has_an_error_that_quotes_sumo(kind: str, tmp_path: Path) -> None:
     pattern, instead, fault = REFUSED[kind]

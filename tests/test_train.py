@@ -32,11 +32,11 @@ files = pytest.importorskip("dojo_env.learning.checkpoints")
 tensors = pytest.importorskip("dojo_env.learning.tensor_files")
 
 QUICK = {
-    "ppo": ["--scenario", "two-way", "--algorithm", "ppo", "--set", "n_steps=24", "batch_size=24"],
-    "threads": ["--scenario", "two-way", "--algorithm", "ppo", "--observation", "bev",
-                "--set", "n_steps=24", "batch_size=24"],
     "bev": ["--scenario", "two-way", "--algorithm", "dqn", "--observation", "bev", "--size", "36x48",
             "--background-subtraction", "--set", "learning_starts=40", "n_steps=3"],
+    "threads": ["--scenario", "two-way", "--algorithm", "ppo", "--observation", "bev",
+                "--set", "n_steps=24", "batch_size=24"],
+    "ppo": ["--scenario", "two-way", "--algorithm", "ppo", "--set", "n_steps=24", "batch_size=24"],
     "encoded": ["--scenario", "two-way", "--algorithm", "a2c", "--observation", "bev", "--size", "84x84",
                 "--encoder", "efficientnet-lite0", "--averaged-weights"],
 }  # fmt: skip

@@ -15,7 +15,7 @@ from dojo_maps.errors import SourceError
 from dojo_maps.sources.sumo_net import read_network
 from dojo_maps.validation.runner import run_checks
 
-pytestmark = pytest.mark.sampled(6)
+pytestmark = pytest.mark.sampled(4)
 
 SECONDS, MEMORY = 60.0, 3 << 30
 MILLION = 1_000_000
