@@ -7,7 +7,6 @@ import os
 import random
 import signal
 import subprocess
-import sys
 from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass
 from functools import lru_cache
@@ -25,15 +24,15 @@ REPOSITORY = Path(__file__).resolve().parents[1]
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
 NO_GENERATED = "--no-generated"
-_LONG = (
-    "test_ray",
-    "test_train",
-    "test_learned_rows",
-    "test_benchmark",
-    "test_robustness",
-    "test_env_encoders",
-)
+_FIRST = (
+    "test_ray", "test_train", "test_learned_rows", "test_benchmark", "test_robustness", "test_env_encoders",
+)  # fmt: skip
 """Files of the tests that train policies or load encoders."""
+_LAST = (
+    "test_calibration", "test_camera", "test_datasets", "test_detectors", "test_env_", "test_event",
+    "test_films", "test_imaging", "test_rendering", "test_sensor",
+)  # fmt: skip
+"""Files of the tests that draw: when they begin, one worker has compiled the kernels for all."""
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
@@ -65,14 +64,14 @@ def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     """Leave out what is sampled away, and begin with what takes longest.
 
-    So no worker is left alone with it in the end.
+    So no worker is left alone with it in the end. What draws comes last.
     """
     left_out = set() if config.getoption("--whole") else _choose_left_out(items)
     if left_out:
         config.hook.pytest_deselected(items=[item for item in items if item in left_out])
     items[:] = sorted(
         (item for item in items if item not in left_out),
-        key=lambda item: not item.path.stem.startswith(_LONG),
+        key=lambda item: 0 if item.path.stem.startswith(_FIRST) else 1 + item.path.stem.startswith(_LAST),
     )
 
 
