@@ -19,7 +19,7 @@ _RESUME = "dojo-env: train: interrupted; the same command with --resume goes on 
 
 def add_train(commands: Commands) -> None:
     """Add the command to the parser."""
-    from dojo_env.learning.settings import AGENTS, ALGORITHMS, CONDITIONS, OBSERVATIONS, PATCHES
+    from dojo_env.learning.settings import AGENTS, ALGORITHMS, CONDITIONS, NETWORKS, OBSERVATIONS, PATCHES
 
     train = add_command(commands, "train", _train, "train a policy to set the signals")
     train.add_argument(
@@ -66,6 +66,7 @@ def add_train(commands: Commands) -> None:
     )
     train.add_argument("--conditions", choices=list(CONDITIONS), help="light and weather (default: day)")
     train.add_argument("--agents", choices=AGENTS, help="how several signals learn (default: single)")
+    train.add_argument("--network", choices=list(NETWORKS), help="the policy's structure (default: usual)")
     train.add_argument(
         "--set", nargs="+", dest="hyperparameters", metavar="NAME=VALUE", help="the algorithm's own settings"
     )
@@ -145,7 +146,7 @@ def read_universal(options: argparse.Namespace, packaged: Sequence[str]) -> Any:
 
     others = ("scenario", "row", "algorithm", "observation", "encoder", "steps", "reward", "size", "agents",
               "conditions", "patches", "shared_views", "background_subtraction", "averaged_weights",
-              "min_green")  # fmt: skip
+              "min_green", "network")  # fmt: skip
     if wrong := [name for name in others if getattr(options, name) is not None]:
         raise ConfigError(f"--{wrong[0].replace('_', '-')} is for one scenario; leave it or --junctions out")
     settings = read_pairs(options.hyperparameters or [])
