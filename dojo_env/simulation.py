@@ -104,11 +104,12 @@ class Simulation:
         """Every vehicle that has departed, by its id."""
         return self._trips
 
-    def start(self, seed: int, *, more: Sequence[str] = ()) -> None:
+    def start(self, seed: int, *, routes: str | None = None, more: Sequence[str] = ()) -> None:
         """Start SUMO at the begin of the episode.
 
         Args:
             seed: of all of SUMO's random numbers.
+            routes: this episode's traffic as SUMO's XML, where the scenario names no files of it.
             more: further options.
 
         Raises:
@@ -121,6 +122,8 @@ class Simulation:
         if self._config.backend == "libsumo":
             self._try_loading()
         command = [*self._options(seed), *more]
+        if routes is not None:
+            command.append(f"--route-files={self._files.keep('episode.rou.xml', routes)}")
         self._messages = SumoMessages() if self._config.backend == "libsumo" else None
         try:
             if self._messages is not None:
