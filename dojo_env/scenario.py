@@ -177,6 +177,15 @@ def find_scenario(value: str | Path | Scenario, *, routes: Files | None = None) 
     if base and pattern in list_patterns() and not is_there(path):
         found = find_map(base)
         return replace(found, routes=(), pattern=find_pattern(pattern), name=f"{found.name}-{pattern}")
+    return _read_scenario(path)
+
+
+def _read_scenario(path: Path) -> Scenario:
+    """Find the scenario of a path.
+
+    Raises:
+        ConfigError: it names no demand, or nothing.
+    """
     if _is_configuration(path):
         return _read_sumocfg(path)
     if is_there(path / DEMAND):
@@ -190,7 +199,7 @@ def find_scenario(value: str | Path | Scenario, *, routes: Files | None = None) 
             "route files"
         )
     known = ", ".join(PACKAGED)
-    raise ConfigError(f"scenario {str(value)!r} is not known; give a .sumocfg, a Scenario, or one of {known}")
+    raise ConfigError(f"scenario {str(path)!r} is not known; give a .sumocfg, a Scenario, or one of {known}")
 
 
 def find_map(value: str | Path) -> Scenario:

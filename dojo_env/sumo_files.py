@@ -91,7 +91,7 @@ class SumoFiles:
             self._add_outputs(self._outputs, scenario)
 
     def keep(self, name: str, text: str) -> Path:
-        """Keep a text of ours in memory, in place of the last one of that name; returns where SUMO reads it."""
+        """Keep a text of ours in memory, in place of the last one of that name; returns its path."""
         file, place = _open_private(name)
         file.write(text.encode())
         file.flush()

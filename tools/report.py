@@ -260,14 +260,13 @@ def _commands(kept: Mapping[str, Mapping[str, KeptRow]]) -> str:
 
 
 def _tell_training(row: KeptRow) -> str:
-    """Tell how long a row's policy learned, and what is unusual about its reward, weights and network."""
+    """Tell how long a row's policy learned, and what is unusual about its reward and weights."""
     if not row.learned:
         return ""
     training = Training(**row.result["training"])
     reward = "" if training.reward == REWARD else f", reward {_tell_reward(training.reward)}"
     averaged = ", averaged weights" if training.averaged_weights else ""
-    patches = ", overlapping patches" if training.patches == "overlapping" else ""
-    return f"{training.steps:,} decisions{reward}{averaged}{patches}"
+    return f"{training.steps:,} decisions{reward}{averaged}"
 
 
 def _tell_reward(reward: Mapping[str, float]) -> str:

@@ -30,7 +30,6 @@ The learning rate is that of the beginning; it falls to 0 at the end, so that th
 """
 OBSERVATIONS = ("features", "bev", "multi_view", "detector")
 IMAGES = ("bev", "multi_view")
-PATCHES = ("apart", "overlapping")
 AGENTS = ("single", "shared", "independent")
 PACKAGES = ("traffic-dojo", "libsumo", "numpy", "gymnasium", "torch", "stable-baselines3")
 CONDITIONS: dict[str, dict[str, tuple[float, float]]] = {
@@ -76,8 +75,8 @@ class Training:
         height: pixels, where the policy sees images.
         width: pixels.
         shared_views: one set of weights for all of `multi_view`'s images.
-        patches: how those lie with which the network of an image begins; `overlapping` ones take twice the
-            time, and updates take turns with the environments on one thread.
+        blind: it sees nothing of the traffic, only the signal's own phase and for how long that has been
+            green; in the same shape, but that all views are one.
         background_subtraction: images show how far each pixel is from its own mean in the episode.
         averaged_weights: the policy that is validated and kept has the average of the weights so far, in
             which later ones count more.
@@ -101,7 +100,7 @@ class Training:
     height: int = 84
     width: int = 84
     shared_views: bool = False
-    patches: str = "apart"
+    blind: bool = False
     background_subtraction: bool = False
     averaged_weights: bool = False
     every: int = 3
@@ -121,7 +120,6 @@ class Training:
             "observation": OBSERVATIONS,
             "conditions": tuple(CONDITIONS),
             "agents": AGENTS,
-            "patches": PATCHES,
         }
         for name, values in known.items():
             if getattr(self, name) not in values:
@@ -131,17 +129,23 @@ class Training:
                 raise ConfigError(f"{name}={getattr(self, name)}: expected at least 1")
         if not 0 <= self.seed < _SEEDS:
             raise ConfigError(f"seed={self.seed}: expected 0 to {_SEEDS - 1}")
-        for name, unused in (("encoder", "none"), ("background_subtraction", False), ("patches", "apart")):
-            value = getattr(self, name)
-            if value != unused and self.observation not in IMAGES:
-                raise ConfigError(f"{name}={value!r} needs images; observe {' or '.join(IMAGES)}")
-        if self.agents != "single" and self.observation == "multi_view":
-            raise ConfigError("several signals have different numbers of views; observe features or bev")
+        self._check_observation()
         own = _complete(self.algorithm, self.hyperparameters)
         object.__setattr__(self, "hyperparameters", own)
         rollout = "train_freq" if self.algorithm == "dqn" else "n_steps"
         if self.decisions % own[rollout]:
             raise ConfigError(f"{rollout}={own[rollout]}: expected a divisor of {self.decisions}, an episode")
+
+    def _check_observation(self) -> None:
+        """Refuse what cannot be seen so."""
+        for name, unused in (("encoder", "none"), ("background_subtraction", False)):
+            value = getattr(self, name)
+            if value != unused and self.observation not in IMAGES:
+                raise ConfigError(f"{name}={value!r} needs images; observe {' or '.join(IMAGES)}")
+        if self.blind and (self.encoder != "none" or self.observation == "detector"):
+            raise ConfigError("blind=True: observe features, bev or multi_view, without an encoder")
+        if self.agents != "single" and self.observation == "multi_view":
+            raise ConfigError("several signals have different numbers of views; observe features or bev")
 
     @property
     def decisions(self) -> int:
@@ -164,19 +168,18 @@ class Training:
         return self.encoder == "none" and self.observation in IMAGES
 
     @property
-    def parallel_updates(self) -> bool:
-        """Whether updates use a second core, or leave it to the environments.
-
-        Policies kept with overlapping patches were trained without, and are to come out the same again.
-        """
-        return self.sees and self.patches == "apart"
+    def _shown(self) -> str:
+        """What the environment shows."""
+        if not self.blind:
+            return self.observation
+        return "blind_picture" if self.observation in IMAGES else "blind"
 
     @property
     def environment(self) -> dict[str, Any]:
         """Keywords of the environment that it learns in."""
         keywords: dict[str, Any] = {
             "scenario": self.scenario,
-            "observation": self.observation,
+            "observation": self._shown,
             "min_green": self.min_green,
             "num_seconds": self.seconds,
             "max_red": None,  # The paper sets no limit.

@@ -58,7 +58,7 @@ def build_traffic(bundle: Bundle, config: EnvConfig) -> Callable[[int], str | No
     pattern = config.scenario.pattern
     if pattern is None:
         return lambda _seed: None
-    from dojo_maps.demand.changing import ChangingTraffic  # Loads what few need.
+    from dojo_maps.demand.changing import ChangingTraffic  # noqa: PLC0415 - it loads what few need
 
     try:
         traffic = ChangingTraffic(bundle.road_map, bundle.network, pattern)

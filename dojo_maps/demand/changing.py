@@ -1,4 +1,4 @@
-"""Traffic by a pattern: what a seed draws of surges, platoons, turns, incidents, buses and emergency vehicles.
+"""Traffic by a pattern: surges, platoons, turns, breakdowns, buses and emergency vehicles, drawn by a seed.
 
 At each signal one side has the surge, for a while that nobody can foresee; then another has it. Routes and
 their volumes are found once for a map, departures are drawn for each seed.
@@ -61,8 +61,8 @@ class ChangingTraffic:
         self._walks = find_walks(road_map, network)
         if pattern.needs_crossings and not self._walks:
             raise DojoError(
-                f"{road_map.name}: no crossings that people can walk over, and pattern {pattern.name} is about "
-                "them; dojo-maps convert --enrich-net adds some"
+                f"{road_map.name}: no crossings that people can walk over, as pattern {pattern.name} needs "
+                "some; dojo-maps convert --enrich-net adds some"
             )
         self._signals = _group_sides(road_map, self._routes)
         self._closable = _find_closable(road_map, self._routes)
@@ -106,11 +106,15 @@ class ChangingTraffic:
             lasts = _draw(pattern.surge_seconds, chance) * (chance.random() if now == begin else 1.0)
             until = min(now + lasts, end)
             surge, rest = _draw(pattern.surge, chance), _draw(pattern.rest, chance)
-            yield now, until, [
-                (route, rate * (surge if place == busy else rest))
-                for place, side in enumerate(sides)
-                for route, rate in self._turn(side, chance)
-            ]
+            yield (
+                now,
+                until,
+                [
+                    (route, rate * (surge if place == busy else rest))
+                    for place, side in enumerate(sides)
+                    for route, rate in self._turn(side, chance)
+                ],
+            )
             now = until
 
     def _turn(self, side: _Side, chance: np.random.Generator) -> Iterator[tuple[int, float]]:
@@ -171,7 +175,7 @@ def _draw(between: Range, chance: np.random.Generator) -> float:
 
 
 def _group_sides(road_map: RoadMap, routes: Sequence[Route]) -> list[tuple[_Side, ...]]:
-    """Group routes by the signal that they are for, or the junction where there are no signals, and by side."""
+    """Group routes by the signal that they are for, or the junction where there is none, and by side."""
     index = MapIndex(road_map)
     ends = {road.id: road.to_junction for road in road_map.roads}
     signals = {
@@ -183,9 +187,7 @@ def _group_sides(road_map: RoadMap, routes: Sequence[Route]) -> list[tuple[_Side
     for place, route in enumerate(routes):
         road = route.movement[0]
         found[signals.get(route.movement, ends[road])][road].append(place)
-    return [
-        tuple(tuple(sides[road]) for road in sorted(sides)) for _, sides in sorted(found.items())
-    ]
+    return [tuple(tuple(sides[road]) for road in sorted(sides)) for _, sides in sorted(found.items())]
 
 
 def _find_closable(road_map: RoadMap, routes: Sequence[Route]) -> dict[int, tuple[Lane, ...]]:
@@ -200,7 +202,7 @@ def _find_closable(road_map: RoadMap, routes: Sequence[Route]) -> dict[int, tupl
         lanes = [index.lanes[lane] for lane in roads[route.movement[0]].lanes]
         open_lanes = [lane for lane in lanes if "passenger" in lane.allow]
         own = tuple(lane for lane in open_lanes if lane.id in leading[route.movement])
-        if route.vehicle_class == "passenger" and len(open_lanes) > 1 and own:
-            if own[0].length >= _SHORTEST_CLOSED:
-                found[place] = own
+        may = route.vehicle_class == "passenger" and len(open_lanes) > 1
+        if may and own and own[0].length >= _SHORTEST_CLOSED:
+            found[place] = own
     return found

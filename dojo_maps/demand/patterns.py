@@ -6,8 +6,8 @@
     surge = [2.0, 3.0]          # times as much on the side that has the surge
     surge_seconds = [120, 420]  # then it moves to another side
 
-Each pair is a range from which a seed draws, anew for each episode, surge or incident. A pattern is a TOML file
-with fields of `Pattern`; it fits any map.
+Each pair is a range from which a seed draws, anew for each episode, surge or incident. A pattern is a TOML
+file with fields of `Pattern`; it fits any map.
 """
 
 import math
