@@ -94,15 +94,15 @@ class Search:
         chance = np.random.default_rng(self.seed)
         for plan in self._list_starts():
             self._try(plan)
+        before, now = None, self.found
         for step in _STEPS:
-            helps = True
-            while helps and not self._is_over:
+            while now is not before and not self._is_over:
+                before = now
                 moves = list(self._list_moves(step))
-                order = chance.permutation(len(moves)).tolist()
-                before = self.found
-                for place in order:
+                for place in chance.permutation(len(moves)).tolist():
                     self._try(moves[place](self.found))
-                helps = self.found is not before
+                now = self.found
+            before = None
 
     @property
     def found(self) -> TimingPlan:

@@ -74,7 +74,7 @@ class SumoFiles:
         self._included: dict[Path, int] = {}
         self._open: list[Path] = []
         self._targets: dict[str, Path] = {}
-        self._kept: dict[str, IO[bytes]] = {}
+        self._kept: dict[str, tuple[IO[bytes], Path]] = {}
         wanted = scenario.options if options is None else options
         self.options: dict[str, str] = {**wanted, "net-file": str(self._make_safe(network))}
         weights = map(Path, filter(None, wanted.get("weight-files", "").split(",")))
@@ -92,10 +92,14 @@ class SumoFiles:
 
     def keep(self, name: str, text: str) -> Path:
         """Keep a text of ours in memory, in place of the last one of that name; returns its path."""
-        file, place = _open_private(name)
+        if name not in self._kept:
+            self._kept[name] = _open_private(name)
+            weakref.finalize(self, self._kept[name][0].close)
+        file, place = self._kept[name]
+        file.seek(0)
+        file.truncate()
         file.write(text.encode())
         file.flush()
-        self._kept[name] = file
         return place
 
     def name_originals(self, words: str) -> str:

@@ -39,7 +39,7 @@ MEANINGS = {
     "co2": "what the vehicles on these lanes emit, averaged over decisions",
 }
 WORDS = {
-    "hour": f"The hour of the first seed. Each curve is the mean of the last {WINDOW} decisions. What leaves "
+    "hour": f"The hour of the first seed. Each curve is the mean of the last {WINDOW} minutes. What leaves "
     "the picture jams.",
     "paper": "The same for the rows that the paper draws.",
     "training": "Mean trip on validation seeds during training, with those that have not ended: travel time "

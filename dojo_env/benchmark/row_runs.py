@@ -4,6 +4,7 @@ import shlex
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
+from statistics import fmean
 from typing import Any
 
 import numpy as np
@@ -12,7 +13,7 @@ from dojo_env.benchmark.rows import CONSTRAINTS, Row
 from dojo_env.controllers.timed import Timed
 from dojo_env.errors import ConfigError, PlanError
 from dojo_env.learning.result_files import read_result
-from dojo_env.learning.settings import CHECKPOINT, RunFileError, Training, list_versions
+from dojo_env.learning.settings import CHECKPOINT, INTERVAL, RunFileError, Training, list_versions
 from dojo_env.metrics import SIX
 from dojo_env.plan_search import VALIDATION_SEEDS, Memory, search_plan
 from dojo_env.runs import run_controller, summarize
@@ -26,7 +27,9 @@ CURVES = {
     "co2": "agents_total_co2", "delay": "agents_total_delay",
     "accumulated_waiting": "agents_total_accumulated_waiting_time", "queue": "agents_total_stopped",
 }  # fmt: skip
-"""What is kept of every decision of the first seed's hour, and its name in `info`."""
+"""What is kept of every minute of the first seed's hour, and its name in `info`."""
+_MINUTE = 60 // INTERVAL
+"""Decisions."""
 
 
 def find_folder(row: str, scenario: str, results: Path) -> Path:
@@ -117,8 +120,12 @@ def _tell_command(task: Mapping[str, Any]) -> str:
 
 
 def _write_series(path: Path, infos: Sequence[Mapping[str, Any]]) -> None:
-    """Write the curves of an hour; those that pictures show are the paper's."""
-    series = ([int(info["step"]), *(round(info[name], 3) for name in CURVES.values())] for info in infos)
+    """Write the curves of an hour, the mean of each minute; those that pictures show are the paper's."""
+    minutes = [infos[start : start + _MINUTE] for start in range(0, len(infos), _MINUTE)]
+    series = (
+        [int(part[-1]["step"]), *(round(fmean(info[name] for info in part), 3) for name in CURVES.values())]
+        for part in minutes
+    )
     write_table(path, ["second", *CURVES], series)
 
 

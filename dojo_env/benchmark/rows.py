@@ -154,11 +154,13 @@ def list_groups() -> dict[str, tuple[str, ...]]:
     learners = [row for row in rows if row.learns]
     several = [row for row in learners if row.settings.get("agents", "single") != "single"]
     varied = [row for row in learners if row.settings.get("conditions", "day") != "day"]
-    controllers = tuple(row.name for row in rows if not row.learns)
+    controllers = tuple(row.name for row in rows if row.controller is not None)
+    searched = tuple(row.name for row in rows if row.logic is not None)
     learned = tuple(row.name for row in learners if row not in several and row not in varied)
     return {
-        "all": (*controllers, *learned),
+        "all": (*controllers, *searched, *learned),
         "controllers": controllers,
+        "searched": searched,
         "learned": learned,
         "varied": tuple(row.name for row in varied),
         "several": tuple(row.name for row in several),
@@ -170,7 +172,11 @@ def list_rows(scenario: str) -> tuple[str, ...]:
     groups = list_groups()
     if scenario in ONE_SIGNAL:
         return (*groups["all"], *groups["varied"])
-    return (*groups["controllers"], *groups["several"]) if scenario in SEVERAL_SIGNALS else ()
+    return (
+        (*groups["controllers"], *groups["searched"], *groups["several"])
+        if scenario in SEVERAL_SIGNALS
+        else ()
+    )
 
 
 def find_row(name: str) -> Row:
