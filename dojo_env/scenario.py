@@ -17,7 +17,7 @@ from dojo_env.notes import say_once
 from dojo_env.scenario_folders import NETWORKS, find_start, first_departure, is_other_project_s
 from dojo_env.sumo_options import ROOTS, Configuration, read_configuration
 from dojo_maps.bundle import DEMAND, DESCRIPTION, NETWORK, REPORT, Bundle, open_bundle
-from dojo_maps.demand.patterns import Pattern, find_pattern, list_patterns
+from dojo_maps.demand.patterns import Pattern, find_pattern, split_pattern
 from dojo_maps.input_files import is_there
 from dojo_maps.safe_json import read_json
 from dojo_maps.signals.programs import read_seconds
@@ -173,8 +173,8 @@ def find_scenario(value: str | Path | Scenario, *, routes: Files | None = None) 
     if str(value) in PACKAGED:
         return packaged_scenario(str(value))
     path = Path(value)
-    base, _, pattern = str(value).rpartition("-")
-    if base and pattern in list_patterns() and not is_there(path):
+    base, pattern = split_pattern(str(value))
+    if pattern and not is_there(path):
         found = find_map(base)
         return replace(found, routes=(), pattern=find_pattern(pattern), name=f"{found.name}-{pattern}")
     return _read_scenario(path)

@@ -13,6 +13,8 @@ import pytest
 from dojo_env.config import build_config
 from dojo_env.errors import ConfigError
 from dojo_env.local_world import LocalWorld
+from dojo_env.recording import read_recording
+from dojo_env.replaying import find_map
 from dojo_env.scenario import Scenario, find_scenario, open_map
 from dojo_maps.bundle import Bundle
 from dojo_maps.demand.changing import ChangingTraffic
@@ -131,6 +133,17 @@ def test_an_environment_draws_its_traffic_by_its_seed() -> None:
     world.close()
     assert first == again != other
     assert first[1] > 20
+
+
+def test_a_recording_of_drawn_traffic_finds_its_map(tmp_path: Path) -> None:
+    config = build_config(scenario="cologne1-night", num_seconds=30, record_name=str(tmp_path / "x"))
+    world = LocalWorld(config)
+    world.reset(1)
+    for _ in range(6):
+        world.step({})
+    world.close()
+    (path,) = tmp_path.glob("x*.npz")
+    assert find_map(read_recording(path)).road_map.name == world.map.bundle.road_map.name
 
 
 def test_a_pattern_fits_any_bundle_and_draws_all_of_its_traffic(cologne: Bundle, tmp_path: Path) -> None:

@@ -27,7 +27,7 @@ from dojo_env.controllers import CONTROLLERS
 from dojo_env.errors import ConfigError
 from dojo_env.learning.settings import RunFileError, Training
 from dojo_env.timing_plans import LOGICS
-from dojo_maps.demand.patterns import list_patterns
+from dojo_maps.demand.patterns import split_pattern
 from dojo_maps.input_files import read_bytes
 
 FOLDER = Path(__file__).parent / "row_files"
@@ -81,9 +81,7 @@ class Row:
 
     def _find_own(self, scenario: str) -> _Settings:
         """Tell what is different on a scenario; one with a pattern has what its map has."""
-        base, _, pattern = scenario.rpartition("-")
-        same = base if scenario not in self.scenarios and pattern in list_patterns() else scenario
-        return self.scenarios.get(same, {})
+        return self.scenarios.get(scenario) or self.scenarios.get(split_pattern(scenario)[0], {})
 
     def find_training(self, scenario: str) -> Training:
         """Tell how its policy is trained on a scenario.

@@ -132,6 +132,12 @@ def find_pattern(value: str | Path) -> Pattern:
     raise SourceError(f"pattern {str(value)[:80]!r}", f"is not known; give one of {known}, or a .toml file")
 
 
+def split_pattern(name: str) -> tuple[str, str]:
+    """Split `cologne1-surges` into what traffic drives on and a packaged pattern; "" where there is none."""
+    base, _, pattern = name.rpartition("-")
+    return (base, pattern) if base and pattern in list_patterns() else (name, "")
+
+
 def _is_range(value: object) -> bool:
     return (
         isinstance(value, list | tuple)
