@@ -1,6 +1,7 @@
 """The best plan that sees nothing, by search: what any controller that sees has to beat.
 
-Sequences of phases come first, each with greens of a few lengths; then single times are changed, in steps
+Sequences of phases come first, each with the greens that Webster gives it for the scenario's usual flows, and
+with longer and shorter ones; then single times are changed, in steps
 that become smaller, as long as that helps (coordinate search, Hooke and Jeeves 1961). A plan is judged by the
 mean `travel_time_all` of the same validation episodes; a poor one is given up after the first few (racing).
 The same search tunes SUMO's own logics: their sequences, longest greens and parameters.
@@ -9,10 +10,11 @@ The same search tunes SUMO's own logics: their sequences, longest greens and par
 import hashlib
 import json
 import math
+from collections import Counter, defaultdict
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, field, replace
-from itertools import combinations, islice, permutations
+from itertools import combinations, islice, pairwise, permutations
 from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
@@ -33,8 +35,12 @@ from dojo_maps.whole_file import write_json
 VALIDATION_SEEDS = (500, 501, 502, 503)
 """Episodes that plans are judged by; the benchmark's are others."""
 JUDGED_BY = "travel_time_all"
-_LENGTHS = (20, 32)
-"""Seconds of each stage that a sequence is tried with at first."""
+_FACTORS = (1.0, 0.7, 1.4)
+"""How long the stages of a sequence are at first, beside Webster's."""
+_SATURATION, _LOST, _FULLEST = 0.5, 4.0, 0.9
+"""A lane's vehicles per second of green; seconds lost at a change; the most that flow ratios sum up to."""
+_CYCLES = (30.0, 150.0)
+"""Seconds of the shortest and the longest of Webster's cycles."""
 _STEPS = (8, 4, 2, 1)
 """Seconds by which single times are changed."""
 _MOST_SEQUENCES = 8
@@ -55,6 +61,8 @@ _PARAMETERS: Mapping[str, Mapping[str, tuple[float, ...]]] = {
 """Of SUMO's logics, the values that are tried; the first guess is the middle one."""
 _LONGEST_GREENS = (20, 30, 45, 60, 90)
 
+Stages = tuple[tuple[int, int], ...]
+"""Phases and seconds, as `SignalTiming` has them."""
 Score = Callable[[TimingPlan, int], float]
 """Judges a plan in the episode of a seed; less is better."""
 
@@ -65,7 +73,7 @@ class Search:
 
     Attributes:
         score: judges a plan in an episode.
-        sequences: those that may be tried at each signal.
+        sequences: those that may be tried at each signal, with the stages that they begin with.
         logic: of the plan.
         budget: episodes that it may take.
         seed: of the order in which changes are tried.
@@ -75,9 +83,9 @@ class Search:
     """
 
     score: Score
-    sequences: Mapping[str, Sequence[tuple[int, ...]]]
+    sequences: Mapping[str, Sequence[Stages]]
     logic: str = "fixed"
-    budget: int = 80
+    budget: int = 70
     seed: int = 0
     seeds: Sequence[int] = VALIDATION_SEEDS
     best: TimingPlan | None = None
@@ -142,21 +150,16 @@ class Search:
         return True
 
     def _list_starts(self) -> Iterator[TimingPlan]:
-        """Give all signals their n-th sequence, with stages of a few lengths."""
+        """Give all signals their n-th sequence, with stages as they begin, shorter and longer."""
         usual = {name: values[len(values) // 2] for name, values in _PARAMETERS[self.logic].items()}
-        lengths = _LENGTHS if self.logic == "fixed" else _LENGTHS[:1]
+        factors = _FACTORS if self.logic == "fixed" else _FACTORS[:1]
         for number in range(max(map(len, self.sequences.values()))):
-            for length in lengths:
-                yield TimingPlan(
-                    signals={
-                        signal: SignalTiming(
-                            stages=tuple((phase, length) for phase in known[min(number, len(known) - 1)])
-                        )
-                        for signal, known in self.sequences.items()
-                    },
-                    logic=self.logic,
-                    parameters=usual,
-                )
+            signals = {
+                signal: SignalTiming(stages=known[min(number, len(known) - 1)])
+                for signal, known in self.sequences.items()
+            }
+            plan = TimingPlan(signals=signals, logic=self.logic, parameters=usual)
+            yield from (_Stretch(factor)(plan) for factor in factors)
 
     def _list_moves(self, step: int) -> Iterator[Callable[[TimingPlan], TimingPlan]]:
         if self.logic == "fixed":
@@ -223,16 +226,13 @@ class _Shift:
 
 @dataclass(frozen=True, slots=True)
 class _Resequence:
-    """Give a signal another sequence, its cycle's length shared out evenly."""
+    """Give a signal another sequence, with the stages that it begins with."""
 
     signal: str
-    sequence: tuple[int, ...]
+    stages: Stages
 
     def __call__(self, plan: TimingPlan) -> TimingPlan:
-        cycle = sum(seconds for _, seconds in plan.signals[self.signal].stages)
-        each = _fit(cycle / len(self.sequence))
-        stages = tuple((phase, each) for phase in self.sequence)
-        return _with(plan, self.signal, replace(plan.signals[self.signal], stages=stages))
+        return _with(plan, self.signal, replace(plan.signals[self.signal], stages=self.stages))
 
 
 @dataclass(frozen=True, slots=True)
@@ -285,11 +285,44 @@ def list_sequences(plan: SignalPlan) -> tuple[tuple[int, ...], ...]:
     return tuple(found) or (tuple(range(len(served))),)
 
 
+def compute_stages(
+    plan: SignalPlan, sequence: Sequence[int], ways: Mapping[tuple[str, str], int], *, seconds: float
+) -> Stages:
+    """Give a sequence Webster's cycle and splits.
+
+    Source: Webster, Traffic signal settings, Road Research Technical Paper 39, 1958.
+
+    Args:
+        plan: of the signal.
+        sequence: phases.
+        ways: how many vehicles drive from each road to the next.
+        seconds: in which they do.
+    """
+    pairs = {
+        link: (source.rpartition("_")[0], target.rpartition("_")[0]) for link, source, target in plan.links
+    }
+    lanes = Counter(pairs.values())
+    ratios = []
+    for phase in sequence:
+        flows: dict[str, float] = defaultdict(float)
+        for link, source, _ in plan.links:
+            shown = sum(plan.phases[other][link] in GREEN for other in sequence)
+            if plan.phases[phase][link] in GREEN:
+                flows[source] += ways.get(pairs[link], 0) / lanes[pairs[link]] / shown / seconds
+        ratios.append(max(flows.values(), default=0.0) / _SATURATION)
+    lost, total = _LOST * len(sequence), max(sum(ratios), 1e-6)
+    cycle = min(max((1.5 * lost + 5) / (1 - min(total, _FULLEST)), _CYCLES[0]), _CYCLES[1])
+    return tuple(
+        (phase, _fit(_LOST + (cycle - lost) * ratio / total))
+        for phase, ratio in zip(sequence, ratios, strict=True)
+    )
+
+
 def search_plan(
     keywords: Mapping[str, Any],
     *,
     logic: str = "fixed",
-    budget: int = 80,
+    budget: int = 70,
     seed: int = 0,
     memory: "Memory | None" = None,
     on_score: Callable[[Search], None] = lambda _search: None,
@@ -323,9 +356,7 @@ def search_plan(
     about = {name: str(value) for name, value in keywords.items()}
     signals = replace(config.signals, fixed_ts=True, program=logic)
     with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as pool:
-        plans: dict[str, tuple[tuple[int, ...], ...]] = pool.submit(
-            _prepare, replace(config, signals=signals)
-        ).result()
+        sequences = pool.submit(_prepare, replace(config, signals=signals)).result()
 
         def score(plan: TimingPlan, episode: int) -> float:
             key = describe_episode(plan, episode, about)
@@ -334,7 +365,7 @@ def search_plan(
                 on_score(search)
             return known.scores[key]
 
-        search = Search(score=score, sequences=plans, logic=logic, budget=budget, seed=seed)
+        search = Search(score=score, sequences=sequences, logic=logic, budget=budget, seed=seed)
         search.run()
     return search
 
@@ -383,11 +414,25 @@ _worlds: list[LocalWorld] = []
 """The world of this process, from which episodes fork."""
 
 
-def _prepare(config: EnvConfig) -> dict[str, tuple[tuple[int, ...], ...]]:
-    """Open the world; returns each signal's sequences."""
+def _prepare(config: EnvConfig) -> dict[str, tuple[Stages, ...]]:
+    """Open the world; returns each signal's sequences, with stages by the flows of an episode."""
     _worlds[:] = [LocalWorld(config)]
     _worlds[0].prepare()
-    return {signal: list_sequences(plan) for signal, plan in _worlds[0].map.plans.items()}
+    ways: Counter[tuple[str, str]] = call_in_fork(_count_ways)
+    seconds = config.sumo.end - config.sumo.begin
+    return {
+        signal: tuple(
+            compute_stages(plan, sequence, ways, seconds=seconds) for sequence in list_sequences(plan)
+        )
+        for signal, plan in _worlds[0].map.plans.items()
+    }
+
+
+def _count_ways() -> Counter[tuple[str, str]]:
+    """Count who drives from each road to the next, under the network's own cycles."""
+    world = _worlds[0]
+    world.run(Controller(), VALIDATION_SEEDS[0])
+    return Counter(pair for trip in world.traffic.simulation.trips.values() for pair in pairwise(trip.route))
 
 
 def _judge(plan: TimingPlan, seed: int) -> float:

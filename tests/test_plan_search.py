@@ -34,7 +34,11 @@ def test_a_search_finds_the_plan_that_is_best_and_the_same_one_again() -> None:
         return 100 + off + seed % 3
 
     def search() -> Search:
-        sequences = {"a": ((0, 1, 2), (0, 2), (1, 2)), "b": ((0, 1, 2), (0, 1), (1, 2))}
+        orders = {"a": ((0, 1, 2), (0, 2), (1, 2)), "b": ((0, 1, 2), (0, 1), (1, 2))}
+        sequences = {
+            signal: tuple(tuple((phase, 20) for phase in order) for order in known)
+            for signal, known in orders.items()
+        }
         found = Search(score=judge, sequences=sequences, budget=2000, seed=3)
         found.run()
         return found
@@ -53,17 +57,17 @@ def test_a_search_keeps_to_its_budget_and_needs_enough_for_one_plan() -> None:
         judged.append(seed)
         return 1.0 / len(judged)
 
-    Search(score=judge, sequences={"a": ((0, 1),)}, budget=11).run()
+    Search(score=judge, sequences={"a": (((0, 20), (1, 20)),)}, budget=11).run()
     assert len(judged) <= 11
     with pytest.raises(ConfigError, match="at least 4 episodes"):
-        Search(score=judge, sequences={"a": ((0, 1),)}, budget=3).run()
+        Search(score=judge, sequences={"a": (((0, 20), (1, 20)),)}, budget=3).run()
 
 
 def test_sumos_logics_are_tuned_by_their_own_parameters() -> None:
     def judge(plan: TimingPlan, _seed: int) -> float:
         return abs(plan.max_green - 45) + abs(plan.parameters["max-gap"] - 1.5) + 1
 
-    search = Search(score=judge, sequences={"a": ((0, 1),)}, logic="actuated", budget=200)
+    search = Search(score=judge, sequences={"a": (((0, 20), (1, 20)),)}, logic="actuated", budget=200)
     search.run()
     assert search.found.max_green == 45
     assert search.found.parameters["max-gap"] == 1.5

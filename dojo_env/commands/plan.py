@@ -26,7 +26,7 @@ def add_plan(commands: Commands) -> None:
         metavar="NAME",
         help="fixed (default), or SUMO's actuated or delay_based, whose times are searched",
     )
-    plan.add_argument("--budget", type=int, default=80, metavar="N", help="episodes (default: 80)")
+    plan.add_argument("--budget", type=int, default=70, metavar="N", help="episodes (default: 70)")
     plan.add_argument("--seed", type=int, default=0, metavar="N", help="of the search (default: 0)")
     plan.add_argument("--seconds", type=int, metavar="S", help="simulated, an episode")
     plan.add_argument("--min-green", type=int, default=10, metavar="S", help="seconds (default: 10)")
