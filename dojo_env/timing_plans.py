@@ -8,14 +8,19 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from types import MappingProxyType
 from typing import Any
 
 from dojo_env.errors import ConfigError, PlanError
 from dojo_maps.safe_json import read_json
 from dojo_maps.whole_file import write_json
 
-LOGICS = ("fixed", "actuated", "delay_based")
+PARAMETERS: Mapping[str, tuple[str, ...]] = {
+    "fixed": (),
+    "actuated": ("max-gap", "detector-gap", "passing-time", "inactive-threshold", "jam-threshold"),
+    "delay_based": ("detectorRange", "minTimeLoss"),
+}
+"""Of each logic, by SUMO's names; the others of SUMO's write files or show things."""
+LOGICS = tuple(PARAMETERS)
 FORMAT, VERSION = "dojo-plan", 1
 _MOST_STAGES, _LONGEST = 64, 3600
 
@@ -48,16 +53,20 @@ class TimingPlan:
     signals: Mapping[str, SignalTiming]
     logic: str = "fixed"
     max_green: int = 60
-    parameters: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
+    parameters: Mapping[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        """Refuse an unknown logic.
+        """Refuse an unknown logic, and parameters that are no times or distances of it.
 
         Raises:
             ConfigError: there is none of that name.
         """
         if self.logic not in LOGICS:
             raise ConfigError(f"logic={self.logic!r}: expected one of {', '.join(LOGICS)}")
+        known = PARAMETERS[self.logic]
+        if unknown := sorted(self.parameters.keys() - set(known)):
+            expected = f"expected some of {', '.join(known)}" if known else "it has none"
+            raise ConfigError(f"parameters of {self.logic}: {', '.join(unknown)[:80]}: {expected}")
 
 
 def describe_plan(plan: TimingPlan) -> dict[str, Any]:

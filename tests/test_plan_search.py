@@ -120,6 +120,8 @@ def test_a_plan_comes_back_from_its_file(tmp_path: Path) -> None:
         ({"logic": "clever"}, "expected one of fixed"),
         ({"max_green": 1.5}, "max_green = 1.5"),
         ({"parameters": {"max-gap": "3"}}, "expected numbers"),
+        ({"logic": "actuated", "parameters": {"file": 3}}, "parameters of actuated: file"),
+        ({"parameters": {"max-gap": 3}}, "it has none"),
         ({"signals": {"x": {"stages": []}}}, "signal x"),
         ({"signals": {"x": {"stages": [[0, 0]]}}}, "stage [0, 0]"),
         ({"signals": {"x": {"stages": [[0, True]]}}}, "stage [0, True]"),

@@ -11,14 +11,13 @@ import numpy as np
 
 from dojo_env.benchmark.rows import CONSTRAINTS, Row
 from dojo_env.controllers.timed import Timed
-from dojo_env.errors import ConfigError, PlanError
+from dojo_env.errors import ConfigError
 from dojo_env.learning.result_files import read_result
 from dojo_env.learning.settings import CHECKPOINT, INTERVAL, RunFileError, Training, list_versions
 from dojo_env.metrics import SIX
 from dojo_env.plan_search import VALIDATION_SEEDS, Memory, search_plan
 from dojo_env.runs import run_controller, summarize
 from dojo_env.timing_plans import write_plan
-from dojo_maps.safe_json import read_json
 from dojo_maps.whole_file import write_json, write_table
 
 FIGURES, SERIES, PLAN, SEARCH = "figures.json", "series.csv", "plan.json", "search.json"
@@ -146,7 +145,7 @@ Outcome = tuple[list[dict[str, Any]], list[dict[str, Any]]]
 def _find_plan(task: Mapping[str, Any], folder: Path) -> Timed:
     """Search the row's timing plan, where that is not done."""
     path, about = folder / PLAN, {name: task[name] for name in ("scenario", "seconds", "settings")}
-    if not path.is_file() or read_json(path, error=PlanError).get("searched") != about:
+    if not path.is_file() or read_result(path, "searched")["searched"] != about:
         memory = Memory(folder / SEARCH)
         keywords = {"scenario": task["scenario"], "num_seconds": task["seconds"], **task["settings"]}
         search = search_plan(keywords, logic=task["logic"], memory=memory)

@@ -30,7 +30,7 @@ class TrafficManager(Manager):
             ScenarioError: a file is cut short, no XML, or unsafe to read.
         """
         self.simulation = Simulation(bundle.network, config)
-        self._draw_routes = build_traffic(bundle, config)
+        self._draw_routes = _build_traffic(bundle, config)
 
     def before_reset(self, turn: Turn) -> None:
         """End the last episode's simulation."""
@@ -49,7 +49,7 @@ class TrafficManager(Manager):
         self.simulation.close()
 
 
-def build_traffic(bundle: Bundle, config: EnvConfig) -> Callable[[int], str | None]:
+def _build_traffic(bundle: Bundle, config: EnvConfig) -> Callable[[int], str | None]:
     """Find out how an episode's traffic is drawn: its seed in, SUMO's routes out; None without a pattern.
 
     Raises:
