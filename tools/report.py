@@ -77,7 +77,7 @@ More is better for throughput, less for all others.
 
 *Blind* is the best timing plan that a search finds on validation seeds: it sees nothing. *Of the way* \
 tells how far a row comes from it (0 %) to the best row known, published ones included (100 %), in travel \
-time; who serves less than nine tenths of the best throughput *jams*. An hour jams where one vehicle in twenty \
+time; who serves less than nine tenths of the best throughput *jams*. An hour jams where one vehicle in 20 \
 is late at its end; that is not told of rows that were run before it was counted. *Tuned* rows are SUMO's \
 logics with times found by the same search. Scenarios such as *cologne1-surges* have traffic drawn anew for \
 each seed, in which one side after another is busy, and nobody who does not look knows which.
