@@ -9,6 +9,7 @@ from dojo_env.commands.calibrate import add_calibrate
 from dojo_env.commands.cameras import add_cameras
 from dojo_env.commands.dataset import add_dataset
 from dojo_env.commands.evaluate import add_evaluate
+from dojo_env.commands.plan import add_plan
 from dojo_env.commands.prove import add_prove
 from dojo_env.commands.replay import add_replay
 from dojo_env.commands.run import add_run
@@ -25,6 +26,7 @@ COMMANDS = (
     add_scenarios,
     add_cameras,
     add_prove,
+    add_plan,
     add_dataset,
     add_calibrate,
     add_watch_video,

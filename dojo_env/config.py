@@ -15,6 +15,7 @@ from dojo_env.errors import ConfigError
 from dojo_env.imaging import Imaging, settle_imaging
 from dojo_env.scenario import Scenario, find_scenario, with_files
 from dojo_env.sumo_settings import SumoSettings, settle
+from dojo_env.timing_plans import TimingPlan
 from dojo_env.vehicle_models import settle_models
 
 ACTION_MODES = ("choose_phase", "next_or_keep", "set_duration")
@@ -70,6 +71,7 @@ class SignalConfig:
         fixed_ts: no agent controls anything; `program` runs.
         program: with `fixed_ts`: the `network`'s own as it stands; or its greens with the changes set here,
             each as long as there (`fixed`), or as long as SUMO's `actuated` or `delay_based` logic lets it.
+        timing: a signal timing plan, which stands for `fixed_ts` and a `program`, with cycles of its own.
     """
 
     ts_ids: tuple[str, ...] | None = None
@@ -85,9 +87,15 @@ class SignalConfig:
     phases: str = "program"
     fixed_ts: bool = False
     program: str = "network"
+    timing: TimingPlan | None = None
 
     def __post_init__(self) -> None:
         """Refuse contradictions, and settle what depends on another setting."""
+        if self.timing is not None:
+            object.__setattr__(self, "fixed_ts", True)
+            object.__setattr__(self, "program", self.timing.logic)
+            if self.timing.logic != "fixed":
+                object.__setattr__(self, "max_green", self.timing.max_green)
         _refuse_other("action_mode", self.action_mode, ACTION_MODES)
         _refuse_other("phases", self.phases, ("program", "computed"))
         _refuse_other("program", self.program, PROGRAMS)

@@ -25,6 +25,10 @@ class EncoderError(SourceError, ConfigError):
     """An encoder's file is missing, unreadable, or no network that encodes pictures."""
 
 
+class PlanError(SourceError, ConfigError):
+    """A signal timing plan's file is missing, unreadable, or does not fit its signals."""
+
+
 class PolicyError(SourceError, ConfigError):
     """A policy's file is missing, damaged, or no weights of this version."""
 

@@ -62,7 +62,7 @@ class LocalWorld(World):
         if not config.signals.fixed_ts:
             for words in self.map.list_warnings():
                 say_once(words)
-        self.traffic = TrafficManager(bundle.network, config)
+        self.traffic = TrafficManager(bundle, config)
         self.control = SignalManager(
             self.traffic.simulation,
             self.map.plans,

@@ -8,7 +8,7 @@ from gymnasium import spaces
 from numpy.typing import NDArray
 
 from dojo_env.errors import ConfigError, refuse_other_arguments
-from dojo_env.instant import Instant
+from dojo_env.instant import Instant, SignalView
 from dojo_env.lane_features import read_features
 from dojo_env.network_observations import Movements, Neighbours
 from dojo_env.phase_features import CONSTRAINTS, PHASE_FEATURES, PhaseReader
@@ -102,11 +102,58 @@ class Phases:
         return {"phases": phases, "mask": mask, "constraints": reader.constraints(instant.signals[signal])}
 
 
+class Blind(Features):
+    """Features of which nothing is left but the phase, and in the flag's place how long it has been green."""
+
+    def observe(self, signal: str, instant: Instant) -> NDArray[np.float32]:
+        """Tell the phase and the share of a minute; no lane."""
+        view = instant.signals[signal]
+        seen = np.zeros(self.space(signal).shape, np.float32)
+        seen[view.phase] = 1.0
+        seen[len(view.plan.phases)] = _share_of_a_minute(view)
+        return seen
+
+
+class BlindPicture:
+    """A black picture; above, a white block tells the phase, below, a bar how long it has been green.
+
+    What a policy of pictures learns from it, it would without any camera.
+    """
+
+    def __init__(self, eyes: Eyes, plans: Mapping[str, SignalPlan]) -> None:
+        """Take the size of the pictures."""
+        self._shape = (eyes.config.height, eyes.config.width, 3)
+        self._plans = plans
+
+    def space(self, signal: str) -> spaces.Box:
+        """An image."""
+        return spaces.Box(0, 255, self._shape, np.uint8)
+
+    def reset(self, seed: int) -> None:
+        """Nothing is kept between decisions."""
+
+    def observe(self, signal: str, instant: Instant) -> NDArray[np.uint8]:
+        """Draw the phase and the share of a minute."""
+        view = instant.signals[signal]
+        height, width, _ = self._shape
+        picture = np.zeros(self._shape, np.uint8)
+        first, last = (width * place // len(view.plan.phases) for place in (view.phase, view.phase + 1))
+        picture[: height // 2, first:last] = 255
+        picture[height // 2 :, : round(width * _share_of_a_minute(view))] = 255
+        return picture
+
+
+def _share_of_a_minute(view: SignalView) -> float:
+    return min(view.green_time / 60.0, 1.0)
+
+
 OBSERVERS: dict[str, ObserverFactory] = {
     "features": Features,
     "phases": Phases,
     "movements": Movements,
     "neighbours": Neighbours,
+    "blind": Blind,
+    "blind_picture": BlindPicture,
 }
 """Observers by name, beside those of `sensor_observations`."""
 _SEEING = ("bev", "multi_view", "detector")

@@ -13,6 +13,7 @@ from dojo_env.scenario import PACKAGED, Scenario, open_map, packaged_scenario
 from dojo_env.sensors.eyes import Eyes
 from dojo_env.snapshot import Snapshot
 from dojo_maps.bundle import Bundle
+from dojo_maps.demand.patterns import split_pattern
 
 if TYPE_CHECKING:
     from dojo_env.rendering.outputs import Picture
@@ -110,8 +111,9 @@ def find_map(recording: Recording, map: str | Path | None = None) -> Bundle:  # 
         RecordingError: it is another map, or none is given and the scenario is not a packaged one.
     """
     name = recording.scenario if map is None else str(map)
-    if name in PACKAGED:
-        scenario = packaged_scenario(name)
+    packaged, _ = split_pattern(name)
+    if packaged in PACKAGED:
+        scenario = packaged_scenario(packaged)
     elif map is None:
         raise RecordingError(
             recording.path, f"is of scenario {name!r}, which is not packaged; give the map it was made on"

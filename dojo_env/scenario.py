@@ -17,6 +17,7 @@ from dojo_env.notes import say_once
 from dojo_env.scenario_folders import NETWORKS, find_start, first_departure, is_other_project_s
 from dojo_env.sumo_options import ROOTS, Configuration, read_configuration
 from dojo_maps.bundle import DEMAND, DESCRIPTION, NETWORK, REPORT, Bundle, open_bundle
+from dojo_maps.demand.patterns import Pattern, find_pattern, split_pattern
 from dojo_maps.input_files import is_there
 from dojo_maps.safe_json import read_json
 from dojo_maps.signals.programs import read_seconds
@@ -33,6 +34,8 @@ class Scenario:
         map: a bundle's folder, or a SUMO network, which is converted on first use.
         routes: route files.
         additional: additional files.
+        pattern: draws each episode's traffic by its seed, in place of route files: a pattern, the name of a
+            packaged one, or a `.toml` file.
         begin: simulated seconds at which an episode begins.
         end: seconds at which the demand ends; None where it is not known.
         config: a .sumocfg whose options hold where nothing else is said, as far as a simulation needs them.
@@ -46,6 +49,7 @@ class Scenario:
     map: Path
     routes: tuple[Path, ...] = ()
     additional: tuple[Path, ...] = ()
+    pattern: Pattern | None = None
     begin: float = 0.0
     end: float | None = None
     config: Path | None = None
@@ -61,6 +65,8 @@ class Scenario:
         object.__setattr__(self, "routes", _paths(self.routes))
         object.__setattr__(self, "additional", _paths(self.additional))
         object.__setattr__(self, "name", self.name or self.map.name.split(".")[0])
+        if self.pattern is not None:
+            self._settle_pattern(self.pattern)
         if self.config is not None:
             object.__setattr__(self, "config", Path(self.config))
             self._take(read_configuration(self.config))
@@ -72,9 +78,16 @@ class Scenario:
                 f"scenario {self.name}: it ends at {self.end} s, before it begins at {self.begin} s"
             )
 
+    def _settle_pattern(self, pattern: Pattern | str | Path) -> None:
+        if self.routes:
+            raise ConfigError(f"scenario {self.name}: a pattern draws all of its traffic; leave routes out")
+        if not isinstance(pattern, Pattern):
+            object.__setattr__(self, "pattern", find_pattern(pattern))
+
     def _take(self, configuration: Configuration) -> None:
         files = configuration.files
-        object.__setattr__(self, "routes", self.routes or files.get("route-files", ()))
+        own = () if self.pattern is not None else files.get("route-files", ())
+        object.__setattr__(self, "routes", self.routes or own)
         object.__setattr__(self, "additional", self.additional or files.get("additional-files", ()))
         for name in ("options", "outputs", "left_out"):
             object.__setattr__(self, name, getattr(configuration, name))
@@ -144,7 +157,8 @@ def find_scenario(value: str | Path | Scenario, *, routes: Files | None = None) 
 
     Args:
         value: a scenario; a packaged one's name; or the path of a .sumocfg, of a bundle that holds its
-            demand, of RESCO's or LibSignal's folder, or of CityFlow's files.
+            demand, of RESCO's or LibSignal's folder, or of CityFlow's files; or one of these or any map, a
+            hyphen, and the name of a packaged pattern, as in `cologne1-surges`.
         routes: files to drive in place of its own; a bundle or a network alone will do then.
 
     Raises:
@@ -159,6 +173,19 @@ def find_scenario(value: str | Path | Scenario, *, routes: Files | None = None) 
     if str(value) in PACKAGED:
         return packaged_scenario(str(value))
     path = Path(value)
+    base, pattern = split_pattern(str(value))
+    if pattern and not is_there(path):
+        found = find_map(base)
+        return replace(found, routes=(), pattern=find_pattern(pattern), name=f"{found.name}-{pattern}")
+    return _read_scenario(path)
+
+
+def _read_scenario(path: Path) -> Scenario:
+    """Find the scenario of a path.
+
+    Raises:
+        ConfigError: it names no demand, or nothing.
+    """
     if _is_configuration(path):
         return _read_sumocfg(path)
     if is_there(path / DEMAND):
@@ -172,7 +199,7 @@ def find_scenario(value: str | Path | Scenario, *, routes: Files | None = None) 
             "route files"
         )
     known = ", ".join(PACKAGED)
-    raise ConfigError(f"scenario {str(value)!r} is not known; give a .sumocfg, a Scenario, or one of {known}")
+    raise ConfigError(f"scenario {str(path)!r} is not known; give a .sumocfg, a Scenario, or one of {known}")
 
 
 def find_map(value: str | Path) -> Scenario:

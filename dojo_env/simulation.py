@@ -12,6 +12,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from contextlib import redirect_stdout, suppress
 from io import StringIO
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -104,11 +105,12 @@ class Simulation:
         """Every vehicle that has departed, by its id."""
         return self._trips
 
-    def start(self, seed: int, *, more: Sequence[str] = ()) -> None:
+    def start(self, seed: int, *, routes: str | None = None, more: Sequence[str] = ()) -> None:
         """Start SUMO at the begin of the episode.
 
         Args:
             seed: of all of SUMO's random numbers.
+            routes: this episode's traffic as SUMO's XML, where the scenario names no files of it.
             more: further options.
 
         Raises:
@@ -121,6 +123,8 @@ class Simulation:
         if self._config.backend == "libsumo":
             self._try_loading()
         command = [*self._options(seed), *more]
+        if routes is not None:
+            command.append(f"--route-files={self._files.keep('episode.rou.xml', routes)}")
         self._messages = SumoMessages() if self._config.backend == "libsumo" else None
         try:
             if self._messages is not None:
@@ -252,6 +256,7 @@ class Simulation:
         *,
         limits: tuple[float, float],
         start: tuple[int, float] | None = None,
+        parameters: Mapping[str, float] = MappingProxyType({}),
     ) -> None:
         """Let SUMO's own logic run a cycle.
 
@@ -261,6 +266,7 @@ class Simulation:
             steps: of the cycle.
             limits: the least and the most seconds of a green whose length varies.
             start: the step to begin with, and how long it still lasts; None begins with the first.
+            parameters: of SUMO's logic, by its names.
         """
         lights = self._running().trafficlight
         least, most = limits
@@ -271,7 +277,8 @@ class Simulation:
             for step in steps
         ]
         number, left = start or (0, steps[0].seconds)
-        lights.setProgramLogic(signal, lights.Logic("dojo", _LOGICS[kind], number, phases))
+        words = {name: f"{value:g}" for name, value in parameters.items()}
+        lights.setProgramLogic(signal, lights.Logic("dojo", _LOGICS[kind], number, phases, words))
         if start is not None:
             lights.setPhaseDuration(signal, left)
 

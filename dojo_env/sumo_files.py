@@ -74,6 +74,7 @@ class SumoFiles:
         self._included: dict[Path, int] = {}
         self._open: list[Path] = []
         self._targets: dict[str, Path] = {}
+        self._kept: dict[str, tuple[IO[bytes], Path]] = {}
         wanted = scenario.options if options is None else options
         self.options: dict[str, str] = {**wanted, "net-file": str(self._make_safe(network))}
         weights = map(Path, filter(None, wanted.get("weight-files", "").split(",")))
@@ -88,6 +89,18 @@ class SumoFiles:
         self.options["device.ssm.file"] = self._place("device.ssm.xml", Path(), "device.ssm.file")
         if self._outputs is not None:
             self._add_outputs(self._outputs, scenario)
+
+    def keep(self, name: str, text: str) -> Path:
+        """Keep a text of ours in memory, in place of the last one of that name; returns its path."""
+        if name not in self._kept:
+            self._kept[name] = _open_private(name)
+            weakref.finalize(self, self._kept[name][0].close)
+        file, place = self._kept[name]
+        file.seek(0)
+        file.truncate()
+        file.write(text.encode())
+        file.flush()
+        return place
 
     def name_originals(self, words: str) -> str:
         """Name the files themselves in what SUMO says of their copies."""

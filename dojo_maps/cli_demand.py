@@ -45,6 +45,11 @@ def add_demand(commands: Commands) -> None:
         type=Path,
         help="meet these counts; columns: from_edge, to_edge, count, and if needed begin, end, class",
     )
+    demand.add_argument(
+        "--pattern",
+        metavar="NAME",
+        help="traffic that changes, as a pattern has it: a packaged one such as surges, or a .toml file",
+    )
     demand.add_argument("--seed", metavar="S", type=_seed, default=0, help="of the departures (default: 0)")
     demand.add_argument("--begin", metavar="TIME", type=_time, default=0.0, help="seconds or h:m:s")
     demand.add_argument("--end", metavar="TIME", type=_time, help="seconds or h:m:s (default: an hour later)")
@@ -66,6 +71,7 @@ def read_volume(text: str) -> float:
 
 def _demand(options: argparse.Namespace) -> int:
     from dojo_maps.demand import DemandOptions
+    from dojo_maps.demand.patterns import find_pattern
     from dojo_maps.demand_files import deliver_demand
     from dojo_maps.errors import UsageError
 
@@ -74,7 +80,11 @@ def _demand(options: argparse.Namespace) -> int:
         raise UsageError(f"--end {end:g}: comes before --begin {options.begin:g}")
     if options.counts and options.volume is not None:
         raise UsageError("--volume and --counts: the counts say how many vehicles there are; leave one out")
+    others = (options.volume, options.bicycles, options.walkers, options.counts)
+    if options.pattern and any(value is not None for value in others):
+        raise UsageError("--pattern: it says how much traffic there is; leave the other amounts out")
     wanted = DemandOptions(
+        pattern=find_pattern(options.pattern) if options.pattern else None,
         volume=options.volume,
         bicycles=options.bicycles,
         walkers=options.walkers,

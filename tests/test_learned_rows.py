@@ -45,7 +45,7 @@ def test_row_is_trained_once_and_evaluated_to_the_same_figures(tmp_path: Path) -
     known = json.loads(first)
     assert [episode["seed"] for episode in known["episodes"]] == [0, 1]
     assert known["episodes"][0]["violations"] == {}
-    assert len((folder / "series.csv").read_text().splitlines()) == 1 + 300 // 5
+    assert len((folder / "series.csv").read_text().splitlines()) == 1 + 300 // 60
 
 
 def test_row_that_was_trained_otherwise_is_refused(tmp_path: Path) -> None:

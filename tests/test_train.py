@@ -97,15 +97,13 @@ def test_later_weights_count_more_in_the_average() -> None:
     assert counts[80:].sum() > 0.6 * counts.sum()
 
 
-def test_weights_of_overlapping_patches_are_another_policys(tmp_path: Path) -> None:
-    seen, actions = spaces.Box(0, 255, (3, 84, 84), np.uint8), spaces.Discrete(4)
-    apart, overlapping = (
-        models.build_policy(Training(observation="bev", patches=patches), seen, actions)
-        for patches in ("apart", "overlapping")
-    )
-    files.save_policy(overlapping, tmp_path / "policy.pt")
+def test_weights_for_another_size_of_pictures_are_another_policys(tmp_path: Path) -> None:
+    actions = spaces.Discrete(4)
+    sizes = [spaces.Box(0, 255, (3, size, size), np.uint8) for size in (64, 84)]
+    small, large = (models.build_policy(Training(observation="bev"), seen, actions) for seen in sizes)
+    files.save_policy(large, tmp_path / "policy.pt")
     with pytest.raises(ConfigError, match="weights of another policy"):
-        files.load_policy(apart, tmp_path / "policy.pt")
+        files.load_policy(small, tmp_path / "policy.pt")
 
 
 def test_a_checkpoint_takes_no_memory_until_it_is_used(tmp_path: Path) -> None:
@@ -205,7 +203,10 @@ def test_bad_arguments_are_one_line_before_any_work(
         ("1 to 8192 pixels", [*QUICK["bev"], "--size", "0x48", "--out", tmp_path / "a"]),
         ("needs images", [*QUICK["ppo"], "--encoder", "efficientnet-lite0", "--out", tmp_path / "a"]),
         ("needs images", [*QUICK["ppo"], "--background-subtraction", "--out", tmp_path / "a"]),
-        ("needs images", [*QUICK["ppo"], "--patches", "overlapping", "--out", tmp_path / "a"]),
+        (
+            "without an encoder",
+            [*QUICK["ppo"], "--blind", "--observation", "detector", "--out", tmp_path / "a"],
+        ),
         ("no such file", [*pictures, "--encoder", tmp_path / "none.onnx", "--out", tmp_path / "a"]),
         ("cannot read it", [*pictures, "--encoder", broken, "--out", tmp_path / "a"]),
         ("holds a run already", [*QUICK["ppo"], "--out", kept]),

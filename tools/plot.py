@@ -27,8 +27,8 @@ from dojo_maps.whole_file import replaced
 REFERENCE = "MaxPressure"
 ALL_TRIPS = "travel_time_all"
 """What tells good policies: unlike travel time it counts vehicles that have not arrived."""
-WINDOW = 50
-"""Decisions that a curve is averaged over, as in the paper's figures 4 and 5."""
+WINDOW = 4
+"""Minutes that a curve is averaged over, about as in the paper's figures 4 and 5."""
 CUT = 2.5
 """Axes end at so many times what is usual, lest a row that jams hide what sets the others apart."""
 PAPER_CHOICES = {
@@ -50,7 +50,7 @@ COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
 _STYLE: dict[str, Any] = {
     "font.size": 9, "axes.titlesize": 10, "axes.spines.top": False, "axes.spines.right": False,
     "axes.grid": True, "grid.color": "#e6e6e6", "axes.axisbelow": True, "lines.linewidth": 1.5,
-    "legend.frameon": False, "figure.dpi": 110, "savefig.facecolor": "white",
+    "legend.frameon": False, "figure.dpi": 90, "savefig.facecolor": "white",
 }  # fmt: skip
 
 
@@ -121,7 +121,7 @@ def draw_hour(scenario: str, rows: Sequence[KeptRow]) -> Figure | None:
         place.xaxis.set_major_locator(plt.MultipleLocator(minutes[-1] / 4))
     for place in axes[1]:
         place.set_xlabel("minutes since the episode's begin")
-    figure.suptitle(f"{scenario}: one episode, each curve the mean of the last {WINDOW} decisions")
+    figure.suptitle(f"{scenario}: one episode, each curve the mean of the last {WINDOW} minutes")
     _legend(figure, axes.flat[0])
     return figure
 

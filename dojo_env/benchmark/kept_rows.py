@@ -33,7 +33,7 @@ class KeptRow:
         return "training" in self.result
 
     def read_series(self) -> tuple[Numbers, dict[str, Numbers]]:
-        """Read the first seed's hour: minutes since its begin, and what was measured at each decision."""
+        """Read the first seed's hour: minutes since its begin, and the means of what was measured."""
         series = read_columns(self.folder / SERIES, ("second", *CURVES))
         seconds = series["second"]
         interval = seconds[1] - seconds[0] if len(seconds) > 1 else 0.0

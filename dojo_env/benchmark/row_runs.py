@@ -4,25 +4,31 @@ import shlex
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
+from statistics import fmean
 from typing import Any
 
 import numpy as np
 
 from dojo_env.benchmark.rows import CONSTRAINTS, Row
+from dojo_env.controllers.timed import Timed
 from dojo_env.errors import ConfigError
 from dojo_env.learning.result_files import read_result
-from dojo_env.learning.settings import CHECKPOINT, RunFileError, Training, list_versions
+from dojo_env.learning.settings import CHECKPOINT, INTERVAL, RunFileError, Training, list_versions
 from dojo_env.metrics import SIX
+from dojo_env.plan_search import VALIDATION_SEEDS, Memory, search_plan
 from dojo_env.runs import run_controller, summarize
+from dojo_env.timing_plans import write_plan
 from dojo_maps.whole_file import write_json, write_table
 
-FIGURES, SERIES = "figures.json", "series.csv"
-KEPT = (*SIX, "mean_trip_duration", "travel_time_all", "arrived", "departed", "violations", "seed")
+FIGURES, SERIES, PLAN, SEARCH = "figures.json", "series.csv", "plan.json", "search.json"
+KEPT = (*SIX, "mean_trip_duration", "travel_time_all", "arrived", "departed", "late", "violations", "seed")
 CURVES = {
     "co2": "agents_total_co2", "delay": "agents_total_delay",
     "accumulated_waiting": "agents_total_accumulated_waiting_time", "queue": "agents_total_stopped",
 }  # fmt: skip
-"""What is kept of every decision of the first seed's hour, and its name in `info`."""
+"""What is kept of every minute of the first seed's hour, and its name in `info`."""
+_MINUTE = 60 // INTERVAL
+"""Decisions."""
 
 
 def find_folder(row: str, scenario: str, results: Path) -> Path:
@@ -55,7 +61,8 @@ def describe(
     if row.learns:
         return {**task, "trainings": trainings, "training": asdict(row.find_training(scenario))}
     settings = {**CONSTRAINTS[constraints], **row.find_settings(scenario)}
-    return {**task, "controller": row.controller, "constraints": constraints, "settings": settings}
+    acting = {"controller": row.controller} if row.logic is None else {"logic": row.logic}
+    return {**task, **acting, "constraints": constraints, "settings": settings}
 
 
 def is_done(task: Mapping[str, Any], results: Path) -> bool:
@@ -83,7 +90,10 @@ def run_row(task: Mapping[str, Any], results: Path) -> None:
     """
     folder = find_folder(task["row"], task["scenario"], results)
     folder.mkdir(parents=True, exist_ok=True)
-    episodes, infos = _run_policies(task, folder) if "training" in task else _run_controller(task)
+    if "training" in task:
+        episodes, infos = _run_policies(task, folder)
+    else:
+        episodes, infos = _run_controller(task, _find_plan(task, folder) if "logic" in task else None)
     if task.get("constraints", "paper") == "paper":
         _write_series(folder / SERIES, infos)
     result = {
@@ -109,8 +119,12 @@ def _tell_command(task: Mapping[str, Any]) -> str:
 
 
 def _write_series(path: Path, infos: Sequence[Mapping[str, Any]]) -> None:
-    """Write the curves of an hour; those that pictures show are the paper's."""
-    series = ([int(info["step"]), *(round(info[name], 3) for name in CURVES.values())] for info in infos)
+    """Write the curves of an hour, the mean of each minute; those that pictures show are the paper's."""
+    minutes = [infos[start : start + _MINUTE] for start in range(0, len(infos), _MINUTE)]
+    series = (
+        [int(part[-1]["step"]), *(round(fmean(info[name] for info in part), 3) for name in CURVES.values())]
+        for part in minutes
+    )
     write_table(path, ["second", *CURVES], series)
 
 
@@ -128,11 +142,24 @@ Outcome = tuple[list[dict[str, Any]], list[dict[str, Any]]]
 """The figures of each episode, and what `info` told at every decision of the first."""
 
 
-def _run_controller(task: Mapping[str, Any]) -> Outcome:
+def _find_plan(task: Mapping[str, Any], folder: Path) -> Timed:
+    """Search the row's timing plan, where that is not done."""
+    path, about = folder / PLAN, {name: task[name] for name in ("scenario", "seconds", "settings")}
+    if not path.is_file() or read_result(path, "searched")["searched"] != about:
+        memory = Memory(folder / SEARCH)
+        keywords = {"scenario": task["scenario"], "num_seconds": task["seconds"], **task["settings"]}
+        search = search_plan(keywords, logic=task["logic"], memory=memory)
+        scores = dict(zip(map(str, VALIDATION_SEEDS), search.scores, strict=True))
+        write_plan(search.found, path, searched=about, episodes=search.spent, validation=scores)
+        memory.forget()
+    return Timed(path)
+
+
+def _run_controller(task: Mapping[str, Any], plan: Timed | None) -> Outcome:
     infos: list[dict[str, Any]] = []
     figures = run_controller(
-        task["controller"], range(task["seeds"]), scenario=task["scenario"], num_seconds=task["seconds"],
-        on_step=infos.append, **task["settings"],
+        plan or task["controller"], range(task["seeds"]), scenario=task["scenario"],
+        num_seconds=task["seconds"], on_step=infos.append, **task["settings"],
     )  # fmt: skip
     return figures, infos[: len(infos) // task["seeds"]]
 

@@ -10,7 +10,8 @@
     [scenarios.cologne1]        # what is different there
     steps = 400_000
 
-A row that does not learn has `controller = "max-pressure"` and may have `[settings]` of the environment.
+A row that does not learn has `controller = "max-pressure"` and may have `[settings]` of the environment. One
+with `logic = "fixed"`, `"actuated"` or `"delay_based"` is the best timing plan that a search finds.
 """
 
 import re
@@ -25,6 +26,8 @@ from typing import Any
 from dojo_env.controllers import CONTROLLERS
 from dojo_env.errors import ConfigError
 from dojo_env.learning.settings import RunFileError, Training
+from dojo_env.timing_plans import LOGICS
+from dojo_maps.demand.patterns import split_pattern
 from dojo_maps.input_files import read_bytes
 
 FOLDER = Path(__file__).parent / "row_files"
@@ -40,7 +43,7 @@ ONE_SIGNAL, SEVERAL_SIGNALS = ("two-way", "cologne1"), ("cologne3", "grid4x4")
 SCENARIOS = (*ONE_SIGNAL, *SEVERAL_SIGNALS)
 _MOST_BYTES = 1 << 20
 _NAME = re.compile(r"[\w*. -]{1,60}")
-_KEYS = {"name", "summary", "controller", "settings", "training", "scenarios"}
+_KEYS = {"name", "summary", "controller", "logic", "settings", "training", "scenarios"}
 _Settings = Mapping[str, Any]
 
 
@@ -52,6 +55,7 @@ class Row:
         name: in the tables.
         summary: what it is, in a sentence.
         controller: who acts, in a row that does not learn.
+        logic: of the timing plan, in a row that is searched.
         settings: of the environment for a controller, of the training for a learner.
         scenarios: what is different on single scenarios; their hyperparameters add to the row's.
     """
@@ -59,20 +63,25 @@ class Row:
     name: str
     summary: str = ""
     controller: str | None = None
+    logic: str | None = None
     settings: _Settings = field(default_factory=lambda: MappingProxyType({}))
     scenarios: Mapping[str, _Settings] = field(default_factory=lambda: MappingProxyType({}))
 
     @property
     def learns(self) -> bool:
         """Whether it has a policy."""
-        return self.controller is None
+        return self.controller is None and self.logic is None
 
     def find_settings(self, scenario: str) -> dict[str, Any]:
         """Tell its settings on a scenario."""
-        settings, own = dict(self.settings), dict(self.scenarios.get(scenario, {}))
+        settings, own = dict(self.settings), dict(self._find_own(scenario))
         if "hyperparameters" in own:
             own["hyperparameters"] = {**settings.get("hyperparameters", {}), **own["hyperparameters"]}
         return {**settings, **own}
+
+    def _find_own(self, scenario: str) -> _Settings:
+        """Tell what is different on a scenario; one with a pattern has what its map has."""
+        return self.scenarios.get(scenario) or self.scenarios.get(split_pattern(scenario)[0], {})
 
     def find_training(self, scenario: str) -> Training:
         """Tell how its policy is trained on a scenario.
@@ -107,14 +116,27 @@ def read_row(path: Path) -> Row:
         raise RunFileError(path, f"summary = {summary!r}: expected text")
     if controller is not None and controller not in CONTROLLERS:
         raise RunFileError(path, f"controller = {controller!r}: expected one of {', '.join(CONTROLLERS)}")
-    part, other = ("training", "settings") if controller is None else ("settings", "training")
+    logic = known.get("logic")
+    if logic is not None and (logic not in LOGICS or controller is not None):
+        raise RunFileError(path, f"logic = {logic!r}: expected one of {', '.join(LOGICS)}, and no controller")
+    learns = controller is None and logic is None
+    part, other = ("training", "settings") if learns else ("settings", "training")
     if other in known:
-        raise RunFileError(path, f"[{other}]: a row has a controller with [settings], or [training]")
+        raise RunFileError(
+            path, f"[{other}]: a row has a controller or a logic with [settings], or [training]"
+        )
     settings, scenarios = known.get(part, {}), known.get("scenarios", {})
     tables = [settings, scenarios, *(scenarios.values() if isinstance(scenarios, dict) else ())]
     if not all(isinstance(table, dict) for table in tables):
         raise RunFileError(path, f"{part} and each of scenarios: expected tables")
-    return Row(name=name, summary=summary, controller=controller, settings=settings, scenarios=scenarios)
+    return Row(
+        name=name,
+        summary=summary,
+        controller=controller,
+        logic=logic,
+        settings=settings,
+        scenarios=scenarios,
+    )
 
 
 @lru_cache(maxsize=1)
@@ -130,11 +152,13 @@ def list_groups() -> dict[str, tuple[str, ...]]:
     learners = [row for row in rows if row.learns]
     several = [row for row in learners if row.settings.get("agents", "single") != "single"]
     varied = [row for row in learners if row.settings.get("conditions", "day") != "day"]
-    controllers = tuple(row.name for row in rows if not row.learns)
+    controllers = tuple(row.name for row in rows if row.controller is not None)
+    searched = tuple(row.name for row in rows if row.logic is not None)
     learned = tuple(row.name for row in learners if row not in several and row not in varied)
     return {
-        "all": (*controllers, *learned),
+        "all": (*controllers, *searched, *learned),
         "controllers": controllers,
+        "searched": searched,
         "learned": learned,
         "varied": tuple(row.name for row in varied),
         "several": tuple(row.name for row in several),
@@ -146,7 +170,11 @@ def list_rows(scenario: str) -> tuple[str, ...]:
     groups = list_groups()
     if scenario in ONE_SIGNAL:
         return (*groups["all"], *groups["varied"])
-    return (*groups["controllers"], *groups["several"]) if scenario in SEVERAL_SIGNALS else ()
+    return (
+        (*groups["controllers"], *groups["searched"], *groups["several"])
+        if scenario in SEVERAL_SIGNALS
+        else ()
+    )
 
 
 def find_row(name: str) -> Row:

@@ -2,17 +2,21 @@
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from statistics import median
 from typing import Any
 
-from dojo_env.benchmark.kept_rows import read_kept
+from dojo_env.benchmark.kept_rows import KeptRow, read_kept
 from dojo_env.benchmark.rows import read_packaged_rows
 from dojo_env.metrics import SIX
+from dojo_env.runs import JAMMED
 from dojo_maps.whole_file import write_table, write_text
 
 Figures = Mapping[str, Mapping[str, float]]
 """Mean and standard deviation of each figure."""
 _SERVING = 0.9
 """Of the best throughput: below, travel time is of the few who got through, and no row is marked."""
+BLIND = "Blind"
+"""The row of the best plan that sees nothing, from which the way to the best row is measured."""
 _HEADS = ("travel time (s)", "throughput (veh/h)", "delay", "acc. waiting (s)", "queue (veh)", "CO2 (g/s)")
 
 
@@ -34,7 +38,7 @@ def write_tables(folder: Path, published: Mapping[str, Mapping[str, Figures]]) -
             *(n for n in order if n in kept or n in theirs),
             *sorted((kept.keys() | theirs) - set(order)),
         ]
-        parts.append(_section(scenario, names, kept, theirs))
+        parts.append(_section(scenario, names, rows, theirs))
         lines += [line for name in names for line in _lines(scenario, name, kept, theirs)]
     text = "\n".join(parts)
     write_text(folder / "table.md", text)
@@ -44,24 +48,66 @@ def write_tables(folder: Path, published: Mapping[str, Mapping[str, Figures]]) -
 
 
 def _section(
-    scenario: str, names: Sequence[str], kept: Mapping[str, Figures], theirs: Mapping[str, Figures]
+    scenario: str, names: Sequence[str], rows: Mapping[str, KeptRow], theirs: Mapping[str, Figures]
 ) -> str:
     """Write a scenario's rows, our best figures bold and the second best underlined, published ones below."""
+    kept = {name: row.figures for name, row in rows.items()}
     marks = {figure: _rank(figure, kept) for figure in SIX}
-    lines = [f"### {scenario}", "", f"| row | {' | '.join(_HEADS)} |", "|---" * (len(SIX) + 1) + "|"]
+    heads = (*_HEADS, "median of all trips (s)", "jams", "of the way", "trainings")
+    lines = [f"### {scenario}", "", f"| row | {' | '.join(heads)} |", "|---" * (len(heads) + 1) + "|"]
     for name in names:
-        cells = [_mark(_cell(kept[name][f]), marks[f].get(name)) if name in kept else "not run" for f in SIX]
-        lines.append(f"| {name} | {' | '.join(cells)} |")
+        if name in kept:
+            row = rows[name]
+            cells = [_mark(_cell(row.figures[f]), marks[f].get(name)) for f in SIX]
+            cells += [*_tell_hours(row), _tell_way(row.figures, kept, theirs), _tell_trainings(row)]
+            lines.append(f"| {name} | {' | '.join(cells)} |")
+        else:
+            lines.append(f"| {name} |{' not run |' * len(heads)}")
         if name in theirs:
-            lines.append(f"| *published* | {' | '.join(_cell(theirs[name][f]) for f in SIX)} |")
+            way = _tell_way(theirs[name], kept, theirs)
+            cells = [*(_cell(theirs[name][f]) for f in SIX), "", "", way, ""]
+            lines.append(f"| *published* | {' | '.join(cells)} |")
     return "\n".join([*lines, ""])
 
 
+def _tell_hours(row: KeptRow) -> tuple[str, str]:
+    """Tell the median over hours of the mean trip with all that have not ended, and how many hours jammed."""
+    hours = row.result["episodes"]
+    trips = [hour["travel_time_all"] for hour in hours if "travel_time_all" in hour]
+    late = [hour["late"] > JAMMED for hour in hours if "late" in hour]
+    return f"{median(trips):.2f}" if trips else "", f"{sum(late)} of {len(late)}" if late else ""
+
+
+def _tell_way(figures: Figures, kept: Mapping[str, Figures], theirs: Mapping[str, Figures]) -> str:
+    """Tell how far from the best blind plan to the best known row a row comes, in travel time."""
+    most = _find_most_served(kept)
+    if figures["throughput"]["mean"] < _SERVING * most:
+        return "jams"
+    if BLIND not in kept:
+        return ""
+    known = [*kept.values(), *theirs.values()]
+    best = min(row["travel_time"]["mean"] for row in known if row["throughput"]["mean"] >= _SERVING * most)
+    blind = kept[BLIND]["travel_time"]["mean"]
+    return f"{(blind - figures['travel_time']['mean']) / (blind - best):.0%}" if best < blind else "0%"
+
+
+def _tell_trainings(row: KeptRow) -> str:
+    """Tell how many policies a row's figures are of, and how far their mean travel times lie apart."""
+    if not row.learned:
+        return ""
+    spread = row.result.get("between_trainings", {}).get("travel_time")
+    return str(row.result.get("trainings", 1)) + ("" if spread is None else f", ± {spread:.2f} s")
+
+
 def _rank(figure: str, kept: Mapping[str, Figures]) -> dict[str, int]:
-    most = max((row["throughput"]["mean"] for row in kept.values()), default=0)
+    most = _find_most_served(kept)
     serving = [name for name in kept if kept[name]["throughput"]["mean"] >= _SERVING * most]
     best_first = sorted(serving, key=lambda name: kept[name][figure]["mean"], reverse=figure == "throughput")
     return {name: place for place, name in enumerate(best_first[:2])}
+
+
+def _find_most_served(kept: Mapping[str, Figures]) -> float:
+    return max((row["throughput"]["mean"] for row in kept.values()), default=0.0)
 
 
 def _mark(text: str, place: int | None) -> str:

@@ -23,7 +23,7 @@ def add_benchmark(commands: Commands) -> None:
         action="extend",
         default=[],
         metavar="ROW",
-        help="names, .toml files, or all, controllers, learned, varied, several (default: only write tables)",
+        help="names, .toml files, or all, controllers, searched, learned, varied, several (default: none)",
     )
     benchmark.add_argument("--list", action="store_true", help="list the rows and end")
     benchmark.add_argument("--scenarios", nargs="+", default=["two-way", "cologne1"], metavar="NAME")

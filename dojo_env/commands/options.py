@@ -60,7 +60,7 @@ def find_controller(name: str, scenario: str) -> "Controller":
     """Find who controls the signals: a controller by its name, or a policy that `dojo-env train` kept.
 
     Args:
-        name: of the controller; or a run's folder, or the policy in it.
+        name: of the controller; a timing plan's `.json`; or a run's folder, or the policy in it.
         scenario: that it will control; it is said where a policy was trained on another.
 
     Raises:
@@ -72,6 +72,10 @@ def find_controller(name: str, scenario: str) -> "Controller":
     path = Path(name)
     if path.is_dir() and (path / "policy.npz").is_file():
         path /= "policy.npz"
+    if path.suffix == ".json":
+        from dojo_env.controllers.timed import Timed
+
+        return Timed(path)
     if path.suffix == ".npz":
         from dojo_env.controllers.phase_competition import PhaseCompetition
 

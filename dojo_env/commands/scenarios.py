@@ -16,6 +16,7 @@ def add_scenarios(commands: Commands) -> None:
 
 def _list_scenarios(options: argparse.Namespace) -> int:
     from dojo_env.scenario import PACKAGED, packaged_scenario
+    from dojo_maps.demand.patterns import find_pattern, list_patterns
 
     for name in options.scenarios:
         _show_signals(name)
@@ -28,6 +29,10 @@ def _list_scenarios(options: argparse.Namespace) -> int:
         signals = len({attributes["id"] for kind, attributes in elements if kind == "tlLogic"})
         demand = sum(_count_departures(path, found.end or 0) for path in found.routes)
         print(f"{name:14}{signals:8d}{demand:8d}{found.begin:8.0f}  {found.licence}")
+    print("\nTraffic that must be seen, drawn anew for each seed: any of these or any map, and a pattern,")
+    print("as in cologne1-surges or my_junction.dojo-mixed")
+    for pattern in map(find_pattern, list_patterns()):
+        print(f"-{pattern.name:13}{pattern.summary}")
     return 0
 
 

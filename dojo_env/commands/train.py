@@ -20,7 +20,7 @@ _RESUME = "dojo-env: train: interrupted; the same command with --resume goes on 
 
 def add_train(commands: Commands) -> None:
     """Add the command to the parser."""
-    from dojo_env.learning.settings import AGENTS, ALGORITHMS, CONDITIONS, NETWORKS, OBSERVATIONS, PATCHES
+    from dojo_env.learning.settings import AGENTS, ALGORITHMS, CONDITIONS, NETWORKS, OBSERVATIONS
 
     train = add_command(commands, "train", _train, "train a policy to set the signals")
     train.add_argument(
@@ -55,7 +55,9 @@ def add_train(commands: Commands) -> None:
     train.add_argument(
         "--shared-views", action="store_true", default=None, help="one set of weights for all views"
     )
-    train.add_argument("--patches", choices=PATCHES, help="of an image, with which its network begins")
+    train.add_argument(
+        "--blind", action="store_true", default=None, help="see only the own phase: what sight is worth"
+    )
     train.add_argument(
         "--background-subtraction",
         action="store_true",
@@ -158,7 +160,7 @@ def read_universal(options: argparse.Namespace, packaged: Sequence[str]) -> Any:
     from dojo_env.learning.universal.settings import UniversalTraining
 
     others = ("scenario", "row", "algorithm", "observation", "encoder", "steps", "reward", "size", "agents",
-              "conditions", "patches", "shared_views", "background_subtraction", "averaged_weights",
+              "conditions", "blind", "shared_views", "background_subtraction", "averaged_weights",
               "min_green", "network")  # fmt: skip
     if wrong := [name for name in others if getattr(options, name) is not None]:
         raise ConfigError(f"--{wrong[0].replace('_', '-')} is for one scenario; leave it or --junctions out")

@@ -103,7 +103,7 @@ class Advisor:
                 f"policy {policy!r} is SUMO's own, which a film does not run; take {', '.join(POLICIES)}"
             )
         self._controller: Controller = make_controller(policy)
-        known = {each.name for each in fields(SignalConfig)} - {"fixed_ts", "program"}
+        known = {each.name for each in fields(SignalConfig)} - {"fixed_ts", "program", "timing"}
         settings = {name: value for name, value in self._controller.settings.items() if name in known}
         self._config = SignalConfig(ts_ids=tuple(signals) if signals is not None else None, **settings)
         self.plans: Mapping[str, SignalPlan] = {

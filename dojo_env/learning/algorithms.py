@@ -65,7 +65,7 @@ def build_model(training: Training, environments: Any) -> Any:
         if isinstance(environments.observation_space, spaces.Dict) and known["n_steps"] > 1:
             known["replay_buffer_class"] = NStepDictReplayBuffer
             known["replay_buffer_kwargs"] = {"n_steps": known.pop("n_steps"), "gamma": known["gamma"]}
-    classes: Mapping[str, Any] = {**CLASSES, **_SEEING} if training.parallel_updates else CLASSES
+    classes: Mapping[str, Any] = {**CLASSES, **_SEEING} if training.sees else CLASSES
     model = classes[training.algorithm](
         policy,
         environments,
@@ -133,11 +133,8 @@ def describe_policy(
     settings: dict[str, Any] = {"net_arch": [128] if training.sees else [128, 128]}
     if training.sees:
         settings["normalize_images"] = False  # The network does, pixel by pixel.
-        settings["features_extractor_kwargs"] = {
-            "shared": training.shared_views,
-            "patches": training.patches,
-        }
-        if training.algorithm == "dqn" and training.parallel_updates:
+        settings["features_extractor_kwargs"] = {"shared": training.shared_views}
+        if training.algorithm == "dqn":
             settings["optimizer_kwargs"] = {"fused": True}  # A tenth of an update's time.
     extractor = _EXTRACTORS.get(_name_network(training))
     if extractor is not None:

@@ -9,8 +9,6 @@ from torch import nn
 
 WIDTH = 128
 """Features that a view gives."""
-_FIRST = {"apart": (8, 4, 0), "overlapping": (16, 6, 1)}
-"""How a network begins, by how its patches lie, 4 pixels from one to the next: features, size, padding."""
 _SLOWEST = 1e-3
 """The least share that a batch has in the running means."""
 _THINNED = 8
@@ -18,17 +16,16 @@ _THINNED = 8
 _FARTHEST = 5.0
 
 
-def build_view(shape: tuple[int, int, int], patches: str) -> nn.Sequential:
+def build_view(shape: tuple[int, int, int]) -> nn.Sequential:
     """Build the network of one view of a camera that does not move: where something is seen matters.
 
     Cars are a few pixels, lighter or darker than the road: the first layer keeps both signs. A car on the
     edge of two patches is whole in the second layer; nothing is pooled, so places stay apart.
     """
-    features, size, padding = _FIRST[patches]
     stem = nn.Sequential(
-        nn.Conv2d(shape[0], features, size, 4, padding),
+        nn.Conv2d(shape[0], 8, 4, 4),
         nn.ReLU(),
-        nn.Conv2d(features, 24, 3, 2, 1),
+        nn.Conv2d(8, 24, 3, 2, 1),
         nn.ReLU(),
         nn.Flatten(),
     )
@@ -79,8 +76,8 @@ class Standard(nn.Module):
 class ViewNet(BaseFeaturesExtractor):
     """Sees one image, or several and concatenates what it sees in each."""
 
-    def __init__(self, observation_space: spaces.Space[Any], *, shared: bool, patches: str) -> None:
-        """Build a network per view, or one for all, whose patches lie apart or overlapping."""
+    def __init__(self, observation_space: spaces.Space[Any], *, shared: bool) -> None:
+        """Build a network per view, or one for all."""
         views = (
             observation_space.spaces
             if isinstance(observation_space, spaces.Dict)
@@ -89,7 +86,7 @@ class ViewNet(BaseFeaturesExtractor):
         super().__init__(observation_space, WIDTH * len(views))
         self._names = sorted(views)
         shapes: list[Any] = [views[name].shape for name in self._names]
-        built = [build_view(shape, patches) for shape in (shapes[:1] if shared else shapes)]
+        built = [build_view(shape) for shape in (shapes[:1] if shared else shapes)]
         self._standards = nn.ModuleList(Standard(shape, 12.0) for shape in shapes)
         self._views = nn.ModuleList(built * len(shapes) if shared else built)
 

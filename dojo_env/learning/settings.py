@@ -30,7 +30,6 @@ The learning rate is that of the beginning; it falls to 0 at the end, so that th
 """
 OBSERVATIONS = ("features", "bev", "multi_view", "detector", "movements", "neighbours")
 IMAGES = ("bev", "multi_view")
-PATCHES = ("apart", "overlapping")
 AGENTS = ("single", "shared", "independent")
 NETWORKS = {"usual": None, "frap": "movements", "colight": "neighbours", "mappo": "neighbours"}
 """The networks that learn, and what those with a structure of their own observe."""
@@ -78,8 +77,8 @@ class Training:
         height: pixels, where the policy sees images.
         width: pixels.
         shared_views: one set of weights for all of `multi_view`'s images.
-        patches: how those lie with which the network of an image begins; `overlapping` ones take twice the
-            time, and updates take turns with the environments on one thread.
+        blind: it sees nothing of the traffic, only the signal's own phase and for how long that has been
+            green; in the same shape, but that all views are one.
         background_subtraction: images show how far each pixel is from its own mean in the episode.
         averaged_weights: the policy that is validated and kept has the average of the weights so far, in
             which later ones count more.
@@ -104,7 +103,7 @@ class Training:
     height: int = 84
     width: int = 84
     shared_views: bool = False
-    patches: str = "apart"
+    blind: bool = False
     background_subtraction: bool = False
     averaged_weights: bool = False
     every: int = 3
@@ -126,7 +125,6 @@ class Training:
             "conditions": tuple(CONDITIONS),
             "agents": AGENTS,
             "network": tuple(NETWORKS),
-            "patches": PATCHES,
         }
         for name, values in known.items():
             if getattr(self, name) not in values:
@@ -164,19 +162,18 @@ class Training:
         return self.encoder == "none" and self.observation in IMAGES
 
     @property
-    def parallel_updates(self) -> bool:
-        """Whether updates use a second core, or leave it to the environments.
-
-        Policies kept with overlapping patches were trained without, and are to come out the same again.
-        """
-        return self.sees and self.patches == "apart"
+    def _shown(self) -> str:
+        """What the environment shows."""
+        if not self.blind:
+            return self.observation
+        return "blind_picture" if self.observation in IMAGES else "blind"
 
     @property
     def environment(self) -> dict[str, Any]:
         """Keywords of the environment that it learns in."""
         keywords: dict[str, Any] = {
             "scenario": self.scenario,
-            "observation": self.observation,
+            "observation": self._shown,
             "min_green": self.min_green,
             "num_seconds": self.seconds,
             "max_red": None,  # The paper sets no limit.
@@ -200,10 +197,12 @@ def _check_types(training: Training) -> None:
 
 def _check_together(training: Training) -> None:
     """Refuse settings that do not go together."""
-    for name, unused in (("encoder", "none"), ("background_subtraction", False), ("patches", "apart")):
+    for name, unused in (("encoder", "none"), ("background_subtraction", False)):
         value = getattr(training, name)
         if value != unused and training.observation not in IMAGES:
             raise ConfigError(f"{name}={value!r} needs images; observe {' or '.join(IMAGES)}")
+    if training.blind and (training.encoder != "none" or training.observation not in ("features", *IMAGES)):
+        raise ConfigError("blind=True: observe features, bev or multi_view, without an encoder")
     if training.agents != "single" and training.observation == "multi_view":
         raise ConfigError("several signals have different numbers of views; observe features or bev")
     observed = NETWORKS[training.network] or training.observation

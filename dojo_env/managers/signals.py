@@ -8,7 +8,7 @@ from dojo_env.errors import ConfigError
 from dojo_env.instant import SignalView
 from dojo_env.managers.base import Manager, Turn
 from dojo_env.reading import HALTING, LaneReading
-from dojo_env.signals.cycle import build_cycle, find_step
+from dojo_env.signals.cycle import build_cycle, check_timing, find_step, plan_stages
 from dojo_env.signals.longest_red import LongestRed
 from dojo_env.signals.plan import SignalPlan
 from dojo_env.signals.safety import SafetyLog, SignalWatch
@@ -22,6 +22,7 @@ class SignalManager(Manager):
     Attributes:
         safety: every breach of the rules that was seen in the episode.
         longest_red: for how many seconds of the episode somebody saw no green at the most.
+        timing: the timing plan that the next episode runs, where one does.
     """
 
     def __init__(
@@ -33,9 +34,16 @@ class SignalManager(Manager):
         step: float,
         interval: float,
     ) -> None:
-        """Take the signals to control; `interval` is the time between decisions, `step` that of SUMO's."""
+        """Take the signals to control; `interval` is the time between decisions, `step` that of SUMO's.
+
+        Raises:
+            ConfigError: a timing plan does not fit the signals.
+        """
         self._simulation, self._plans, self._config = simulation, plans, config
         self._step, self._interval = step, interval
+        self.timing = config.timing
+        if self.timing is not None:
+            check_timing(self.timing, plans)
         self._switches: dict[str, SignalSwitch] = {}
         self._watches: dict[str, SignalWatch] = {}
         self._phases: dict[str, int] = {}
@@ -82,13 +90,20 @@ class SignalManager(Manager):
     def _hand_over(self, signal: str) -> None:
         """Let SUMO's own logic run the signal, under the same constraints as agents."""
         plan, config, simulation = self._plans[signal], self._config, self._simulation
-        cycle = build_cycle(plan, config)
+        own = self.timing.signals.get(signal) if self.timing is not None else None
+        cycle = build_cycle(plan if own is None else plan_stages(plan, own), config)
         start = None
-        if config.program == "fixed" and plan.starts:
+        if own is not None:
+            start = find_step(cycle, own.offset)
+        elif config.program == "fixed" and plan.starts:
             number, spent = simulation.read_position(signal)
             start = find_step(cycle, plan.starts[number] + spent)
-        limits = (config.min_green, config.max_green or config.min_green)
-        simulation.run_program(signal, config.program, cycle, limits=limits, start=start)
+        longest = config.max_green if self.timing is None else self.timing.max_green
+        limits = (config.min_green, max(longest or 0, config.min_green))
+        parameters = self.timing.parameters if self.timing is not None else {}
+        simulation.run_program(
+            signal, config.program, cycle, limits=limits, start=start, parameters=parameters
+        )
 
     def before_step(self, turn: Turn) -> None:
         """Ask for what the agents want, or for what those need who have waited longest.

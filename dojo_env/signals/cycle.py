@@ -4,12 +4,14 @@ So whoever runs a signal, agents, our controllers or SUMO's, every change takes 
 walkers' clearance.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from dojo_env.config import SignalConfig
-from dojo_env.signals.plan import SignalPlan
+from dojo_env.errors import ConfigError
+from dojo_env.signals.plan import Green, SignalPlan
 from dojo_env.signals.switching import SignalSwitch, Stage
+from dojo_env.timing_plans import SignalTiming, TimingPlan
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -45,6 +47,29 @@ def build_cycle(plan: SignalPlan, config: SignalConfig) -> tuple[CycleStep, ...]
         steps.append(CycleStep(seconds=seconds, state=plan.phases[green.phase], varies=True))
         steps += [CycleStep(seconds=time, state=state, varies=False) for time, state in stages]
     return tuple(steps)
+
+
+def plan_stages(plan: SignalPlan, timing: SignalTiming) -> SignalPlan:
+    """Put a timing plan's stages in the place of the network's own greens."""
+    greens = tuple(Green(phase=phase, seconds=seconds, change=0.0) for phase, seconds in timing.stages)
+    return replace(plan, greens=greens, starts=())
+
+
+def check_timing(timing: TimingPlan, plans: Mapping[str, SignalPlan]) -> None:
+    """See that a timing plan fits the signals.
+
+    Raises:
+        ConfigError: it is for another signal, or names a phase that a signal has not.
+    """
+    for signal, own in timing.signals.items():
+        if signal not in plans:
+            raise ConfigError(f"timing: no signal {signal!r} to control; there are {', '.join(plans)}")
+        count = len(plans[signal].phases)
+        unknown = next((phase for phase, _ in own.stages if not 0 <= phase < count), None)
+        if unknown is not None:
+            raise ConfigError(
+                f"timing: signal {signal} has no phase {unknown}; its phases are 0 to {count - 1}"
+            )
 
 
 def _list_changes(plan: SignalPlan, order: Sequence[int], config: SignalConfig) -> list[tuple[Stage, ...]]:

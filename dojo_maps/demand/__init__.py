@@ -3,7 +3,7 @@
 Described roads go in, a SUMO route file comes out: `movements` finds the ways through signals and routes
 over them, `volumes` fills them up to a share of what lanes and greens let through, `walkers` sends people
 over the crossings, `route_file` draws departures and writes. Where there are `counts`, `sampling` chooses
-the vehicles that meet them.
+the vehicles that meet them. Of `patterns`, `changing` draws traffic that changes when nobody foresees it.
 """
 
 from collections import Counter, defaultdict
@@ -14,8 +14,10 @@ from typing import Any
 
 import numpy as np
 
+from dojo_maps.demand.changing import ChangingTraffic
 from dojo_maps.demand.counts import GOOD_GEH, WALKERS, Count, CountMet, compare
 from dojo_maps.demand.movements import CYCLISTS, Route, find_rides, find_routes
+from dojo_maps.demand.patterns import Pattern
 from dojo_maps.demand.route_file import Stroll, Trip, draw_strolls, draw_trips, write_route_file
 from dojo_maps.demand.sampling import model_counts, sample_trips
 from dojo_maps.demand.volumes import compute_saturation, fill_routes
@@ -36,6 +38,7 @@ class DemandOptions:
             capacity.
         bicycles: per hour in all; None for some where they have lanes of their own.
         walkers: people on foot per hour in all; None for some on each crossing.
+        pattern: how the traffic changes; the amounts above are left to it.
         counts: to be met; who was not counted is then there only where a number is given.
         seed: the same one gives the same file.
         begin: seconds, when the first may depart.
@@ -45,6 +48,7 @@ class DemandOptions:
     volume: float | None = None
     bicycles: float | None = None
     walkers: float | None = None
+    pattern: Pattern | None = None
     counts: tuple[Count, ...] = ()
     seed: int = 0
     begin: float = 0.0
@@ -93,6 +97,10 @@ def write_demand(
         DojoError: the counts cannot be met, as nobody can walk where people were counted.
     """
     options = options or DemandOptions()
+    if options.pattern is not None:
+        traffic = ChangingTraffic(road_map, network, options.pattern)
+        trips, strolls = traffic.draw(options.seed, begin=options.begin, end=options.end)
+        return _deliver(road_map, trips, strolls, path, options)
     chance = np.random.default_rng(options.seed)
     walks = find_walks(road_map, network)
     if options.counts:
@@ -104,6 +112,12 @@ def write_demand(
         return None
     trips += _cyclists(road_map, options, chance)
     strolls += _strollers(walks, options, chance)
+    return _deliver(road_map, trips, strolls, path, options)
+
+
+def _deliver(
+    road_map: RoadMap, trips: list[Trip], strolls: list[Stroll], path: Path, options: DemandOptions
+) -> Demand:
     write_route_file(trips, strolls, path)
     bicycles = sum(trip.vehicle_class == CYCLISTS for trip in trips)
     return Demand(

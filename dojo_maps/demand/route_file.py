@@ -18,12 +18,23 @@ _TYPES = {"passenger": "car"}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Stop:
+    """Where a vehicle stands still for a while: the metre of a lane, those that it takes, and seconds."""
+
+    lane: str
+    place: float
+    length: float
+    seconds: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Trip:
-    """A vehicle: when it departs, seconds, the roads that it drives, and SUMO's word for who it is."""
+    """A vehicle: when it departs, seconds, its roads, SUMO's word for who it is, and where it breaks down."""
 
     depart: float
     roads: tuple[str, ...]
     vehicle_class: str
+    stop: Stop | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -66,6 +77,12 @@ def draw_strolls(
 
 def write_route_file(trips: Sequence[Trip], strolls: Iterable[Stroll], path: Path) -> None:
     """Write vehicles and people in the order of their departures; the file appears whole."""
+    with replaced(path) as fresh:
+        fresh.write_text(format_routes(trips, strolls), encoding="utf-8")
+
+
+def format_routes(trips: Sequence[Trip], strolls: Iterable[Stroll]) -> str:
+    """Write vehicles and people in the order of their departures as SUMO's XML."""
     classes = dict.fromkeys(("passenger", "bus", *(trip.vehicle_class for trip in trips)))
     types = [(_TYPES.get(name, name), name) for name in classes]
     routes = {key: number for number, key in enumerate(dict.fromkeys(trip.roads for trip in trips))}
@@ -77,8 +94,7 @@ def write_route_file(trips: Sequence[Trip], strolls: Iterable[Stroll], path: Pat
     departures = [(trip.depart, _vehicle(trip, *key)) for trip, key in _numbered(trips, routes)]
     departures += [(stroll.depart, person) for stroll, person in _people(strolls)]
     lines += [f"    {line}" for _, line in sorted(departures)]
-    with replaced(path) as fresh:
-        fresh.write_text("\n".join(["<routes>", *lines, "</routes>", ""]), encoding="utf-8")
+    return "\n".join(["<routes>", *lines, "</routes>", ""])
 
 
 def _draw(count: int, chance: np.random.Generator, begin: float, end: float) -> list[float]:
@@ -99,9 +115,16 @@ def _numbered(
 
 def _vehicle(trip: Trip, route: int, number: int) -> str:
     kind = _TYPES.get(trip.vehicle_class, trip.vehicle_class)
-    return (
+    text = (
         f'<vehicle id="v{route}.{number}" type="{kind}" route="route_{route}" depart="{trip.depart:.2f}" '
-        'departLane="best" departSpeed="max"/>'
+        'departLane="best" departSpeed="max"'
+    )
+    if trip.stop is None:
+        return f"{text}/>"
+    stop = trip.stop
+    return (
+        f'{text}><stop lane={quoteattr(stop.lane)} startPos="{stop.place - stop.length:.1f}" '
+        f'endPos="{stop.place:.1f}" duration="{stop.seconds:g}"/></vehicle>'
     )
 
 
