@@ -409,6 +409,8 @@ class NetworkRules:
     """m by which a notch comes nearer to the roads than such ground, ..."""
     verge: float = 1.0
     """... and that it leaves beside each path of vehicles."""
+    least_island: float = 5.0
+    """m² between a junction and a road around its corner that stay an island."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
