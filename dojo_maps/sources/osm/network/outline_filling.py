@@ -10,7 +10,7 @@ from collections.abc import Iterable
 import numpy as np
 import shapely
 
-from dojo_maps.description import RoadMap
+from dojo_maps.description import LaneKind, RoadMap
 from dojo_maps.geometry.pieces import lane_strips
 from dojo_maps.geometry.polylines import Floats, along
 from dojo_maps.sources.osm.layout.arms import Arm, Layout, outward, trim
@@ -82,17 +82,18 @@ def _end(layout: Layout, arm: Arm, cut: float) -> shapely.Geometry:
 
 
 class _Ground:
-    """The ground of lanes, and of junctions: no other junction's."""
+    """The ground of lanes and junctions, which no other junction gets; roads lead through pavement."""
 
     def __init__(self, road_map: RoadMap) -> None:
+        lanes = [lane for lane in road_map.lanes if lane.kind is not LaneKind.SIDEWALK]
         junctions = [junction for junction in road_map.junctions if len(junction.polygon) > 2]
         shapes = [
-            *lane_strips(road_map.lanes),
+            *lane_strips(lanes),
             *(shapely.make_valid(shapely.Polygon(junction.polygon[:, :2])) for junction in junctions),
         ]
         self._shapes = np.array(shapes, dtype=object)
-        self._names = [*("" for _ in road_map.lanes), *(junction.id for junction in junctions)]
-        lines = (*(lane.shape for lane in road_map.lanes), *(junction.polygon for junction in junctions))
+        self._names = [*("" for _ in lanes), *(junction.id for junction in junctions)]
+        lines = (*(lane.shape for lane in lanes), *(junction.polygon for junction in junctions))
         self._heights = np.array([float(line[:, 2].mean()) for line in lines])
         self._tree = shapely.STRtree(self._shapes)
 
