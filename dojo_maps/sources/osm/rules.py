@@ -141,8 +141,6 @@ class RoundaboutRules:
     """m of pavement that a mouth has on each side."""
     most_growth: float = 4.0
     """m by which a radius grows at most."""
-    hopeless_growth: float = 8.0
-    """m by which it would have to grow, from which it stays: the arms are mapped as two lines each."""
     fading: float = 12.0
     """m out from a ring over which its arms give way to it."""
     corner_radius: float = 0.5
