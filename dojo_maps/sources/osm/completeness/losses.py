@@ -1,5 +1,6 @@
 """What of an extract a built network lacks, each loss with the OSM element and a link to it."""
 
+import math
 from collections import defaultdict
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
@@ -148,7 +149,7 @@ def tell_unread_conditions(
 
 
 def check_signals(network: OsmNetwork) -> tuple[Share, list[Issue]]:
-    """Look for exactly one controller at each signalised junction."""
+    """Look for exactly one controller at each signalised junction, and one near each other signal."""
     junctions, graph = network.layout.junctions, network.layout.graph
     control = {junction: signal.id for signal in network.road_map.signals for junction in signal.junctions}
     groups: dict[int, list[int]] = defaultdict(list)
@@ -165,7 +166,22 @@ def check_signals(network: OsmNetwork) -> tuple[Share, list[Issue]]:
         issues.append(
             loss(check, what, ("node", node), graph.places[members[0]], "set the junction's type in netedit")
         )
-    return (len(groups) - len(issues), len(groups)), issues
+    signalised = [graph.places[junction] for junction in junctions.signals]
+    farthest = graph.rules.signals.before_junction
+    alone = [
+        node
+        for node in junctions.stray
+        if all(math.dist(graph.places[node], place) > farthest for place in signalised)
+    ]
+    issues += [
+        loss(
+            "osm.missing_signal", "a signal was not built: no junction or crossing is near that it is for",
+            ("node", node), graph.places[node], "choose a larger area, or map the crossing or road there",
+        )
+        for node in alone
+    ]  # fmt: skip
+    total = len(groups) + len(alone)
+    return (total - len(issues), total), issues
 
 
 def check_turn_lanes(network: OsmNetwork) -> tuple[Share, list[Issue]]:

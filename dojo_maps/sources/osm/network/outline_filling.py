@@ -17,7 +17,7 @@ from dojo_maps.sources.osm.layout.arms import Arm, Layout, outward, trim
 from dojo_maps.sources.osm.network.junction_outlines import outline_of, replace_outlines
 
 _SLIT = 0.02
-"""Half the metres across the slit by which an outline without holes leads around an island; meshes close it."""
+"""Half the metres across the slit that leads an outline around an island; meshes close it."""
 _LEVEL = 2.0
 """Metres of height from which a lane is above or below a junction."""
 _SMOOTH = 0.05
