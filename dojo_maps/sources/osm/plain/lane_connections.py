@@ -65,16 +65,19 @@ def _motor(lanes: Sequence[LaneTags]) -> list[int]:
 def _connect_cycle_lanes(
     lanes: Sequence[LaneTags], targets: Sequence[Sequence[LaneTags]], angles: Sequence[float]
 ) -> Iterator[tuple[int, int, int]]:
-    """Lead cycle lanes straight on and to the outer side; bicycles that turn inward change lanes before."""
-    outward = [k for k, angle in enumerate(angles) if angle <= _STRAIGHT]
+    """Lead cycle lanes straight on and to their side; bicycles that turn to the other change lanes before."""
+    innermost = max((k for k, lane in enumerate(lanes) if lane.motor), default=len(lanes))
     for number, lane in enumerate(lanes):
-        if lane.bicycle:
-            for movement in outward or range(len(targets)):
-                target = targets[movement]
-                fitting = [k for k, onto in enumerate(target) if onto.bicycle]
-                fitting += [k for k, onto in enumerate(target) if onto.motor and not onto.bus]
-                if fitting:
-                    yield number, movement, fitting[0]
+        if not lane.bicycle:
+            continue
+        side = -1 if number > innermost else 1
+        own = [k for k, angle in enumerate(angles) if angle * side <= _STRAIGHT]
+        for movement in own or range(len(targets)):
+            target = list(enumerate(targets[movement]))[::side]
+            fitting = [k for k, onto in target if onto.bicycle]
+            fitting += [k for k, onto in target if onto.motor and not onto.bus]
+            if fitting:
+                yield number, movement, fitting[0]
 
 
 def _connect_motor_lanes(
