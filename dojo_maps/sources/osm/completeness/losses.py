@@ -14,15 +14,10 @@ from dojo_maps.issue import Element, Issue, Severity
 from dojo_maps.sources.osm.graph.edge_id import EdgeId
 from dojo_maps.sources.osm.network.osm_network import OsmNetwork
 from dojo_maps.sources.osm.plain.lane_connections import arrow_targets
+from dojo_maps.sources.osm.plain.movements import Movement
 from dojo_maps.sources.osm.read.conditions import UnreadCondition
 from dojo_maps.sources.osm.read.data import OsmData, link_to
 from dojo_maps.sources.osm.read.restrictions import Restriction
-
-_LETTERS = {
-    "through": "s", "left": "lL", "slight_left": "lLs", "sharp_left": "lL", "right": "rR",
-    "slight_right": "rRs", "sharp_right": "rR", "reverse": "t", "merge_to_left": "slrLR",
-    "merge_to_right": "slrLR",
-}  # fmt: skip
 
 Share = tuple[int, int]
 """How many are kept, of how many."""
@@ -188,15 +183,17 @@ def check_turn_lanes(network: OsmNetwork) -> tuple[Share, list[Issue]]:
     """Compare the arrows painted on approaches with where their lanes lead, for turns that exist."""
     index = MapIndex(network.road_map)
     roads, leaving = index.roads, index.leaving
-    angles: dict[EdgeId, list[float]] = defaultdict(list)
+    lane_road = {lane.id: lane.road for lane in network.road_map.lanes}
+    movements: dict[EdgeId, list[Movement]] = defaultdict(list)
     for movement in network.plain.movements:
-        angles[movement.source.incoming].append(movement.angle)
+        movements[movement.source.incoming].append(movement)
     left_hand = network.road_map.left_hand
     total, issues = 0, []
     for edge, section in sorted(network.plain.sections.items(), key=lambda entry: str(entry[0])):
         road = roads.get(str(edge))
         lanes = section.road.forward
-        if road is None or len(angles[edge]) < 2 or not any(lane.turns for lane in lanes):
+        angles = [movement.angle for movement in movements[edge]]
+        if road is None or len(angles) < 2 or not any(lane.turns for lane in lanes):
             continue
         total += 1
         names = road.lanes[len(road.lanes) - len(lanes) :]
@@ -204,8 +201,9 @@ def check_turn_lanes(network: OsmNetwork) -> tuple[Share, list[Issue]]:
             turn
             for lane, name in zip(lanes, names, strict=True)
             for turn in lane.turns
-            if arrow_targets(turn, angles[edge], left_hand=left_hand) is not None
-            and not any(c.direction in _LETTERS.get(turn, "slrtLR") for c in leaving.get(name, ()))
+            if (number := arrow_targets(turn, angles, left_hand=left_hand)) is not None
+            and str(movements[edge][number].target.outgoing)
+            not in {lane_road[connection.to_lane] for connection in leaving.get(name, ())}
         ]
         if missing:
             way = section.ways[-1]
