@@ -5,7 +5,6 @@ around a corner, where drivers see an island, not grass.
 """
 
 from collections import defaultdict
-from collections.abc import Iterable
 
 import numpy as np
 import shapely
@@ -42,21 +41,19 @@ def fill_outlines(data: bytes, road_map: RoadMap, layout: Layout) -> bytes:
     others = _Ground(road_map)
 
     def fill(name: str, corners: Floats) -> Floats | None:
-        roads = inside.get(name, ())
-        if not roads or len(corners) < 3:
-            return None
-        ground = shapely.Polygon(corners[:, :2])
-        if not ground.is_valid:
+        roads = inside.get(name, [])
+        ground = shapely.Polygon(corners[:, :2]) if len(corners) > 3 else shapely.Polygon()
+        if not roads or ground.is_empty or not ground.is_valid:
             return None
         height = float(corners[:, 2].mean()) if corners.shape[1] > 2 else 0.0
-        added = others.free(shapely.union_all(list(roads)), name, height)
+        added = others.free(shapely.union_all(roads), name, height)
         whole = _largest(shapely.union_all([ground, added]))
         islands = [hole for ring in whole.interiors if (hole := shapely.Polygon(ring)).area >= least]
         filled = shapely.Polygon(whole.exterior)
         for island in islands:
             filled = _largest(filled.difference(_with_slit(island, filled)))
         filled = _largest(shapely.set_precision(shapely.simplify(filled, _SMOOTH), _GRID))
-        return None if filled.interiors else outline_of(filled, corners)
+        return None if filled.is_empty or filled.interiors else outline_of(filled, corners)
 
     return replace_outlines(data, fill)
 
@@ -108,8 +105,8 @@ class _Ground:
 
 
 def _largest(ground: shapely.Geometry) -> shapely.Polygon:
-    parts: Iterable[shapely.Geometry] = shapely.get_parts(ground)
-    return max((part for part in parts if part.geom_type == "Polygon"), key=shapely.area)
+    areas = [part for part in shapely.get_parts(ground) if part.geom_type == "Polygon"]
+    return max(areas, key=shapely.area, default=shapely.Polygon())
 
 
 def _with_slit(island: shapely.Polygon, ground: shapely.Polygon) -> shapely.Geometry:
