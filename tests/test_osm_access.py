@@ -1,5 +1,6 @@
 """Which roads and lanes an import builds, and for whom: service roads, barriers, buses, bicycles."""
 
+import xml.etree.ElementTree as ET
 from pathlib import Path
 from typing import Any
 
@@ -122,6 +123,25 @@ def test_cycle_lane_at_the_inner_side_of_a_oneway_street_goes_on_there(tmp_path:
     onward = [c for c in bundle.road_map.connections if c.from_lane in {lane.id for lane in cycles}]
     assert {c.direction for c in onward} == {"s", "l"}
     assert report["counts"]["error"] == 0
+
+
+def test_nobody_changes_lanes_where_a_lane_opens_or_waits_on_a_cycle_lane(tmp_path: Path) -> None:
+    drawing = Drawing()
+    drawing.way((-150, 0), (-60, 0), highway="secondary", oneway="yes", lanes="1")
+    drawing.way((-60, 0), (0, 0), highway="secondary", oneway="yes", lanes="3", cycleway="lane")
+    drawing.way((0, 0), (150, 0), highway="secondary", oneway="yes", lanes="2")
+    drawing.way((0, -120), (0, 0), (0, 120), **MAIN)
+    drawing.node(0, 0, **SIGNAL)
+    built(drawing, tmp_path)
+    (network,) = tmp_path.glob("**/network.net.xml")
+    links = [link for link in ET.parse(network).iter("connection") if "via" in link.attrib]  # noqa: S314
+    opening = [link for link in links if link.get("from") == "1001#0"]
+    turning = [link for link in links if link.get("from") == "1002#0" and link.get("dir") == "r"]
+    assert len(opening) >= 3
+    assert all({"changeLeft", "changeRight"} <= link.attrib.keys() for link in opening)
+    cars = [link for link in turning if link.get("fromLane") != "1"]
+    assert cars
+    assert all(link.get("contPos") == "0.00" for link in cars)
 
 
 def test_signal_without_a_junction_is_told(tmp_path: Path) -> None:
