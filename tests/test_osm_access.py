@@ -1,5 +1,6 @@
 """Which roads and lanes an import builds, and for whom: service roads, barriers, buses, bicycles."""
 
+import xml.etree.ElementTree as ET
 from pathlib import Path
 from typing import Any
 
@@ -104,6 +105,54 @@ def test_cycle_lanes_go_on_across_a_signal(tmp_path: Path) -> None:
     ]
     assert len(ahead) == 2
     assert report["counts"]["error"] == 0
+
+
+def test_cycle_lane_at_the_inner_side_of_a_oneway_street_goes_on_there(tmp_path: Path) -> None:
+    drawing = Drawing()
+    street = MAIN | {"oneway": "yes", "cycleway__left": "lane"}
+    drawing.way((-150, 0), (0, 0), (150, 0), **street)
+    drawing.way((0, -120), (0, 0), (0, 120), **MAIN)
+    drawing.node(0, 0, **SIGNAL)
+    bundle, report = built(drawing, tmp_path)
+    lanes = {lane.id: lane for lane in bundle.road_map.lanes}
+    cycles = [lane for lane in lanes.values() if lane.kind == "bicycle"]
+    assert len(cycles) == 2
+    for lane in cycles:
+        driven = [other for other in lanes.values() if other.road == lane.road and other.kind == "driving"]
+        assert lane.index > max(other.index for other in driven)
+    onward = [c for c in bundle.road_map.connections if c.from_lane in {lane.id for lane in cycles}]
+    assert {c.direction for c in onward} == {"s", "l"}
+    assert report["counts"]["error"] == 0
+
+
+def test_nobody_changes_lanes_where_a_lane_opens_or_waits_on_a_cycle_lane(tmp_path: Path) -> None:
+    drawing = Drawing()
+    drawing.way((-150, 0), (-60, 0), highway="secondary", oneway="yes", lanes="1")
+    drawing.way((-60, 0), (0, 0), highway="secondary", oneway="yes", lanes="3", cycleway="lane")
+    drawing.way((0, 0), (150, 0), highway="secondary", oneway="yes", lanes="2")
+    drawing.way((0, -120), (0, 0), (0, 120), **MAIN)
+    drawing.node(0, 0, **SIGNAL)
+    built(drawing, tmp_path)
+    (network,) = tmp_path.glob("**/network.net.xml")
+    links = [link for link in ET.parse(network).iter("connection") if "via" in link.attrib]  # noqa: S314
+    opening = [link for link in links if link.get("from") == "1001#0"]
+    turning = [link for link in links if link.get("from") == "1002#0" and link.get("dir") == "r"]
+    assert len(opening) >= 3
+    assert all({"changeLeft", "changeRight"} <= link.attrib.keys() for link in opening)
+    cars = [link for link in turning if link.get("fromLane") != "1"]
+    assert cars
+    assert all(link.get("contPos") == "0.00" for link in cars)
+
+
+def test_signal_without_a_junction_is_told(tmp_path: Path) -> None:
+    drawing = main_road(**SIGNAL)
+    drawing.way((0, 0), (0, 120), **MAIN)
+    drawing.way((150, 0), (210, 0), (400, 0), **MAIN)
+    drawing.node(210, 0, **SIGNAL)
+    _, report = built(drawing, tmp_path)
+    (told,) = [issue for issue in report["issues"] if issue["check"] == "osm.missing_signal"]
+    assert "no junction or crossing" in told["message"]
+    assert report["osm"]["signalised_junctions"] == {"kept": 1, "of": 2, "share": 0.5}
 
 
 def test_tag_that_no_lane_can_show_is_told_once_for_all_ways(tmp_path: Path) -> None:

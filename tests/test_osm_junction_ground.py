@@ -104,3 +104,20 @@ def test_ramp_that_ends_with_a_bridge_does_not_lie_on_the_road_it_joins(tmp_path
     d.way((7, -25), (0, 0), **ramp)
     _, report = convert(str(d.write(tmp_path / "a.osm")), tmp_path / "a.dojo")
     assert not [issue["message"] for issue in report["issues"] if issue["severity"] == "error"]
+
+
+def test_slip_lane_inside_a_junction_is_paved_around_its_island(tmp_path: Path) -> None:
+    drawing = Drawing()
+    drawing.way((-150, 0), (-22, 0), (0, 0), (150, 0), highway="secondary", lanes="2")
+    drawing.way((0, -150), (0, -22), (0, 0), (0, 150), highway="secondary", lanes="2")
+    drawing.way((-22, 0), (-19, -13), (-13, -19), (0, -22), highway="secondary_link", oneway="yes")
+    for place in ((0, 0), (-22, 0), (0, -22)):
+        drawing.node(*place, **SIGNAL)
+    built = network(drawing, tmp_path)
+    places = built.layout.graph.places
+    slip = shapely.LineString([places[node] for node in built.layout.graph.ways[1003].nodes])
+    ground = largest(built.road_map)
+    assert ground.is_valid
+    assert slip.difference(ground.buffer(0.5)).length < 0.5
+    island = shapely.Polygon([*slip.coords, places[3]]).difference(ground)
+    assert 20.0 < island.area < 200.0

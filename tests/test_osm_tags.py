@@ -76,6 +76,9 @@ BUS, CAR, BICYCLE = LaneUse.BUS, LaneUse.DRIVING, LaneUse.BICYCLE
         ({"oneway": "yes", "cycleway": "lane"}, [BICYCLE, CAR], []),
         ({"oneway": "yes", "cycleway": "opposite_lane"}, [CAR], [BICYCLE]),
         ({"oneway": "yes", "oneway__bicycle": "no", "cycleway__left": "lane"}, [CAR], [BICYCLE]),
+        ({"oneway": "yes", "cycleway__left": "lane"}, [CAR, BICYCLE], []),
+        ({"oneway": "yes", "cycleway__left": "lane", "cycleway__left__oneway": "-1"}, [CAR], [BICYCLE]),
+        ({"oneway": "-1", "cycleway__right": "track"}, [], [CAR, BICYCLE]),
         ({"lanes": "2", "cycleway": "shared_lane"}, [CAR], [CAR]),
     ],
 )

@@ -27,6 +27,7 @@ from dojo_maps.sources.osm.network.corrections import (
 from dojo_maps.sources.osm.network.junction_outlines import mend_outlines
 from dojo_maps.sources.osm.network.netconvert_run import Converted, convert_plain
 from dojo_maps.sources.osm.network.osm_network import OsmNetwork
+from dojo_maps.sources.osm.network.outline_filling import fill_outlines
 from dojo_maps.sources.osm.network.outline_trimming import trim_outlines
 from dojo_maps.sources.osm.plain.plain_xml import Plain, write_plain
 from dojo_maps.sources.osm.read.country import Country
@@ -98,6 +99,7 @@ def build_network(
             unsettled.append(not_converged(known, wanted, layout.graph, attempts=tried))
     built = mend_outlines(program_signals(converted.data, road_map))
     built = trim_outlines(built, road_map, layout.graph)
+    built = fill_outlines(built, road_map, layout)
     road_map, issues = read_network(built, path=path, name=name, sha256=sha256)
     issues += tuple(unsettled)
     issues += tuple(_dropped_issue(option, reason, road_map) for option, reason in converted.dropped)

@@ -141,8 +141,6 @@ class RoundaboutRules:
     """m of pavement that a mouth has on each side."""
     most_growth: float = 4.0
     """m by which a radius grows at most."""
-    hopeless_growth: float = 8.0
-    """m by which it would have to grow, from which it stays: the arms are mapped as two lines each."""
     fading: float = 12.0
     """m out from a ring over which its arms give way to it."""
     corner_radius: float = 0.5
@@ -409,6 +407,8 @@ class NetworkRules:
     """m by which a notch comes nearer to the roads than such ground, ..."""
     verge: float = 1.0
     """... and that it leaves beside each path of vehicles."""
+    least_island: float = 5.0
+    """m² between a junction and a road around its corner that stay an island."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -1,5 +1,6 @@
 """What of an extract a built network lacks, each loss with the OSM element and a link to it."""
 
+import math
 from collections import defaultdict
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
@@ -13,15 +14,10 @@ from dojo_maps.issue import Element, Issue, Severity
 from dojo_maps.sources.osm.graph.edge_id import EdgeId
 from dojo_maps.sources.osm.network.osm_network import OsmNetwork
 from dojo_maps.sources.osm.plain.lane_connections import arrow_targets
+from dojo_maps.sources.osm.plain.movements import Movement
 from dojo_maps.sources.osm.read.conditions import UnreadCondition
 from dojo_maps.sources.osm.read.data import OsmData, link_to
 from dojo_maps.sources.osm.read.restrictions import Restriction
-
-_LETTERS = {
-    "through": "s", "left": "lL", "slight_left": "lLs", "sharp_left": "lL", "right": "rR",
-    "slight_right": "rRs", "sharp_right": "rR", "reverse": "t", "merge_to_left": "slrLR",
-    "merge_to_right": "slrLR",
-}  # fmt: skip
 
 Share = tuple[int, int]
 """How many are kept, of how many."""
@@ -148,7 +144,7 @@ def tell_unread_conditions(
 
 
 def check_signals(network: OsmNetwork) -> tuple[Share, list[Issue]]:
-    """Look for exactly one controller at each signalised junction."""
+    """Look for exactly one controller at each signalised junction, and one near each other signal."""
     junctions, graph = network.layout.junctions, network.layout.graph
     control = {junction: signal.id for signal in network.road_map.signals for junction in signal.junctions}
     groups: dict[int, list[int]] = defaultdict(list)
@@ -165,22 +161,39 @@ def check_signals(network: OsmNetwork) -> tuple[Share, list[Issue]]:
         issues.append(
             loss(check, what, ("node", node), graph.places[members[0]], "set the junction's type in netedit")
         )
-    return (len(groups) - len(issues), len(groups)), issues
+    signalised = [graph.places[junction] for junction in junctions.signals]
+    farthest = graph.rules.signals.before_junction
+    alone = [
+        node
+        for node in junctions.stray
+        if all(math.dist(graph.places[node], place) > farthest for place in signalised)
+    ]
+    issues += [
+        loss(
+            "osm.missing_signal", "a signal was not built: no junction or crossing is near that it is for",
+            ("node", node), graph.places[node], "choose a larger area, or map the crossing or road there",
+        )
+        for node in alone
+    ]  # fmt: skip
+    total = len(groups) + len(alone)
+    return (total - len(issues), total), issues
 
 
 def check_turn_lanes(network: OsmNetwork) -> tuple[Share, list[Issue]]:
     """Compare the arrows painted on approaches with where their lanes lead, for turns that exist."""
     index = MapIndex(network.road_map)
     roads, leaving = index.roads, index.leaving
-    angles: dict[EdgeId, list[float]] = defaultdict(list)
+    lane_road = {lane.id: lane.road for lane in network.road_map.lanes}
+    movements: dict[EdgeId, list[Movement]] = defaultdict(list)
     for movement in network.plain.movements:
-        angles[movement.source.incoming].append(movement.angle)
+        movements[movement.source.incoming].append(movement)
     left_hand = network.road_map.left_hand
     total, issues = 0, []
     for edge, section in sorted(network.plain.sections.items(), key=lambda entry: str(entry[0])):
         road = roads.get(str(edge))
         lanes = section.road.forward
-        if road is None or len(angles[edge]) < 2 or not any(lane.turns for lane in lanes):
+        angles = [movement.angle for movement in movements[edge]]
+        if road is None or len(angles) < 2 or not any(lane.turns for lane in lanes):
             continue
         total += 1
         names = road.lanes[len(road.lanes) - len(lanes) :]
@@ -188,8 +201,9 @@ def check_turn_lanes(network: OsmNetwork) -> tuple[Share, list[Issue]]:
             turn
             for lane, name in zip(lanes, names, strict=True)
             for turn in lane.turns
-            if arrow_targets(turn, angles[edge], left_hand=left_hand) is not None
-            and not any(c.direction in _LETTERS.get(turn, "slrtLR") for c in leaving.get(name, ()))
+            if (number := arrow_targets(turn, angles, left_hand=left_hand)) is not None
+            and str(movements[edge][number].target.outgoing)
+            not in {lane_road[connection.to_lane] for connection in leaving.get(name, ())}
         ]
         if missing:
             way = section.ways[-1]

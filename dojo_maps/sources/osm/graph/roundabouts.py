@@ -64,22 +64,28 @@ def _is_circle(graph: RoadGraph, ring: list[Section]) -> bool:
 
 
 def widen_rings(graph: RoadGraph) -> RoadGraph:
-    """Move the nodes of roundabouts outward where their arms lie too close together."""
+    """Move the nodes of roundabouts outward where their arms lie too close together.
+
+    The two lines of an arm with a splitter island are one arm.
+    """
     ends, rules = graph.ends(), graph.rules.roundabouts
     for ring in find_rings(graph):
         nodes = sorted({node for section in ring for node in section.nodes})
         x, y = (sum(graph.places[node][axis] for node in nodes) / len(nodes) for axis in (0, 1))
         radius = sum(math.dist(graph.places[node], (x, y)) for node in nodes) / len(nodes)
         wanted = max(
-            sum(_mouth(graph, ends[vertex]) for vertex in (section.start, section.end))
-            / graph.length(section)
-            + rules.between_arms / graph.length(section)
-            for section in ring
+            (
+                sum(_mouth(graph, ends[vertex]) for vertex in (section.start, section.end))
+                / graph.length(section)
+                + rules.between_arms / graph.length(section)
+                for section in ring
+                if not _is_splitter(graph, ends, section)
+            ),
+            default=1.0,
         )
-        missing = (wanted - 1.0) * radius
-        if not 0.0 < missing <= rules.hopeless_growth:
+        wider = min((wanted - 1.0) * radius, rules.most_growth)
+        if wider <= 0.0:
             continue
-        wider = min(missing, rules.most_growth)
         arms = {name for node in nodes for name in ends.get(node, ())}
         places = dict(graph.places)
         for node in {node for name in arms for node in graph.sections[name].nodes}:
@@ -108,6 +114,19 @@ def find_rings(graph: RoadGraph) -> list[list[Section]]:
         if ring and here == start:
             rings.append(ring)
     return rings
+
+
+def _is_splitter(graph: RoadGraph, ends: dict[int, list[str]], section: Section) -> bool:
+    """Tell whether a part of a ring lies between the two lines of one arm: one leaves, the other arrives."""
+    arms = [
+        [graph.sections[name] for name in ends[vertex] if not graph.sections[name].road.roundabout]
+        for vertex in (section.start, section.end)
+    ]
+    return (
+        all(len(arm) == 1 and arm[0].road.oneway for arm in arms)
+        and arms[0][0].start == section.start
+        and arms[1][0].end == section.end
+    )
 
 
 def _mouth(graph: RoadGraph, names: list[str]) -> float:

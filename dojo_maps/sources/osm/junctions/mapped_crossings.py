@@ -7,11 +7,12 @@ import numpy as np
 import shapely
 
 from dojo_maps.sources.osm.graph.road_graph import Footway, RoadGraph
-from dojo_maps.sources.osm.read.data import Tags
-from dojo_maps.sources.osm.read.foot_tags import is_crossing_way
-
-_FOR_WALKERS = ("pedestrian_crossing", "pedestrian", "crossing")
-"""Kinds of signals that stop traffic for people who cross."""
+from dojo_maps.sources.osm.read.foot_tags import (
+    is_crossing_node,
+    is_crossing_way,
+    is_marked_crossing,
+    is_signalised_crossing,
+)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -55,18 +56,12 @@ def find_crossings(graph: RoadGraph) -> list[MappedCrossing]:
     return kept
 
 
-def _is_crossing_node(tags: Tags) -> bool:
-    named = tags.get("highway") == "crossing" or tags.get("crossing", "no") != "no"
-    named = named or tags.get("traffic_signals") in _FOR_WALKERS
-    return named and tags.get("crossing") != "no" and "railway" not in tags
-
-
 def _at_nodes(graph: RoadGraph, on_way: dict[int, Footway]) -> list[MappedCrossing]:
     """Take crossings at nodes of sections; one at a vertex belongs to the first section there."""
     found = []
     for node, places in sorted(graph.positions().items()):
         tags = graph.tags.get(node, {})
-        named = _is_crossing_node(tags)
+        named = is_crossing_node(tags)
         if not (named or (node in on_way and tags.get("crossing") != "no")):
             continue
         if not named:
@@ -81,8 +76,8 @@ def _at_nodes(graph: RoadGraph, on_way: dict[int, Footway]) -> list[MappedCrossi
                 place=graph.places[node],
                 section=section,
                 along=float(np.hypot(*np.diff(line, axis=0).T).sum()),
-                signalised=_is_signalised(tags),
-                marked=_is_marked(tags),
+                signalised=is_signalised_crossing(tags),
+                marked=is_marked_crossing(tags),
             )
         )
     return found
@@ -116,23 +111,8 @@ def _across(graph: RoadGraph, ways: Iterable[Footway], known: set[int]) -> list[
                     place=(float(point.x), float(point.y)),
                     section=names[hit],
                     along=along,
-                    signalised=_is_signalised(crossing.tags),
-                    marked=_is_marked(crossing.tags),
+                    signalised=is_signalised_crossing(crossing.tags),
+                    marked=is_marked_crossing(crossing.tags),
                 )
             )
     return found
-
-
-def _is_signalised(tags: Tags) -> bool:
-    return (
-        "traffic_signals" in (tags.get("crossing"), tags.get("highway"))
-        or tags.get("crossing:signals") == "yes"
-    )
-
-
-def _is_marked(tags: Tags) -> bool:
-    if tags.get("crossing:markings", "no") != "no":
-        return True
-    return tags.get("crossing") in ("traffic_signals", "uncontrolled", "marked", "zebra", "island") or (
-        "crossing" not in tags and tags.get("crossing:markings") != "no"
-    )

@@ -1,4 +1,4 @@
-"""Untwist the junction outlines that netconvert draws across themselves where roads meet at sharp angles."""
+"""Change the outlines of a network's junctions; untwist those that netconvert draws across themselves."""
 
 import re
 from collections.abc import Callable
@@ -8,7 +8,7 @@ import shapely
 
 from dojo_maps.geometry.polylines import Floats
 
-_JUNCTION = re.compile(r'(<junction id="[^":][^>]*? shape=")([^"]+)(")')
+_JUNCTION = re.compile(r'(<junction id="([^":][^"]*)"[^>]*? shape=")([^"]+)(")')
 _GAP = 0.5
 """Metres between parts of an outline that are joined."""
 _GRID = 0.01
@@ -20,23 +20,24 @@ def mend_outlines(data: bytes) -> bytes:
 
     An outline keeps the ground on both sides of where it crossed; nothing but the ground is changed.
     """
-    return replace_outlines(data, untwist)
+    return replace_outlines(data, lambda _, corners: untwist(corners))
 
 
-def replace_outlines(data: bytes, outline: Callable[[Floats], Floats | None]) -> bytes:
+def replace_outlines(data: bytes, outline: Callable[[str, Floats], Floats | None]) -> bytes:
     """Give junctions of a network another outline.
 
     Args:
         data: the network.
-        outline: gives the new corners for the old ones, (n, 2) or (n, 3) metres; None to keep them.
+        outline: gives the new corners for a junction's id and its old ones, (n, 2) or (n, 3) metres; None
+            to keep them.
     """
 
     def replaced(found: re.Match[str]) -> str:
-        corners = np.array([[float(value) for value in corner.split(",")] for corner in found[2].split()])
-        new = outline(corners)
+        corners = np.array([[float(value) for value in corner.split(",")] for corner in found[3].split()])
+        new = outline(found[2], corners)
         if new is None:
             return found[0]
-        return found[1] + " ".join(",".join(f"{value:.2f}" for value in row) for row in new) + found[3]
+        return found[1] + " ".join(",".join(f"{value:.2f}" for value in row) for row in new) + found[4]
 
     return _JUNCTION.sub(replaced, data.decode("utf-8")).encode("utf-8")
 
@@ -57,7 +58,20 @@ def untwist(corners: Floats) -> Floats | None:
     for whole in (joined, shapely.convex_hull(parts)):
         rounded = shapely.set_precision(whole, _GRID)
         if rounded.geom_type == "Polygon" and rounded.area:
-            places = shapely.get_coordinates(rounded.exterior)[:-1]
-            nearest = [np.argmin(np.hypot(*(corners[:, :2] - place).T)) for place in places]
-            return np.column_stack([places, corners[nearest, 2:]])
+            return outline_of(rounded, corners)
     return None
+
+
+def outline_of(ground: shapely.Polygon, corners: Floats) -> Floats:
+    """Outline some ground, each corner as high as the nearest of those that were there.
+
+    Args:
+        ground: without holes, metres.
+        corners: (n, 2), or (n, 3) with heights; metres.
+
+    Returns:
+        As many columns.
+    """
+    places = shapely.get_coordinates(ground.exterior)[:-1]
+    nearest = [int(np.argmin(np.hypot(*(corners[:, :2] - place).T))) for place in places]
+    return np.column_stack([places, corners[nearest, 2:]])

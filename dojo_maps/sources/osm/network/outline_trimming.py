@@ -3,14 +3,13 @@
 netconvert draws a junction's outline from arm to arm, straight over medians and corners of grass.
 """
 
-import numpy as np
 import shapely
 
 from dojo_maps.description import RoadMap
 from dojo_maps.geometry.polylines import Floats
 from dojo_maps.sources.osm.graph.road_graph import RoadGraph
 from dojo_maps.sources.osm.junctions.grouping import around_road
-from dojo_maps.sources.osm.network.junction_outlines import replace_outlines
+from dojo_maps.sources.osm.network.junction_outlines import outline_of, replace_outlines
 
 _LANE = 3.2
 """Metres across a path of vehicles."""
@@ -50,7 +49,7 @@ def trim_outlines(data: bytes, road_map: RoadMap, graph: RoadGraph) -> bytes:
     used = _used_ground(road_map, rules.verge)
     tree = shapely.STRtree(used)
 
-    def trim(corners: Floats) -> Floats | None:
+    def trim(_: str, corners: Floats) -> Floats | None:
         ground = shapely.Polygon(corners[:, :2]) if len(corners) > 3 else shapely.Polygon()
         if ground.area < rules.least_notch or not ground.is_valid:
             return None
@@ -61,7 +60,7 @@ def trim_outlines(data: bytes, road_map: RoadMap, graph: RoadGraph) -> bytes:
         trimmed = ground
         for piece in far:
             trimmed = _cut(trimmed, piece.buffer(rules.shoulder).difference(kept))
-        return None if trimmed is ground else _outline(trimmed, corners)
+        return None if trimmed is ground else outline_of(shapely.simplify(trimmed, _SMOOTH), corners)
 
     return replace_outlines(data, trim)
 
@@ -90,10 +89,3 @@ def _cut(ground: shapely.Polygon, notch: shapely.Geometry) -> shapely.Polygon:
     parted = float(shapely.area(parts).sum()) - largest.area > _LEFT_OVER
     whole = largest.geom_type == "Polygon" and not largest.is_empty and not largest.interiors
     return largest if whole and not parted else ground
-
-
-def _outline(ground: shapely.Polygon, corners: Floats) -> Floats:
-    """Outline some ground, with the heights of the corners that were there."""
-    places = shapely.get_coordinates(shapely.simplify(ground, _SMOOTH).exterior)[:-1]
-    nearest = [int(np.argmin(np.hypot(*(corners[:, :2] - place).T))) for place in places]
-    return np.column_stack([places, corners[nearest, 2:]])

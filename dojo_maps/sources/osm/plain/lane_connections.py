@@ -11,7 +11,7 @@ _ARROWS = {
     "through": 0.0, "slight_right": -35.0, "right": -85.0, "sharp_right": -135.0, "slight_left": 35.0,
     "left": 85.0, "sharp_left": 135.0, "reverse": 180.0, "merge_to_left": 0.0, "merge_to_right": 0.0,
 }  # fmt: skip
-_STRAIGHT = 42.0
+STRAIGHT = 42.0
 """Degrees of a turn that is still straight on."""
 
 
@@ -65,16 +65,19 @@ def _motor(lanes: Sequence[LaneTags]) -> list[int]:
 def _connect_cycle_lanes(
     lanes: Sequence[LaneTags], targets: Sequence[Sequence[LaneTags]], angles: Sequence[float]
 ) -> Iterator[tuple[int, int, int]]:
-    """Lead cycle lanes straight on and to the outer side; bicycles that turn inward change lanes before."""
-    outward = [k for k, angle in enumerate(angles) if angle <= _STRAIGHT]
+    """Lead cycle lanes straight on and to their side; bicycles that turn to the other change lanes before."""
+    innermost = max((k for k, lane in enumerate(lanes) if lane.motor), default=len(lanes))
     for number, lane in enumerate(lanes):
-        if lane.bicycle:
-            for movement in outward or range(len(targets)):
-                target = targets[movement]
-                fitting = [k for k, onto in enumerate(target) if onto.bicycle]
-                fitting += [k for k, onto in enumerate(target) if onto.motor and not onto.bus]
-                if fitting:
-                    yield number, movement, fitting[0]
+        if not lane.bicycle:
+            continue
+        side = -1 if number > innermost else 1
+        own = [k for k, angle in enumerate(angles) if angle * side <= STRAIGHT]
+        for movement in own or range(len(targets)):
+            target = list(enumerate(targets[movement]))[::side]
+            fitting = [k for k, onto in target if onto.bicycle]
+            fitting += [k for k, onto in target if onto.motor and not onto.bus]
+            if fitting:
+                yield number, movement, fitting[0]
 
 
 def _connect_motor_lanes(
@@ -143,7 +146,7 @@ def _expected(lanes: Sequence[LaneTags], angles: Sequence[float]) -> dict[int, s
     cars = [number for number, lane in enumerate(lanes) if not lane.bus] or list(range(len(lanes)))
     chosen: dict[int, set[int]] = {number: set() for number in range(len(lanes))}
     main = min(range(len(angles)), key=lambda k: (abs(angles[k]), k))
-    if abs(angles[main]) <= _STRAIGHT or len(angles) == 1:
+    if abs(angles[main]) <= STRAIGHT or len(angles) == 1:
         for movements in chosen.values():
             movements.add(main)
     else:
@@ -157,7 +160,7 @@ def _expected(lanes: Sequence[LaneTags], angles: Sequence[float]) -> dict[int, s
             outer = angle < angles[main] or (angle == angles[main] and movement < main)
             chosen[cars[0] if outer else cars[-1]].add(movement)
     for number in range(cars[0]):
-        chosen[number] |= {movement for movement in chosen[cars[0]] if angles[movement] < -_STRAIGHT}
+        chosen[number] |= {movement for movement in chosen[cars[0]] if angles[movement] < -STRAIGHT}
     return chosen
 
 
@@ -171,7 +174,7 @@ def _pair(
     """Pair a movement's lanes with its road's lanes, kept in order."""
     onto = [number for number, lane in enumerate(target) if not lane.bus] or list(range(len(target)))
     cars = [number for number in sources if not lanes[number].bus] or list(sources)
-    inner = angle > _STRAIGHT or (abs(angle) <= _STRAIGHT and movements == 1 and len(cars) > len(onto))
+    inner = angle > STRAIGHT or (abs(angle) <= STRAIGHT and movements == 1 and len(cars) > len(onto))
     shift = len(onto) - len(cars) if inner else 0
     pairs = [(lane, onto[max(0, min(place + shift, len(onto) - 1))]) for place, lane in enumerate(cars)]
     buses = [number for number, lane in enumerate(target) if lane.bus]

@@ -1,6 +1,6 @@
 """Write a layout as SUMO's plain XML: nodes, edges with every lane, connections and crossings."""
 
-from collections import defaultdict
+from collections import Counter, defaultdict
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,7 +14,7 @@ from dojo_maps.sources.osm.graph.road_graph import Section
 from dojo_maps.sources.osm.graph.roundabouts import find_rings
 from dojo_maps.sources.osm.layout.arms import Arm, Layout, divider
 from dojo_maps.sources.osm.layout.carriageway_spacing import side_by_side
-from dojo_maps.sources.osm.plain.lane_connections import connect_lanes
+from dojo_maps.sources.osm.plain.lane_connections import STRAIGHT, connect_lanes
 from dojo_maps.sources.osm.plain.movements import Movement, Movements
 from dojo_maps.sources.osm.plain.right_of_way import RightOfWay
 from dojo_maps.sources.osm.plain.track_edges import TrackEdges
@@ -36,6 +36,8 @@ _WITH_TRAM = {
     LaneUse.BUS: 'allow="bus coach taxi emergency tram"',
 }
 """The same of a lane that a tram shares."""
+_NO_LANE_CHANGE = ' changeLeft="authority" changeRight="authority"'
+_NO_WAIT_INSIDE = ' contPos="0"'
 _Link = tuple[Arm, int, Movement, int]
 """From a lane of an arm, by a movement, into a lane of its road."""
 
@@ -220,14 +222,36 @@ def _lane_links(layout: Layout, movements: Sequence[Movement]) -> list[str]:
         targets = [layout.leaving(movement.target) for movement in found]
         pairs = connect_lanes(lanes, targets, [m.angle for m in found], left_hand=layout.graph.left_hand)
         links += [(source, lane, found[number], onto) for lane, number, onto in pairs]
-    for source, lane, movement, onto in _with_entries(layout, links):
+    links = _with_entries(layout, links)
+    fans = _find_fans(links)
+    for link in links:
+        source, lane, movement, onto = link
         origin, goal = source.incoming, movement.target.outgoing
         shifts = [bool(layout.walk(edge)) for edge in (origin, goal)]
+        more = _NO_LANE_CHANGE if (source, movement.target) in fans else ""
+        more += _NO_WAIT_INSIDE if _cuts_cycle_lane(layout, link) else ""
         lines.append(
             f'<connection from="{origin}" to="{goal}" fromLane="{lane + shifts[0]}" '
-            f'toLane="{onto + shifts[1]}"/>'
+            f'toLane="{onto + shifts[1]}"{more}/>'
         )
     return lines
+
+
+def _find_fans(links: Sequence[_Link]) -> set[tuple[Arm, Arm]]:
+    """Find the movements in which a lane opens to several: these lie on each other at first.
+
+    A vehicle that changed from one to the next would hit another that is beside it only on paper.
+    """
+    opened = Counter((source, lane, movement.target) for source, lane, movement, _ in links)
+    return {(source, target) for (source, _, target), count in opened.items() if count > 1}
+
+
+def _cuts_cycle_lane(layout: Layout, link: _Link) -> bool:
+    """Tell whether a turn leads over a cycle lane beside it, which who waits behind it for people blocks."""
+    source, number, movement, _ = link
+    lanes = layout.arriving(source)
+    aside = lanes[:number] if movement.angle < -STRAIGHT else lanes[number + 1 :]
+    return abs(movement.angle) > STRAIGHT and lanes[number].motor and any(lane.bicycle for lane in aside)
 
 
 def _with_entries(layout: Layout, links: list[_Link]) -> list[_Link]:

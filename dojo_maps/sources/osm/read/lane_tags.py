@@ -103,9 +103,9 @@ def read_lanes(tags: Tags, direction: int, *, bus_only: bool, left_hand: bool) -
             found = [replace(lane, use=LaneUse.BUS) for lane in found]
         if not agree:
             unkept.append("turn:lanes of another number than its lanes: its arrows")
-        cycles = _cycle_lanes(tags, side, direction, left_hand=left_hand)
+        outer_cycles, inner_cycles = _cycle_lanes(tags, side, direction, left_hand=left_hand)
         outer, inner = _parking_lanes(tags, side, direction, left_hand=left_hand) if found else ([], [])
-        lanes.append((*outer, *cycles, *found, *inner))
+        lanes.append((*outer, *outer_cycles, *found, *inner_cycles, *inner))
     centre = LaneTags() if not direction and _count(tags, "lanes:both_ways") else None
     return LanesRead(forward=lanes[0], backward=lanes[1], unkept=tuple(unkept), centre=centre)
 
@@ -119,6 +119,8 @@ def _unkept(tags: Tags, direction: int) -> list[str]:
         found.append(f"oneway={tags['oneway']}: its changes of direction; it is two-way")
     if not direction and tags.get("lanes") == "1":
         found.append("lanes=1 for both directions: that they share it; each has a lane of its own")
+    if "lanes:reversible" in tags:
+        found.append("lanes:reversible: the lanes that change direction")
     if any(key.startswith("hov:lanes") and "designated" in tags[key] for key in tags):
         found.append("hov:lanes: that others may not use these lanes")
     return found
@@ -231,19 +233,30 @@ def _per_lane(tags: Tags, keys: Iterable[str]) -> list[str]:
     return [] if text is None else text.split("|")
 
 
-def _cycle_lanes(tags: Tags, side: str, direction: int, *, left_hand: bool) -> list[LaneTags]:
-    """List the lane or track for bicycles at the outer side of a direction, if there is one.
+def _cycle_lanes(
+    tags: Tags, side: str, direction: int, *, left_hand: bool
+) -> tuple[list[LaneTags], list[LaneTags]]:
+    """List the lane or track for bicycles at the outer side of a direction; and at the inner, if one-way.
 
-    Against a one-way there is one only where bicycles may go that way.
+    Against a one-way there is one only where bicycles may go that way; it lies at that side then.
     """
-    near = "left" if (side == "forward") == left_hand else "right"
+    near, far = ("left", "right") if (side == "forward") == left_hand else ("right", "left")
     with_traffic = direction == 0 or (direction > 0) == (side == "forward")
-    said = next((tags[key] for key in (f"cycleway:{near}", "cycleway:both", "cycleway") if key in tags), "no")
-    against = said.startswith("opposite")
-    if against == with_traffic and (with_traffic or tags.get("oneway:bicycle") != "no"):
-        return []
-    width = _CYCLE_WIDTHS.get(said)
-    return [LaneTags(use=LaneUse.BICYCLE, width=width)] if width else []
+    keys = (f"cycleway:{near}", "cycleway:both", "cycleway")
+    outer = next((tags[key] for key in keys if key in tags), "no")
+    against = outer.startswith("opposite") or (not with_traffic and _open_to_cycles_against(tags, near))
+    inner = tags.get(f"cycleway:{far}", "no") if with_traffic and direction else "no"
+    if inner.startswith("opposite") or _open_to_cycles_against(tags, far):
+        inner = "no"
+    said = ("no" if against == with_traffic else outer), inner
+    lanes = [
+        [LaneTags(use=LaneUse.BICYCLE, width=_CYCLE_WIDTHS[k])] if k in _CYCLE_WIDTHS else [] for k in said
+    ]
+    return lanes[0], lanes[1]
+
+
+def _open_to_cycles_against(tags: Tags, side: str) -> bool:
+    return tags.get("oneway:bicycle") == "no" or tags.get(f"cycleway:{side}:oneway") in ("-1", "no")
 
 
 def _parking_lanes(
