@@ -105,7 +105,7 @@ class Phases:
 
 OBSERVERS: dict[str, ObserverFactory] = {"features": Features, "phases": Phases}
 """Observers by name, beside those of `sensor_observations`."""
-_SEEING = ("bev", "multi_view", "detector")
+_SEEING = ("bev", "multi_view", "detector", "lane-strips")
 
 
 def build_observer(wanted: Any, eyes: Eyes, plans: Mapping[str, SignalPlan], *, interval: float) -> Observer:

@@ -21,7 +21,7 @@ from dojo_env.errors import SimulationBusyError, SimulationError
 from dojo_env.forks import must_return_within
 from dojo_env.notes import say_once
 from dojo_env.reading import HALTING, Figures, TrafficReading, Trip
-from dojo_env.road_users import RoadUsers
+from dojo_env.road_users import BLUE_LIGHTS, RoadUsers
 from dojo_env.signals.cycle import CycleStep
 from dojo_env.snapshot import Snapshot
 from dojo_env.sumo_files import SumoFiles
@@ -197,17 +197,18 @@ class Simulation:
         except self.failures as error:
             raise SimulationError(" ".join(str(error).split())) from error
 
-    def list_approaching(self, signal: str, lanes: Iterable[str]) -> list[tuple[int, float, float]]:
+    def list_approaching(self, signal: str, lanes: Iterable[str]) -> list[tuple[int, float, float, bool]]:
         """List the vehicles on these lanes whose next signal this is.
 
         Returns:
-            The link that each will take, metres to the stop line, and m/s.
+            The link that each will take, metres to the stop line, m/s, and whether its blue lights are on.
         """
         get, found = self._get, []
         for vehicle in (vehicle for lane in lanes for vehicle in get.lane_getLastStepVehicleIDs(lane)):
             for other, link, metres, _ in get.vehicle_getNextTLS(vehicle)[:1]:
                 if other == signal:
-                    found.append((link, metres, get.vehicle_getSpeed(vehicle)))
+                    is_urgent = bool(get.vehicle_getSignals(vehicle) & BLUE_LIGHTS)
+                    found.append((link, metres, get.vehicle_getSpeed(vehicle), is_urgent))
         return found
 
     def list_next_links(self, vehicles: Iterable[str]) -> list[tuple[str, int, float] | None]:

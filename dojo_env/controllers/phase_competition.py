@@ -9,6 +9,7 @@ Zaheer et al., NeurIPS 2017.
 
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,8 +24,11 @@ Array = NDArray[np.float32]
 
 LAYERS = ("encode1", "encode2", "score1", "score2")
 """Of the scores: two layers that every phase's vector goes through, two that see it beside the others."""
-WEIGHTS = tuple(f"{layer}_{part}" for layer in LAYERS for part in ("weight", "bias"))
+WEIGHTS = (*(f"{layer}_{part}" for layer in LAYERS for part in ("weight", "bias")), "rule_weight")
+"""Of the layers; and of a sum of the features that is added, with which a policy begins."""
 INPUTS = len(PHASE_FEATURES) + len(CONSTRAINTS)
+QUEUE_PRESSURE = {"is_present": 1.0, "halting": 10.0, "halting_yielding": 10.0, "moving": 5.0}
+"""The rule of that name, as a sum of features."""
 PACKAGED = Path(__file__).parent / "weights"
 """Where the policies are that ship with the package."""
 _MOST = 1 << 24
@@ -47,7 +51,8 @@ def score_phases(weights: Mapping[str, Array], phases: Array, constraints: Array
     context = np.concatenate([encoded.mean(axis=0), encoded.max(axis=0), encoded[present]])
     both = np.concatenate([encoded, np.broadcast_to(context, (len(phases), len(context)))], axis=1)
     hidden = _layer(weights, "score1", both)
-    scores: Array = (hidden @ weights["score2_weight"].T + weights["score2_bias"])[:, 0]
+    rule = seen @ weights["rule_weight"].T
+    scores: Array = (hidden @ weights["score2_weight"].T + weights["score2_bias"] + rule)[:, 0]
     return scores
 
 
@@ -68,7 +73,7 @@ def read_weights(path: Path) -> dict[str, Array]:
     )
     if not fits or sizes[0][1] != INPUTS or sizes[1][1] != sizes[0][0] or sizes[3] != (1, sizes[2][0]):
         raise PolicyError(path, "its layers do not fit; take weights of this version")
-    if sizes[2][1] != 4 * sizes[1][0]:
+    if sizes[2][1] != 4 * sizes[1][0] or weights["rule_weight"].shape != (1, INPUTS):
         raise PolicyError(path, "its layers do not fit; take weights of this version")
     return weights
 
@@ -76,13 +81,17 @@ def read_weights(path: Path) -> dict[str, Array]:
 class PhaseCompetition(Controller):
     """The phase with the best score, at any junction."""
 
-    def __init__(self, weights: Path | Mapping[str, Array] = PACKAGED / "learned.npz") -> None:
-        """Take the weights, from their file or as they are.
+    def __init__(
+        self,
+        weights: Path | Mapping[str, Array] = PACKAGED / "learned.npz",
+        settings: Mapping[str, Any] | None = None,
+    ) -> None:
+        """Take the weights, from their file or as they are, and keywords that the environment needs.
 
         Raises:
             PolicyError: the file holds none.
         """
-        super().__init__()
+        super().__init__(settings)
         self._weights = read_weights(weights) if isinstance(weights, Path) else dict(weights)
         self._readers: dict[str, PhaseReader] = {}
 

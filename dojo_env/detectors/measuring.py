@@ -29,6 +29,7 @@ class LaneMeasurements:
         mean_length: (n,) metres; 0 where there is none.
         waiting: (n,) the sum over the vehicles of the seconds that they have stood in sight.
         tracks: the numbers of the vehicles, who is nearest to the lane's end first.
+        urgent: the lanes on which somebody has his blue lights on, as far as that is measured.
     """
 
     time: float
@@ -39,6 +40,7 @@ class LaneMeasurements:
     mean_length: Floats
     waiting: Floats
     tracks: tuple[tuple[int, ...], ...]
+    urgent: frozenset[str] = frozenset()
 
 
 class LaneWatch:
