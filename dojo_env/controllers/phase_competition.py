@@ -19,6 +19,7 @@ from dojo_env.errors import PolicyError
 from dojo_env.instant import Instant
 from dojo_env.phase_features import CONSTRAINTS, PHASE_FEATURES, PhaseReader
 from dojo_env.plain_arrays import read_arrays
+from dojo_maps.signals.programs import green_links
 
 Array = NDArray[np.float32]
 
@@ -79,7 +80,7 @@ def read_weights(path: Path) -> dict[str, Array]:
 
 
 class PhaseCompetition(Controller):
-    """The phase with the best score, at any junction."""
+    """The phase with the best score, at any junction; where blue lights come, of those that let them go."""
 
     def __init__(
         self,
@@ -107,4 +108,8 @@ class PhaseCompetition(Controller):
         reader = self._readers[signal]
         phases = reader.read(signal, instant)
         scores = score_phases(self._weights, phases, reader.constraints(view), view.phase)
+        urgent = instant.approach(signal).urgent
+        if urgent:
+            served = [len(urgent & green_links(state)) for state in view.plan.phases]
+            scores = np.where(np.array(served) == max(served), scores, -np.inf)
         return int(scores.argmax())

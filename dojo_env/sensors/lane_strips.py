@@ -15,16 +15,22 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
-from dojo_env.detectors.measuring import LaneMeasurements
+from dojo_env.detectors.measuring import LaneMeasurements, WaitingSum
 from dojo_env.errors import ConfigError
 from dojo_env.instant import SignalView
+from dojo_env.notes import say_once
 from dojo_env.sensors.base import SENSORS, Look, Sensor, Site
+from dojo_env.sensors.camera_watch import CameraWatch
 from dojo_env.sensors.lane_network import PACKAGED, SEEN, find_chances, read_weights
 from dojo_env.sensors.strip_geometry import COLUMNS, ROWS, build_strips, cut_strips
 
-_STANDING, _MOVING = SEEN.index("standing"), SEEN.index("moving")
+_STANDING, _MOVING, _EMERGENCY = (SEEN.index(name) for name in ("standing", "moving", "emergency"))
 _CAR = 5.0
 """Metres that vehicles are taken to be long."""
+_SURE = 0.5
+"""The chance of an emergency vehicle, at this decision and at the last one, from which on it counts."""
+_USUAL, _DISCHARGE, _LONGEST = 0.08, 0.5, 12.0
+"""Where a camera fails: vehicles a second that come, that leave at green, and that stand at the most."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -68,7 +74,11 @@ class _MountedStrips(Sensor):
         self.views = {camera: ("rgb",) for camera in cameras if camera in used}
         self._geometry = np.stack([strip.geometry for strip in self._strips])
         self._shares = np.stack([strip.shares for strip in self._strips])[:, :, None]
-        self._measured: LaneMeasurements | None = None
+        self._links = [
+            {link for link, lane, _ in site.plan.links if lane == strip.lane and not strip.is_outgoing}
+            for strip in self._strips
+        ]
+        self._signal = site.signal
 
     @cached_property
     def _weights(self) -> dict[str, NDArray[np.float32]]:
@@ -76,11 +86,23 @@ class _MountedStrips(Sensor):
 
     def reset(self, random: np.random.Generator) -> None:
         self._looks: list[tuple[float, NDArray[np.uint8]]] = []
-        self._measured = None
+        self._measured: LaneMeasurements | None = None
+        self._sums = np.zeros((len(self._strips), len(SEEN)))
+        self._shining = np.zeros(len(self._strips))
+        self._waiting = WaitingSum(len(self._strips))
+        self._watches = {camera: CameraWatch() for camera in self.views}
+        self._green = np.zeros(len(self._strips), bool)
 
     def observe(self, look: Look) -> tuple[float, NDArray[np.uint8]]:
-        pictures = {camera: look.pictures[camera].rgb for camera in self.views}
-        return look.snapshot.time, cut_strips(self._strips, pictures)
+        time, pictures = look.snapshot.time, {camera: look.pictures[camera].rgb for camera in self.views}
+        state = look.snapshot.signals[self._signal]
+        self._green = np.array([any(state[link] in "Gg" for link in links) for links in self._links])
+        shown = self._green & (self._sums[:, _STANDING] > 1.0)
+        for camera, watch in self._watches.items():
+            must_move = any(shown[row] for row, strip in enumerate(self._strips) if strip.camera is camera)
+            if watch.note(time, pictures[camera], must_move=must_move):
+                say_once(_tell(self._signal, camera.name, watch))
+        return time, cut_strips(self._strips, pictures)
 
     def deliver(self, looks: Sequence[Any], view: SignalView) -> NDArray[np.uint8]:
         """Put the last look and the one before it together."""
@@ -92,18 +114,28 @@ class _MountedStrips(Sensor):
         if self._measured is None or self._measured.time < time:
             strips = np.concatenate([now, before], axis=3)
             chances = find_chances(self._weights, strips, self._geometry)
-            self._measured = self._measure(time, (chances * self._shares).sum(axis=1))
+            self._sums = self._bridge(time, (chances * self._shares).sum(axis=1))
+            shining, last = (chances[:, :, _EMERGENCY] * self._shares[:, :, 0]).max(axis=1), self._shining
+            self._shining = shining
+            self._measured = self._measure(time, self._sums, np.minimum(shining, last) > _SURE)
         return self._measured
 
-    def _measure(self, time: float, sums: NDArray[np.float64]) -> LaneMeasurements:
+    def _bridge(self, time: float, seen: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Put a usual queue in the place of what a camera that fails does not show."""
+        last = self._measured
+        passed = 0.0 if last is None else time - last.time
+        for row, strip in enumerate(self._strips):
+            if strip.camera is not None and self._watches[strip.camera].fault and not strip.is_outgoing:
+                rate = _USUAL - (_DISCHARGE if self._green[row] else 0.0)
+                seen[row] = 0.0
+                seen[row, _STANDING] = np.clip(self._sums[row, _STANDING] + rate * passed, 0.0, _LONGEST)
+        return seen
+
+    def _measure(
+        self, time: float, sums: NDArray[np.float64], is_urgent: NDArray[np.bool_]
+    ) -> LaneMeasurements:
         halting = np.rint(sums[:, _STANDING])
         vehicles = np.maximum(halting, np.rint(sums[:, _STANDING] + sums[:, _MOVING]))
-        last = self._measured
-        waiting = np.zeros(len(sums))
-        if last is not None:
-            # Who drives off takes his share of the waiting with him.
-            left = np.minimum(1.0, vehicles / np.maximum(last.vehicles, 1.0))
-            waiting = last.waiting * left + np.minimum(halting, last.halting) * (time - last.time)
         numbers = np.split(np.arange(int(vehicles.sum())), np.cumsum(vehicles.astype(int))[:-1])
         return LaneMeasurements(
             time=time,
@@ -112,9 +144,24 @@ class _MountedStrips(Sensor):
             halting=halting,
             mean_speed=np.full(len(sums), np.nan),
             mean_length=np.where(vehicles > 0, _CAR, 0.0),
-            waiting=waiting,
+            waiting=self._waiting.add(time, vehicles, halting),
             tracks=tuple(tuple(each.tolist()) for each in numbers),
+            urgent=frozenset(
+                strip.lane
+                for strip, urgent in zip(self._strips, is_urgent, strict=True)
+                if urgent and not strip.is_outgoing
+            ),
         )
+
+
+def _tell(signal: str, camera: str, watch: CameraWatch) -> str:
+    """Say that a camera fails, or that it is back."""
+    if watch.fault:
+        return (
+            f"signal {signal}: camera {camera} {watch.fault}, at {watch.since:g} s; "
+            "until it is back its lanes count as filling as usual, so they get their turn"
+        )
+    return f"signal {signal}: camera {camera} is back, at {watch.since:g} s"
 
 
 def _mount(text: str, site: Site) -> Sensor:
