@@ -40,6 +40,8 @@ WEIGHTS = tuple(f"{layer}_{part}" for layer in LAYERS for part in ("weight", "bi
 PACKAGED = Path(__file__).parent / "weights" / "lanes.npz"
 """The network that ships with the package."""
 _MOST = 1 << 22
+_SUREST = 30.0
+"""Logits beyond which nobody is surer."""
 
 
 def find_chances(weights: Mapping[str, Array], strips: NDArray[np.uint8], geometry: Array) -> Array:
@@ -59,7 +61,7 @@ def find_chances(weights: Mapping[str, Array], strips: NDArray[np.uint8], geomet
         values += weights[f"{name}_bias"]
         if name != "tell":
             np.maximum(values, 0.0, out=values)
-    chances: Array = 1.0 / (1.0 + np.exp(-values[:, :, 0]))
+    chances: Array = 1.0 / (1.0 + np.exp(-values[:, :, 0].clip(-_SUREST, _SUREST)))
     return chances
 
 

@@ -29,10 +29,10 @@ class VisionTraining:
 
     scenarios: tuple[str, ...]
     seed: int = 0
-    episodes: int = 96
+    episodes: int = 64
     seconds: int = 400
     looks: int = 40
-    epochs: int = 6
+    epochs: int = 16
     batch_size: int = 128
     learning_rate: float = 3e-3
 

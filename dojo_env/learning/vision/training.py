@@ -17,6 +17,7 @@ from dojo_env.learning.vision.episodes import Case, Examples, draw_case, take_ex
 from dojo_env.learning.vision.network import LaneNet
 from dojo_env.learning.vision.settings import CURVE, NETWORK, SETTINGS, VisionTraining, write_settings
 from dojo_env.sensors.lane_network import SEEN, find_chances, scale_colours
+from dojo_env.sensors.strip_geometry import GEOMETRY
 from dojo_maps.progress import say
 from dojo_maps.whole_file import replaced, write_table
 
@@ -27,7 +28,9 @@ _EMPTY = 0.4
 """The share of strips without anybody that is learned from: most are such, and teach little."""
 _RARE = 4.0
 """How much buses and emergency vehicles count beside the others, of which there are more."""
-_SCORED = 4096
+_MIRRORED, _GAINS = 0.5, (0.75, 1.3)
+"""The share of strips that are shown mirrored, and how much darker or brighter they are."""
+_SCORED = 1024
 """Strips that are judged at once."""
 
 
@@ -117,7 +120,7 @@ def fit(
         order = draw.permutation(len(chosen))
         for start in range(0, len(order), training.batch_size):
             batch = _gather(learned, [chosen[place] for place in order[start : start + training.batch_size]])
-            loss: Any = _compute_loss(network, *batch)
+            loss: Any = _compute_loss(network, _vary(batch[0], draw), *batch[1:])
             optimizer.zero_grad()
             loss.backward()
             optimizer.step()
@@ -141,6 +144,18 @@ def _gather(
     in_view = np.stack([each.shares[place] > 0 for each, place in where]).astype(np.float32)
     values = np.concatenate([scale_colours(strips), geometry], axis=3)
     return torch.from_numpy(values), torch.from_numpy(truth), torch.from_numpy(in_view)
+
+
+def _vary(values: torch.Tensor, draw: np.random.Generator) -> torch.Tensor:
+    """Mirror half of the strips, and make each brighter or darker: there are more streets than we have."""
+    count = len(values)
+    mirrored = torch.from_numpy(draw.random(count) < _MIRRORED)
+    varied = torch.where(mirrored[:, None, None, None], values.flip(2), values)
+    side = len(GEOMETRY) - GEOMETRY.index("side")
+    varied[..., -side] *= torch.where(mirrored, -1.0, 1.0)[:, None, None]
+    gain = torch.from_numpy(draw.uniform(*_GAINS, (count, 1, 1, 1)).astype(np.float32))
+    colours = ((varied[..., : -len(GEOMETRY)] + 1.0) * gain - 1.0).clamp(-1.0, 1.0)
+    return torch.cat([colours, varied[..., -len(GEOMETRY) :]], dim=3)
 
 
 def _compute_loss(
