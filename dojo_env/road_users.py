@@ -38,7 +38,7 @@ _PRAMS = ("pram", "stroller", "pushchair")
 """SUMO has no class for those who push one, so the names of their types must tell."""
 _PICKUPS = ("pickup", "pick-up", "pick_up")
 """The same for these cars."""
-_RIGHT, _LEFT, _BOTH, _BRAKE, BLUE_LIGHTS = 1, 2, 4, 8, 2048 | 4096 | 8192
+_RIGHT, _LEFT, _BOTH, _BRAKE, _BLUE = 1, 2, 4, 8, 2048 | 4096 | 8192
 """Bits of SUMO's vehicle signals."""
 _BITS = 1 << 14
 _SPARE = 1000
@@ -163,7 +163,7 @@ def _tabulate_lights() -> NDArray[np.uint8]:
     lights = np.where(bits & _BRAKE, Lights.BRAKE, 0)
     lights |= np.where(bits & (_LEFT | _BOTH), Lights.LEFT, 0)
     lights |= np.where(bits & (_RIGHT | _BOTH), Lights.RIGHT, 0)
-    lights |= np.where(bits & BLUE_LIGHTS, Lights.BLUE, 0)
+    lights |= np.where(bits & _BLUE, Lights.BLUE, 0)
     return lights.astype(np.uint8)
 
 

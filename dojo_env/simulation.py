@@ -21,7 +21,7 @@ from dojo_env.errors import SimulationBusyError, SimulationError
 from dojo_env.forks import must_return_within
 from dojo_env.notes import say_once
 from dojo_env.reading import HALTING, Figures, TrafficReading, Trip
-from dojo_env.road_users import BLUE_LIGHTS, RoadUsers
+from dojo_env.road_users import RoadUsers
 from dojo_env.signals.cycle import CycleStep
 from dojo_env.snapshot import Snapshot
 from dojo_env.sumo_files import SumoFiles
@@ -201,13 +201,14 @@ class Simulation:
         """List the vehicles on these lanes whose next signal this is.
 
         Returns:
-            The link that each will take, metres to the stop line, m/s, and whether its blue lights are on.
+            The link that each will take, metres to the stop line, m/s, and whether it is an emergency
+            vehicle, which flashes blue.
         """
         get, found = self._get, []
         for vehicle in (vehicle for lane in lanes for vehicle in get.lane_getLastStepVehicleIDs(lane)):
             for other, link, metres, _ in get.vehicle_getNextTLS(vehicle)[:1]:
                 if other == signal:
-                    is_urgent = bool(get.vehicle_getSignals(vehicle) & BLUE_LIGHTS)
+                    is_urgent = get.vehicle_getVehicleClass(vehicle) == "emergency"
                     found.append((link, metres, get.vehicle_getSpeed(vehicle), is_urgent))
         return found
 

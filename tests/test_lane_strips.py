@@ -14,7 +14,7 @@ from dojo_env.errors import ConfigError, PolicyError
 from dojo_env.local_world import LocalWorld
 from dojo_env.outages import CameraOutage
 from dojo_env.sensors.camera_watch import CameraWatch
-from dojo_env.sensors.lane_network import LAYERS, PACKAGED, SEEN, find_chances, read_weights
+from dojo_env.sensors.lane_network import CHANNELS, LAYERS, PACKAGED, SEEN, find_chances, read_weights
 from dojo_env.sensors.strip_geometry import (
     CELL,
     CELLS,
@@ -128,6 +128,8 @@ def test_torch_and_numpy_see_alike() -> None:
 
     torch.manual_seed(1)
     network, draw = LaneNet(), np.random.default_rng(0)
+    network(torch.rand(4, ROWS, COLUMNS, CHANNELS))  # So that what normalises has seen something.
+    network.eval()
     strips = draw.integers(0, 256, (3, ROWS, COLUMNS, 6), np.uint8)
     geometry = draw.random((3, ROWS, COLUMNS, len(GEOMETRY)), np.float32)
     values = torch.from_numpy(np.concatenate([scale_colours(strips), geometry], axis=3))

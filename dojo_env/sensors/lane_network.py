@@ -23,7 +23,7 @@ Array = NDArray[np.float32]
 
 SEEN = ("standing", "moving", "bus", "emergency")
 """What is told of each cell: the chance that the front of somebody who stands is in it, or of who moves; that
-it is a bus; that it is an ambulance, a fire engine or a police car with its blue lights on."""
+it is a bus; that it flashes blue."""
 CHANNELS = 6 + len(GEOMETRY)
 """Of a strip: colours now, colours before, geometry."""
 LAYERS: Mapping[str, tuple[tuple[int, int], tuple[int, int], tuple[int, int], int]] = {

@@ -1,6 +1,7 @@
 """What the network of lanes learns from: strips of many junctions in all weathers, and what is on them."""
 
 from collections.abc import Sequence
+from collections.abc import Set as AbstractSet
 from contextlib import closing
 from dataclasses import dataclass
 from typing import Any
@@ -20,7 +21,6 @@ from dojo_env.sensors.strip_geometry import CELL, CELLS, REACH, Strip, build_str
 from dojo_env.snapshot import Kind, Lights, Snapshot
 
 BUSES = (Kind.BUS, Kind.ARTICULATED_BUS)
-EMERGENCIES = (Kind.AMBULANCE, Kind.FIRE_ENGINE, Kind.POLICE)
 _CARS = (Kind.CAR, Kind.HATCHBACK, Kind.SALOON, Kind.ESTATE)
 _DRESSED: tuple[tuple[float, Kind, tuple[float, float, float], Lights], ...] = (
     (0.030, Kind.AMBULANCE, (6.5, 2.2, 2.7), Lights.BLUE),
@@ -184,6 +184,7 @@ class _Watch:
         ]
         self._cameras = list(dict.fromkeys(strip.camera for strip in self._strips if strip.camera))
         self._before: NDArray[np.uint8] | None = None
+        self._shone = set[int]()
         self._found: list[NDArray[np.uint8]] = []
         self._truth: list[NDArray[np.uint8]] = []
 
@@ -192,11 +193,12 @@ class _Watch:
         snapshot = _dress(self._world.instant.snapshot, self._seed)
         pictures = self._world.eyes.look(snapshot, self._cameras)
         seen = {camera: each.rgb for camera, each in zip(self._cameras, pictures, strict=True)}
-        now = cut_strips(self._strips, seen)
+        now, shining = cut_strips(self._strips, seen), _list_shining(snapshot)
         if is_second and self._before is not None:
             self._found.append(np.concatenate([now, self._before], axis=3))
-            self._truth.append(np.stack([mark_cells(strip, snapshot) for strip in self._strips]))
-        self._before = now
+            urgent = shining | self._shone
+            self._truth.append(np.stack([mark_cells(strip, snapshot, urgent) for strip in self._strips]))
+        self._before, self._shone = now, shining
 
     def collect(self) -> Examples:
         """Put all examples together."""
@@ -210,16 +212,21 @@ class _Watch:
         )
 
 
-def mark_cells(strip: Strip, snapshot: Snapshot) -> NDArray[np.uint8]:
+def _list_shining(snapshot: Snapshot) -> set[int]:
+    """List the numbers of those whose blue lights are lit; they flash."""
+    return set(snapshot.numbers[(snapshot.lights & Lights.BLUE) > 0].tolist())
+
+
+def mark_cells(strip: Strip, snapshot: Snapshot, urgent: AbstractSet[int] = frozenset()) -> NDArray[np.uint8]:
     """Tell what is on a strip.
 
     Args:
         strip: of a lane.
         snapshot: everyone on the road.
+        urgent: numbers of those who flash blue.
 
     Returns:
-        (cells, 4) 1 where a front is in the cell: of who stands, of who moves, of a bus, of who has his blue
-        lights on.
+        (cells, 4) 1 where a front is in the cell: of who stands, of who moves, of a bus, of who is urgent.
     """
     marks = np.zeros((CELLS, len(SEEN)), np.uint8)
     rows = np.array([row for row, lane in enumerate(snapshot.lanes) if lane in strip.sources], int)
@@ -230,7 +237,7 @@ def mark_cells(strip: Strip, snapshot: Snapshot) -> NDArray[np.uint8]:
         cell, kind = int(distance / CELL), snapshot.kinds[row]
         marks[cell, 0 if snapshot.speeds[row] < HALTING else 1] = 1
         marks[cell, 2] |= kind in BUSES
-        marks[cell, 3] |= kind in EMERGENCIES and bool(snapshot.lights[row] & Lights.BLUE)
+        marks[cell, 3] |= int(snapshot.numbers[row]) in urgent
     return marks
 
 
@@ -245,7 +252,7 @@ def _dress(snapshot: Snapshot, seed: int) -> Snapshot:
             chance -= share
             if chance < 0:
                 kinds[row], sizes[row] = kind, size
-                lights[row] |= shine
+                lights[row] |= shine * int((snapshot.time + snapshot.numbers[row]) % 2 < 1)  # Once in 2 s.
                 kept &= ~_is_covered(snapshot, row, size[0])
                 break
     rows = np.flatnonzero(kept)

@@ -33,8 +33,8 @@ class VisionTraining:
     seconds: int = 400
     looks: int = 40
     epochs: int = 16
-    batch_size: int = 128
-    learning_rate: float = 3e-3
+    batch_size: int = 64
+    learning_rate: float = 4e-3
 
     def __post_init__(self) -> None:
         """Refuse what cannot be.

@@ -110,6 +110,7 @@ def fit(
         for episode, each in enumerate(learned)
         for row in np.flatnonzero(each.truth.any((1, 2)) | (draw.random(len(each.truth)) < _EMPTY))
     ]
+    network.train()
     steps = -(-len(chosen) // training.batch_size) * training.epochs
     optimizer = torch.optim.AdamW(network.parameters(), weight_decay=1e-3)
     schedule = torch.optim.lr_scheduler.OneCycleLR(
