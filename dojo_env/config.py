@@ -13,6 +13,7 @@ from dojo_env.camera_presets import find_preset
 from dojo_env.conditions import LOOKS, Conditions, sample_conditions
 from dojo_env.errors import ConfigError
 from dojo_env.imaging import Imaging, settle_imaging
+from dojo_env.outages import CameraOutage
 from dojo_env.scenario import Scenario, find_scenario, with_files
 from dojo_env.sumo_settings import SumoSettings, settle
 from dojo_env.timing_plans import TimingPlan
@@ -195,6 +196,7 @@ class SensingConfig:
         look: `street`, or `plain` to draw road users faster and more simply.
         parked: cars stand parked where the map has room for them.
         models: 3D models by SUMO's vehicle type, in place of ours: files, `VehicleModel`s, or a TOML file.
+        outages: when which cameras fail.
     """
 
     conditions: Conditions | Mapping[str, tuple[float, float]] = field(default_factory=Conditions)
@@ -208,9 +210,12 @@ class SensingConfig:
     look: str = "street"
     parked: bool = True
     models: Mapping[str, Any] | Path | str = field(default_factory=dict)
+    outages: Sequence[CameraOutage] = ()
 
     def __post_init__(self) -> None:
         """Refuse what cannot be."""
+        if not all(isinstance(outage, CameraOutage) for outage in self.outages):
+            raise ConfigError(f"outages={self.outages!r}: expected CameraOutage(begin=..., ...) in a list")
         _refuse_other("renderer", self.renderer, ("raster", "bullet"))
         _refuse_other("look", self.look, LOOKS)
         if isinstance(self.conditions, Mapping):

@@ -218,14 +218,19 @@ def _read_approach(simulation: Simulation, plan: SignalPlan) -> Approach:
     near = [vehicle for vehicle in coming if vehicle[1] <= REACH]
     return build_approach(
         plan,
-        [link for link, _, _ in near],
-        [speed < HALTING for _, _, speed in near],
+        [link for link, _, _, _ in near],
+        [speed < HALTING for _, _, speed, _ in near],
         simulation.count_halting(plan.out_lanes),
+        [link for link, _, _, is_urgent in near if is_urgent],
     )
 
 
 def build_approach(
-    plan: SignalPlan, links: Iterable[int], halting: Iterable[bool], beyond: Iterable[float]
+    plan: SignalPlan,
+    links: Iterable[int],
+    halting: Iterable[bool],
+    beyond: Iterable[float],
+    urgent: Iterable[int] = (),
 ) -> Approach:
     """Put together who is on the way to a signal.
 
@@ -234,6 +239,7 @@ def build_approach(
         links: the link that each vehicle will take.
         halting: whether it stands.
         beyond: vehicles that stand on each of `plan.out_lanes`.
+        urgent: the links to which somebody comes with blue lights on.
     """
     standing = dict(zip(plan.out_lanes, beyond, strict=True))
     full = {lane for lane, room in zip(plan.out_lanes, plan.room, strict=True) if standing[lane] >= room}
@@ -244,4 +250,5 @@ def build_approach(
         beyond={
             link: sum(standing[lane] for lane in lanes) / len(lanes) for link, lanes in plan.exits.items()
         },
+        urgent=frozenset(urgent),
     )

@@ -139,7 +139,7 @@ class LocalWorld(World):
             for manager in self.managers:
                 manager.reset(turn)
             self._metrics = Metrics(self.map.plans, begin=self.config.sumo.begin)
-            self.eyes.reset(seed)
+            self.eyes.reset(seed, begin=self.config.sumo.begin)
             self.observer.reset(seed)
             self._instant = self._look()
             return self._observe(self._instant), self._info(self._instant)

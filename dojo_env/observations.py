@@ -156,7 +156,7 @@ OBSERVERS: dict[str, ObserverFactory] = {
     "blind_picture": BlindPicture,
 }
 """Observers by name, beside those of `sensor_observations`."""
-_SEEING = ("bev", "multi_view", "detector")
+_SEEING = ("bev", "multi_view", "detector", "lane-strips")
 
 
 def build_observer(wanted: Any, eyes: Eyes, plans: Mapping[str, SignalPlan], *, interval: float) -> Observer:
@@ -173,7 +173,7 @@ def build_observer(wanted: Any, eyes: Eyes, plans: Mapping[str, SignalPlan], *, 
     """
     if isinstance(wanted, str) and wanted in OBSERVERS:
         return OBSERVERS[wanted](eyes, plans)
-    if isinstance(wanted, Mapping) or _is_settings(wanted) or wanted in _SEEING:
+    if isinstance(wanted, Mapping) or _is_settings(wanted) or _names_sensor(wanted):
         # Who only measures does without the compiler that drawing loads.
         from dojo_env.sensor_observations import build_sensor_observer  # noqa: PLC0415
 
@@ -189,6 +189,11 @@ def build_observer(wanted: Any, eyes: Eyes, plans: Mapping[str, SignalPlan], *, 
         f"observation={wanted!r}: expected one of {known}, a dict of sensors, the settings of one, "
         "or an observer"
     )
+
+
+def _names_sensor(wanted: Any) -> bool:
+    """Tell whether it is one of the names of sensors, which a file may follow."""
+    return isinstance(wanted, str) and wanted.partition(":")[0] in _SEEING
 
 
 def _is_settings(wanted: Any) -> bool:

@@ -82,5 +82,9 @@ def _list_approach(measured: LaneMeasurements, plan: SignalPlan) -> Approach:
         links += islice(cycle(own), count)
         halting += [k < standing for k in range(count)]  # Who stands is in front.
     return build_approach(
-        plan, links, halting, [float(measured.halting[number[lane]]) for lane in plan.out_lanes]
+        plan,
+        links,
+        halting,
+        [float(measured.halting[number[lane]]) for lane in plan.out_lanes],
+        [index for index, source, _ in plan.links if source in measured.urgent],
     )

@@ -190,12 +190,15 @@ class Approach:
         halting: whether it is slower than 0.1 m/s.
         blocked: the links behind which every lane is full of standing vehicles.
         beyond: standing vehicles on the lanes behind each link, as many as one of these has in the mean.
+        urgent: the links to which somebody comes with blue lights on; of a lane that serves several, where it
+            is not known which of them he takes, all.
     """
 
     links: tuple[int, ...]
     halting: tuple[bool, ...]
     blocked: frozenset[int]
     beyond: Mapping[int, float]
+    urgent: frozenset[int] = frozenset()
 
 
 @dataclass(slots=True, kw_only=True)

@@ -9,11 +9,10 @@ import numpy as np
 from gymnasium import spaces
 
 from dojo_env.camera import BEV, Camera
-from dojo_env.detectors.measuring import LaneMeasurements
 from dojo_env.errors import ConfigError
 from dojo_env.instant import Instant, SignalView
 from dojo_env.perceived import PerceivedInstant
-from dojo_env.sensors import detector, events, lidar, video_detector  # noqa: F401 - each adds its kind
+from dojo_env.sensors import detector, events, lane_strips, lidar, video_detector  # noqa: F401 - each adds its kind
 from dojo_env.sensors.base import Look, Sensor, SensorSettings, Site, mount_sensor
 from dojo_env.sensors.eyes import Eyes
 from dojo_env.sensors.picture import CameraSensor
@@ -83,12 +82,12 @@ class SensorObserver:
         return next(iter(seen.values())) if self._bare else seen
 
     def perceive(self, instant: Instant) -> Instant:
-        """Give a decision as video detectors have told it, if every signal has one, or else as it is."""
+        """Give a decision as sensors have measured it, if every signal has such, or else as it is."""
         measured = {
-            signal: channel.newest
+            signal: found
             for signal, channels in self._channels.items()
             for channel in channels
-            if isinstance(channel.newest, LaneMeasurements)
+            if (found := channel.sensor.perceive()) is not None
         }
         return PerceivedInstant(instant, measured) if len(measured) == len(self._channels) else instant
 
@@ -104,21 +103,16 @@ class SensorObserver:
 
 
 class _Channel:
-    """A sensor of one signal, and its looks on their way to the agent.
-
-    Attributes:
-        newest: the last look that has arrived; None before the first decision.
-    """
+    """A sensor of one signal, and its looks on their way to the agent."""
 
     def __init__(self, name: str, sensor: Sensor) -> None:
         self.name, self.sensor = name, sensor
-        self.newest: Any = None
         self._next = -np.inf
         self._coming: deque[tuple[float, Any]] = deque()
         self._arrived: list[Any] = []
 
     def reset(self, random: np.random.Generator) -> None:
-        self._next, self._arrived, self.newest = -np.inf, [], None
+        self._next, self._arrived = -np.inf, []
         self._coming.clear()
         self.sensor.reset(random)
 
@@ -141,7 +135,6 @@ class _Channel:
         elif self.sensor.interval or self.sensor.delay:
             # Only then may a later decision have nothing new, so that this is given again.
             self._arrived = arrived
-        self.newest = arrived[-1]
         return self.sensor.deliver(arrived, view)
 
 
@@ -159,11 +152,11 @@ def build_sensor_observer(
     *,
     interval: float,
 ) -> SensorObserver:
-    """Build the observer `bev`, `multi_view` or `detector`, of one sensor, or of those that a user names.
+    """Build one of the observers that are known by name, that of one sensor, or of those that a user names.
 
     Args:
-        wanted: one of these names, settings such as `EventCamera(...)`, or sensors by name: cameras and
-            all that `sensors.base.mount_sensor` takes.
+        wanted: `multi_view`, `bev`, `detector` or `lane-strips`, settings such as `EventCamera(...)`, or
+            sensors by name: cameras and all that `sensors.base.mount_sensor` takes.
         eyes: what draws.
         plans: of the signals to observe.
         interval: seconds from decision to decision.

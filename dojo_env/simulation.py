@@ -201,17 +201,19 @@ class Simulation:
         except self.failures as error:
             raise SimulationError(" ".join(str(error).split())) from error
 
-    def list_approaching(self, signal: str, lanes: Iterable[str]) -> list[tuple[int, float, float]]:
+    def list_approaching(self, signal: str, lanes: Iterable[str]) -> list[tuple[int, float, float, bool]]:
         """List the vehicles on these lanes whose next signal this is.
 
         Returns:
-            The link that each will take, metres to the stop line, and m/s.
+            The link that each will take, metres to the stop line, m/s, and whether it is an emergency
+            vehicle, which flashes blue.
         """
         get, found = self._get, []
         for vehicle in (vehicle for lane in lanes for vehicle in get.lane_getLastStepVehicleIDs(lane)):
             for other, link, metres, _ in get.vehicle_getNextTLS(vehicle)[:1]:
                 if other == signal:
-                    found.append((link, metres, get.vehicle_getSpeed(vehicle)))
+                    is_urgent = get.vehicle_getVehicleClass(vehicle) == "emergency"
+                    found.append((link, metres, get.vehicle_getSpeed(vehicle), is_urgent))
         return found
 
     def list_next_links(self, vehicles: Iterable[str]) -> list[tuple[str, int, float] | None]:

@@ -1,10 +1,13 @@
 """The command `dojo-env evaluate`: trained policies, as they were trained or under other conditions."""
 
 import argparse
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
+from dojo_env.commands.options import find_controller
 from dojo_env.errors import ConfigError
 from dojo_maps.command import Commands, add_command
 from dojo_maps.progress import say, say_nothing
@@ -21,9 +24,18 @@ _COLUMNS = (
 
 def add_evaluate(commands: Commands) -> None:
     """Add the command to the parser."""
-    evaluate = add_command(commands, "evaluate", _evaluate, "measure trained policies")
+    evaluate = add_command(commands, "evaluate", _evaluate, "measure policies and controllers")
     evaluate.add_argument(
-        "policies", nargs="+", type=Path, metavar="POLICY", help="folders of dojo-env train"
+        "policies",
+        nargs="+",
+        metavar="POLICY",
+        help="folders of dojo-env train, or controllers such as learned-vision or max-pressure",
+    )
+    evaluate.add_argument(
+        "--scenario",
+        nargs="+",
+        metavar="NAME",
+        help="where controllers, and policies for any junction, are measured (default: cologne1)",
     )
     evaluate.add_argument(
         "--under",
@@ -42,8 +54,6 @@ def add_evaluate(commands: Commands) -> None:
 
 
 def _evaluate(options: argparse.Namespace) -> int:
-    from dojo_env.learning.other_conditions import choose_conditions
-    from dojo_env.learning.settings import POLICY, SETTINGS, read_training
     from dojo_env.runs import summarize
 
     if options.seeds < 1:
@@ -51,44 +61,93 @@ def _evaluate(options: argparse.Namespace) -> int:
     if options.json and not options.json.absolute().parent.is_dir():
         raise ConfigError(f"--json {options.json}: no such folder; make it first")
     tell = say_nothing if options.quiet else say
-    folders = [path.parent if path.name == POLICY else path for path in options.policies]
-    wanted = []
-    for folder in folders:
-        training = read_training(folder / SETTINGS)
-        wanted.append((folder, training, choose_conditions(training, options.under)))
-    from dojo_env.learning.evaluation import run_policy  # Bad arguments are told before torch is loaded.
-
     found: list[dict[str, Any]] = []
-    for folder, training, under in wanted:
-        for name, changes in under.items():
-            seconds = options.seconds or training.seconds
-            tell(f"{folder}: {name}: {options.seeds} episodes of {seconds} s")
-            episodes, _ = run_policy(training, folder, range(options.seeds), num_seconds=seconds, **changes)
-            found.append(
-                {
-                    "policy": str(folder),
-                    "scenario": training.scenario,
-                    "under": name,
-                    "summary": summarize(episodes),
-                    "episodes": episodes,
-                }
-            )
+    for run in [run for policy in options.policies for run in _list_runs(policy, options)]:
+        tell(f"{run.policy}: {run.scenario}: {run.under}: {options.seeds} episodes")
+        episodes = run.measure()
+        found.append(
+            {
+                "policy": run.policy,
+                "scenario": run.scenario,
+                "under": run.under,
+                "summary": summarize(episodes),
+                "episodes": episodes,
+            }
+        )
     _print(found)
     if options.json:
         write_json(options.json, {"evaluations": found})
     return 0
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Run:
+    """Episodes of one policy under one condition, not yet measured."""
+
+    policy: str
+    scenario: str
+    under: str
+    measure: Callable[[], list[dict[str, Any]]]
+
+
+def _list_runs(policy: str, options: argparse.Namespace) -> list[_Run]:
+    """List what is to be measured of a policy; bad arguments are told before torch is loaded.
+
+    Raises:
+        ConfigError: a condition is unknown, or there is no such policy.
+        RunFileError: a folder holds none.
+    """
+    from dojo_env.learning.other_conditions import choose_conditions, choose_for_controller
+    from dojo_env.learning.settings import POLICY, SETTINGS, read_training
+    from dojo_env.runs import run_controller
+
+    seeds, path = range(options.seeds), Path(policy)
+    folder = path.parent if path.name == POLICY else path
+    if folder.is_dir() and not any((folder / name).is_file() for name in ("policy.npz", "lanes.npz")):
+        if options.scenario:
+            raise ConfigError(f"--scenario: {policy} was trained for one; leave it out")
+        training = read_training(folder / SETTINGS)
+        return [
+            _Run(
+                policy=str(folder),
+                scenario=training.scenario,
+                under=name,
+                measure=partial(
+                    _run_policy, training, folder, seeds, options.seconds or training.seconds, changes
+                ),
+            )
+            for name, changes in choose_conditions(training, options.under).items()
+        ]
+    found = list[_Run]()
+    for scenario in options.scenario or ("cologne1",):
+        controller = find_controller(policy, scenario)
+        for name, changes in choose_for_controller(controller, options.under).items():
+            settings = {"scenario": scenario, "num_seconds": options.seconds, **changes}
+            measure = partial(run_controller, controller, seeds, **settings)
+            found.append(_Run(policy=policy, scenario=Path(scenario).stem, under=name, measure=measure))
+    return found
+
+
+def _run_policy(
+    training: Any, folder: Path, seeds: Sequence[int], seconds: int, changes: Mapping[str, Any]
+) -> list[dict[str, Any]]:
+    from dojo_env.learning.evaluation import run_policy
+
+    return run_policy(training, folder, seeds, num_seconds=seconds, **changes)[0]
+
+
 def _print(found: list[dict[str, Any]]) -> None:
     """Print a line for each policy and condition: means, and their deviations over the seeds."""
-    widths = [max(len(each[name]) for each in found) for name in ("policy", "under")]
-    print(f"{'policy':{widths[0]}}  {'under':{widths[1]}}{'travel time (s)':>18}{'all trips (s)':>18}"
-          f"{'waiting (s)':>18}{'queue (veh)':>16}")  # fmt: skip
+    names = ("policy", "scenario", "under")
+    widths = [max(len(each[name]) for each in (*found, {name: name})) for name in names]
+    heads = "  ".join(f"{name:{width}}" for name, width in zip(names, widths, strict=True))
+    print(f"{heads}{'travel time (s)':>18}{'all trips (s)':>18}{'waiting (s)':>18}{'queue (veh)':>16}")
     for each in found:
         cells = "".join(
             f"{_cell(each['summary'][name], digits):>{width}}" for name, digits, width in _COLUMNS
         )
-        print(f"{each['policy']:{widths[0]}}  {each['under']:{widths[1]}}{cells}")
+        words = "  ".join(f"{each[name]:{width}}" for name, width in zip(names, widths, strict=True))
+        print(f"{words}{cells}")
 
 
 def _cell(figure: Mapping[str, float], digits: int) -> str:

@@ -76,9 +76,11 @@ def find_controller(name: str, scenario: str) -> "Controller":
         from dojo_env.controllers.timed import Timed
 
         return Timed(path)
-    if path.suffix == ".npz":
-        from dojo_env.controllers.phase_competition import PhaseCompetition
+    from dojo_env.controllers.phase_competition import PhaseCompetition
 
+    if path.is_dir() and (path / "lanes.npz").is_file():
+        return PhaseCompetition(settings={"observation": f"lane-strips:{path / 'lanes.npz'}"})
+    if path.suffix == ".npz":
         return PhaseCompetition(path)
     if name in CONTROLLERS or not (path.suffix == ".pt" or path.is_dir()):
         return make_controller(name)

@@ -5,7 +5,7 @@ import dataclasses
 import importlib.util
 import json
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -34,6 +34,11 @@ def add_train(commands: Commands) -> None:
         nargs="*",
         metavar="NAME",
         help="one policy for any junction, from those of scenarios or files (default: all packaged)",
+    )
+    train.add_argument(
+        "--vision",
+        action="store_true",
+        help="the network that sees lanes in pictures, for any junction, from those of --junctions",
     )
     train.add_argument("--algorithm", choices=list(ALGORITHMS), help="(default: ppo)")
     train.add_argument("--observation", choices=OBSERVATIONS, help="(default: features)")
@@ -81,6 +86,8 @@ def add_train(commands: Commands) -> None:
 
 
 def _train(options: argparse.Namespace) -> int:
+    if options.vision:
+        return _train_vision(options)
     return _train_universal(options) if options.junctions is not None else _train_row(options)
 
 
@@ -129,15 +136,18 @@ def _choose_logs(options: argparse.Namespace) -> dict[str, Any]:
 def _train_universal(options: argparse.Namespace) -> int:
     """Train a policy for any junction."""
     from dojo_env.learning.settings import check_folder
-    from dojo_env.learning.universal.settings import read_settings
+    from dojo_env.learning.universal.settings import UniversalTraining, read_settings
     from dojo_env.scenario import PACKAGED
 
-    training, logs = read_universal(options, tuple(PACKAGED)), _choose_logs(options)
+    given = {"longest": options.seconds, "every": options.every}
+    training = read_any_junction(options, tuple(PACKAGED), UniversalTraining, given)
+    logs = _choose_logs(options)
     folder = options.out or Path("runs", f"universal-seed{training.seed}")
     tell = say_nothing if options.quiet else say
     check_folder(training, folder, read_settings, resume=options.resume)
     tell(f"{folder}: one policy for any junction, from {', '.join(training.scenarios)}")
-    from dojo_env.learning.universal.training import open_nodes, open_processes, train
+    from dojo_env.learning.episode_pools import open_nodes, open_processes
+    from dojo_env.learning.universal.training import train
 
     interruption.explain(_RESUME)
     count = options.processes or os.cpu_count() or 1
@@ -147,31 +157,56 @@ def _train_universal(options: argparse.Namespace) -> int:
     return 0
 
 
-def read_universal(options: argparse.Namespace, packaged: Sequence[str]) -> Any:
-    """Turn arguments into settings of a universal policy's training.
+def _train_vision(options: argparse.Namespace) -> int:
+    """Train the network that sees lanes."""
+    from dojo_env.learning.vision.settings import SETTINGS, VisionTraining
+    from dojo_env.scenario import PACKAGED
+
+    unused = ("resume", "ray", "every", "tensorboard", "wandb")
+    if wrong := [name for name in unused if getattr(options, name)]:
+        raise ConfigError(f"--vision takes minutes, on this machine: leave --{wrong[0]} out")
+    training = read_any_junction(options, tuple(PACKAGED), VisionTraining, {"seconds": options.seconds})
+    folder = options.out or Path("runs", f"vision-seed{training.seed}")
+    if (folder / SETTINGS).exists():
+        raise ConfigError(f"{folder} holds a run already; name another folder with --out")
+    tell = say_nothing if options.quiet else say
+    tell(f"{folder}: a network that sees lanes, from {', '.join(training.scenarios)}")
+    from dojo_env.learning.episode_pools import open_processes
+    from dojo_env.learning.vision.training import train
+
+    with open_processes(options.processes or os.cpu_count() or 1) as run_all:
+        train(training, folder, run_all, tell=tell)
+    print(folder)
+    return 0
+
+
+def read_any_junction(
+    options: argparse.Namespace, packaged: Sequence[str], kind: Any, given: Mapping[str, Any]
+) -> Any:
+    """Turn arguments into settings of a training for any junction.
 
     Args:
         options: the command's.
         packaged: the scenarios that are meant where none is named.
+        kind: the class of the settings.
+        given: what other arguments set; None where they are left out.
 
     Raises:
         ConfigError: a value cannot work, or is of a policy for one scenario.
     """
-    from dojo_env.learning.universal.settings import UniversalTraining
-
     others = ("scenario", "row", "algorithm", "observation", "encoder", "steps", "reward", "size", "agents",
               "conditions", "blind", "shared_views", "background_subtraction", "averaged_weights",
               "min_green", "network")  # fmt: skip
     if wrong := [name for name in others if getattr(options, name) is not None]:
-        raise ConfigError(f"--{wrong[0].replace('_', '-')} is for one scenario; leave it or --junctions out")
+        raise ConfigError(
+            f"--{wrong[0].replace('_', '-')} is for one scenario; leave it out, or --junctions and --vision"
+        )
     settings = read_pairs(options.hyperparameters or [])
-    known = {field.name for field in dataclasses.fields(UniversalTraining)} - {"scenarios", "seed"}
+    known = {field.name for field in dataclasses.fields(kind)} - {"scenarios", "seed"}
     if unknown := settings.keys() - known:
         raise ConfigError(f"--set {', '.join(sorted(unknown))}: known are {', '.join(sorted(known))}")
-    for name, value in (("seed", options.seed), ("longest", options.seconds), ("every", options.every)):
-        if value is not None:
-            settings[name] = value
-    return UniversalTraining(scenarios=tuple(options.junctions or packaged), **settings)
+    settings |= {name: value for name, value in {**given, "seed": options.seed}.items() if value is not None}
+    return kind(scenarios=tuple(options.junctions or packaged), **settings)
 
 
 def read_training(options: argparse.Namespace) -> Any:

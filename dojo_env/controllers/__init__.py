@@ -26,6 +26,7 @@ _MAKERS: Mapping[str, Callable[[], Controller]] = {
     "queue-pressure": QueuePressure,
     "random": RandomChoice,
     "learned": PhaseCompetition,
+    "learned-vision": lambda: PhaseCompetition(settings={"observation": "lane-strips"}),
 }
 CONTROLLERS = tuple(_MAKERS)
 """The controllers' names."""

@@ -9,6 +9,7 @@ Zaheer et al., NeurIPS 2017.
 
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,13 +19,17 @@ from dojo_env.errors import PolicyError
 from dojo_env.instant import Instant
 from dojo_env.phase_features import CONSTRAINTS, PHASE_FEATURES, PhaseReader
 from dojo_env.plain_arrays import read_arrays
+from dojo_maps.signals.programs import green_links
 
 Array = NDArray[np.float32]
 
 LAYERS = ("encode1", "encode2", "score1", "score2")
 """Of the scores: two layers that every phase's vector goes through, two that see it beside the others."""
-WEIGHTS = tuple(f"{layer}_{part}" for layer in LAYERS for part in ("weight", "bias"))
+WEIGHTS = (*(f"{layer}_{part}" for layer in LAYERS for part in ("weight", "bias")), "rule_weight")
+"""Of the layers; and of a sum of the features that is added, with which a policy begins."""
 INPUTS = len(PHASE_FEATURES) + len(CONSTRAINTS)
+QUEUE_PRESSURE = {"is_present": 1.0, "halting": 10.0, "halting_yielding": 10.0, "moving": 5.0}
+"""The rule of that name, as a sum of features."""
 PACKAGED = Path(__file__).parent / "weights"
 """Where the policies are that ship with the package."""
 _MOST = 1 << 24
@@ -47,7 +52,8 @@ def score_phases(weights: Mapping[str, Array], phases: Array, constraints: Array
     context = np.concatenate([encoded.mean(axis=0), encoded.max(axis=0), encoded[present]])
     both = np.concatenate([encoded, np.broadcast_to(context, (len(phases), len(context)))], axis=1)
     hidden = _layer(weights, "score1", both)
-    scores: Array = (hidden @ weights["score2_weight"].T + weights["score2_bias"])[:, 0]
+    rule = seen @ weights["rule_weight"].T
+    scores: Array = (hidden @ weights["score2_weight"].T + weights["score2_bias"] + rule)[:, 0]
     return scores
 
 
@@ -68,21 +74,25 @@ def read_weights(path: Path) -> dict[str, Array]:
     )
     if not fits or sizes[0][1] != INPUTS or sizes[1][1] != sizes[0][0] or sizes[3] != (1, sizes[2][0]):
         raise PolicyError(path, "its layers do not fit; take weights of this version")
-    if sizes[2][1] != 4 * sizes[1][0]:
+    if sizes[2][1] != 4 * sizes[1][0] or weights["rule_weight"].shape != (1, INPUTS):
         raise PolicyError(path, "its layers do not fit; take weights of this version")
     return weights
 
 
 class PhaseCompetition(Controller):
-    """The phase with the best score, at any junction."""
+    """The phase with the best score, at any junction; where blue lights come, of those that let them go."""
 
-    def __init__(self, weights: Path | Mapping[str, Array] = PACKAGED / "learned.npz") -> None:
-        """Take the weights, from their file or as they are.
+    def __init__(
+        self,
+        weights: Path | Mapping[str, Array] = PACKAGED / "learned.npz",
+        settings: Mapping[str, Any] | None = None,
+    ) -> None:
+        """Take the weights, from their file or as they are, and keywords that the environment needs.
 
         Raises:
             PolicyError: the file holds none.
         """
-        super().__init__()
+        super().__init__(settings)
         self._weights = read_weights(weights) if isinstance(weights, Path) else dict(weights)
         self._readers: dict[str, PhaseReader] = {}
 
@@ -98,4 +108,8 @@ class PhaseCompetition(Controller):
         reader = self._readers[signal]
         phases = reader.read(signal, instant)
         scores = score_phases(self._weights, phases, reader.constraints(view), view.phase)
+        urgent = instant.approach(signal).urgent
+        if urgent:
+            served = [len(urgent & green_links(state)) for state in view.plan.phases]
+            scores = np.where(np.array(served) == max(served), scores, -np.inf)
         return int(scores.argmax())

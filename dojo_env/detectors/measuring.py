@@ -29,6 +29,7 @@ class LaneMeasurements:
         mean_length: (n,) metres; 0 where there is none.
         waiting: (n,) the sum over the vehicles of the seconds that they have stood in sight.
         tracks: the numbers of the vehicles, who is nearest to the lane's end first.
+        urgent: the lanes on which somebody has his blue lights on, as far as that is measured.
     """
 
     time: float
@@ -39,6 +40,33 @@ class LaneMeasurements:
     mean_length: Floats
     waiting: Floats
     tracks: tuple[tuple[int, ...], ...]
+    urgent: frozenset[str] = frozenset()
+
+
+class WaitingSum:
+    """Adds up for how long those have stood who are on lanes now, where only their numbers are known."""
+
+    def __init__(self, lanes: int) -> None:
+        """Begin with empty lanes."""
+        self._time: float | None = None
+        self._vehicles, self._halting, self._waiting = np.zeros(lanes), np.zeros(lanes), np.zeros(lanes)
+
+    def add(self, time: float, vehicles: Floats, halting: Floats) -> Floats:
+        """Take the vehicles of each lane at a time; who drives off takes his share of the waiting along.
+
+        Args:
+            time: seconds; later than the last one's.
+            vehicles: (n,) on each lane.
+            halting: (n,) of them that stand.
+
+        Returns:
+            (n,) the sum over the vehicles of each lane of the seconds that they have stood.
+        """
+        passed = 0.0 if self._time is None else time - self._time
+        left = np.minimum(1.0, vehicles / np.maximum(self._vehicles, 1.0))
+        self._waiting = self._waiting * left + np.minimum(halting, self._halting) * passed
+        self._time, self._vehicles, self._halting = time, vehicles, halting
+        return self._waiting
 
 
 class LaneWatch:

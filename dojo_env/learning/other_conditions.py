@@ -4,15 +4,21 @@ from collections.abc import Sequence
 from typing import Any
 
 from dojo_env.conditions import PRESETS, Conditions
+from dojo_env.controllers import Controller
 from dojo_env.errors import ConfigError
 from dojo_env.learning.settings import CONDITIONS, IMAGES, Training
+from dojo_env.outages import CameraOutage
 from dojo_env.sensors.detector import Detector
 
 CAMERAS: dict[str, dict[str, Any]] = {
     **{name: {"conditions": PRESETS[name]} for name in ("day", "dusk", "night", "rain", "fog")},
     "moved-camera": {"conditions": Conditions(shake_m=0.3, shake_deg=2.0)},
+    "swaying-camera": {"conditions": Conditions(sway_deg=0.3)},
     "noise": {"conditions": Conditions(noise=12.0)},
     "dirty-lens": {"conditions": Conditions(dirt=0.6)},
+    "dead-camera": {"outages": (CameraOutage(camera="approach_0", begin=300.0, end=1200.0),)},
+    "hung-camera": {"outages": (CameraOutage(camera="approach_0", begin=300.0, end=1200.0, kind="frozen"),)},
+    "no-camera": {"outages": (CameraOutage(begin=0.0),)},
     "random": {"conditions": CONDITIONS["random"]},
 }
 """What a policy that sees images may meet; `random` draws as `--conditions random` does in training."""
@@ -33,6 +39,20 @@ def list_conditions(training: Training) -> dict[str, dict[str, Any]]:
     return CAMERAS if training.observation in IMAGES else DETECTORS
 
 
+def choose_for_controller(controller: Controller, names: Sequence[str]) -> dict[str, dict[str, Any]]:
+    """Choose those of some conditions that a controller can meet; how it usually is where it can meet none.
+
+    Raises:
+        ConfigError: a name is unknown.
+    """
+    _refuse_unknown(names)
+    if controller.settings.get("fixed_ts"):
+        return {AS_TRAINED: {}}
+    known = CAMERAS if "observation" in controller.settings else DETECTORS
+    chosen = {name: changes for name, changes in known.items() if ALL in names or name in names}
+    return chosen or {AS_TRAINED: {}}
+
+
 def choose_conditions(training: Training, names: Sequence[str]) -> dict[str, dict[str, Any]]:
     """Choose conditions by their names.
 
@@ -46,10 +66,7 @@ def choose_conditions(training: Training, names: Sequence[str]) -> dict[str, dic
     if not names:
         return {AS_TRAINED: {}}
     known = list_conditions(training)
-    if unknown := set(names) - {ALL, *CAMERAS, *DETECTORS}:
-        raise ConfigError(
-            f"{', '.join(sorted(unknown))}: expected {ALL}, or of {', '.join((*CAMERAS, *DETECTORS))}"
-        )
+    _refuse_unknown(names)
     chosen = {name: changes for name, changes in known.items() if ALL in names or name in names}
     if not chosen:
         raise ConfigError(
@@ -57,3 +74,10 @@ def choose_conditions(training: Training, names: Sequence[str]) -> dict[str, dic
             f"expected {ALL}, or of {', '.join(known)}"
         )
     return chosen
+
+
+def _refuse_unknown(names: Sequence[str]) -> None:
+    if unknown := set(names) - {ALL, *CAMERAS, *DETECTORS}:
+        raise ConfigError(
+            f"{', '.join(sorted(unknown))}: expected {ALL}, or of {', '.join((*CAMERAS, *DETECTORS))}"
+        )

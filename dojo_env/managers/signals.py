@@ -182,7 +182,7 @@ class SignalManager(Manager):
         crossings = [(link, crossing) for link, crossing in plan.walks if link in links]
         wanted = self._simulation.list_wanted_crossings() if crossings else set()
         return {
-            *(link for link, _, speed in coming if speed < HALTING and link in links),
+            *(link for link, _, speed, _ in coming if speed < HALTING and link in links),
             *(link for link, crossing in crossings if crossing in wanted),
         }
 

@@ -22,6 +22,7 @@ from dojo_env.signals.plan import SignalPlan
 from dojo_env.snapshot import Snapshot
 
 if TYPE_CHECKING:
+    from dojo_env.detectors.measuring import LaneMeasurements
     from dojo_env.rendering.outputs import Picture
 
 
@@ -113,6 +114,10 @@ class Sensor(Protocol):
             A value of `space`: by default the newest look.
         """
         return looks[-1]
+
+    def perceive(self) -> "LaneMeasurements | None":
+        """Measure lanes for controllers, from what `deliver` was last given; None if it does not."""
+        return None
 
 
 @runtime_checkable

@@ -9,10 +9,15 @@ from gymnasium import spaces
 from numpy.typing import NDArray
 
 from dojo_env.camera import BEV
+from dojo_env.detectors.measuring import LaneMeasurements, WaitingSum
 from dojo_env.errors import ConfigError
 from dojo_env.instant import SignalView
-from dojo_env.reading import HALTING, MIN_GAP
+from dojo_env.perceived import read_lanes
+from dojo_env.reading import HALTING
 from dojo_env.sensors.base import SENSORS, Look, Sensor, Site
+
+_USUAL_LENGTH = 5.0
+"""Metres, of vehicles that are not there."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -53,13 +58,16 @@ class Detector:
 
 
 class _MountedDetector(Sensor):
-    """A look gives the densities and queues of the plan's lanes, (2 * lanes,) float32."""
+    """A look gives `LaneMeasurements` of the plan's lanes, and nothing on those away from the signal."""
 
     def __init__(self, settings: Detector, site: Site) -> None:
         plan = self._plan = site.plan
         self._settings = settings
         self._random = np.random.default_rng(0)
+        self._waiting = WaitingSum(0)
+        self._watched = tuple(dict.fromkeys((*plan.lanes, *plan.out_lanes)))
         self._lanes = {lane: k for k, lane in enumerate(plan.lanes)}
+        self._newest: LaneMeasurements
         self.space = spaces.Box(0.0, 1.0, (len(plan.phases) + 1 + 2 * len(plan.lanes),), np.float32)
         self.interval, self.delay = settings.interval, settings.latency * site.decision_interval
         cameras = site.eyes.cameras(site.signal)
@@ -67,11 +75,12 @@ class _MountedDetector(Sensor):
 
     def reset(self, random: np.random.Generator) -> None:
         self._random = random
+        self._waiting = WaitingSum(len(self._watched))
 
-    def observe(self, look: Look) -> NDArray[np.float32]:
+    def observe(self, look: Look) -> LaneMeasurements:
         snapshot, lanes = look.snapshot, self._plan.lanes
         detected = self._detected(look)
-        count, halting, length = (np.zeros(len(lanes)) for _ in range(3))
+        count, halting, length = (np.zeros(len(self._watched)) for _ in range(3))
         for row, name in enumerate(snapshot.ids):
             k = self._lanes.get(snapshot.lanes[row])
             if name in detected and k is not None:
@@ -79,18 +88,32 @@ class _MountedDetector(Sensor):
                 halting[k] += snapshot.speeds[row] < HALTING
                 length[k] += snapshot.sizes[row, 0]
         phantoms = self._random.poisson(self._settings.false_alarms, len(lanes))
-        halting += self._random.binomial(phantoms, 0.5)
-        mean_length = np.divide(length, count, out=np.full(len(lanes), 5.0), where=count > 0)
-        room = (MIN_GAP + mean_length) / self._plan.lengths
-        shares = np.minimum(1.0, np.concatenate([(count + phantoms) * room, halting * room]))
-        return shares.astype(np.float32)
+        mean_length = np.divide(length, count, out=np.full(len(count), _USUAL_LENGTH), where=count > 0)
+        halting[: len(lanes)] += self._random.binomial(phantoms, 0.5)
+        count[: len(lanes)] += phantoms
+        waiting = self._waiting.add(snapshot.time, count, halting)
+        numbers = np.split(np.arange(int(count.sum())), np.cumsum(count.astype(int))[:-1])
+        return LaneMeasurements(
+            time=snapshot.time,
+            lanes=self._watched,
+            vehicles=count,
+            halting=halting,
+            mean_speed=np.full(len(count), np.nan),
+            mean_length=np.where(count > 0, mean_length, 0.0),
+            waiting=waiting,
+            tracks=tuple(tuple(each.tolist()) for each in numbers),
+        )
 
     def deliver(self, looks: Sequence[Any], view: SignalView) -> NDArray[np.float32]:
         """Put phase one-hot and minimum-green flag before what was measured."""
-        known = np.zeros(len(self._plan.phases) + 1, dtype=np.float32)
+        self._newest = looks[-1]
+        known = np.zeros(len(self._plan.phases) + 1)
         known[view.phase] = 1
         known[-1] = view.may_change
-        return np.concatenate([known, looks[-1]])
+        return np.concatenate([known, read_lanes(looks[-1], self._plan).shares]).astype(np.float32)
+
+    def perceive(self) -> LaneMeasurements:
+        return self._newest
 
     def _detected(self, look: Look) -> set[str]:
         """Ids of the vehicles that some approach's camera shows well enough, less those that are missed."""

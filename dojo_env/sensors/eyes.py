@@ -8,20 +8,21 @@ from dataclasses import replace
 from functools import cached_property, partial
 from typing import TYPE_CHECKING
 
+import numpy as np
+from numpy.typing import NDArray
+
 from dojo_env.camera import Camera
 from dojo_env.camera_presets import PAPER
 from dojo_env.conditions import Conditions, sample_conditions
 from dojo_env.config import SensingConfig
 from dojo_env.imaging import settle_imaging
+from dojo_env.outages import find_outage
 from dojo_env.snapshot import Snapshot
 from dojo_env.vehicle_models import settle_models
 from dojo_maps.bundle import Bundle
 from dojo_maps.description import RoadMap
 
 if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
-
     from dojo_env.rendering.bullet import BulletWorld
     from dojo_env.rendering.outputs import Picture
     from dojo_env.rendering.renderer import Renderer
@@ -39,6 +40,8 @@ class Eyes:
         self._hung: dict[Camera, Camera] = {}
         self._renderer: Renderer | BulletWorld | None = None
         self._lenses: dict[str, Lens] = {}
+        self._begin = 0.0
+        self._good: dict[tuple[object, ...], NDArray[np.uint8]] = {}
         self.conditions = config.conditions if isinstance(config.conditions, Conditions) else Conditions()
         self.imaging = settle_imaging(config.imaging, seed=0)
 
@@ -54,8 +57,9 @@ class Eyes:
 
         return build_scene(self._bundle, settle_models(self.config.models), parked=self.config.parked)
 
-    def reset(self, seed: int) -> None:
-        """Begin an episode: draw its conditions and its camera body, unless they are fixed."""
+    def reset(self, seed: int, *, begin: float = 0.0) -> None:
+        """Begin an episode at a time: draw its conditions and its camera body, unless they are fixed."""
+        self._begin = begin
         wanted = self.config.conditions
         drawn = sample_conditions(wanted, seed) if isinstance(wanted, Mapping) else wanted
         if drawn.outside != self.conditions.outside:
@@ -63,7 +67,7 @@ class Eyes:
             self.close()
         self.conditions = replace(drawn, seed=seed)
         self.imaging = settle_imaging(self.config.imaging, seed)
-        self._hung, self._lenses = {}, {}
+        self._hung, self._lenses, self._good = {}, {}, {}
 
     def close(self) -> None:
         """Free what draws; it is made anew when somebody looks."""
@@ -101,7 +105,10 @@ class Eyes:
         """
         hung = [self._mount(camera) for camera in cameras]
         pictures = self._draws.render(snapshot, hung, outputs, parked=parked)
-        return tuple(self._delivered(picture, snapshot, viewer, parked=parked) for picture in pictures)
+        delivered = (self._delivered(picture, snapshot, viewer, parked=parked) for picture in pictures)
+        if not self.config.outages:
+            return tuple(delivered)
+        return tuple(self._interrupt(picture, snapshot.time, viewer) for picture in delivered)
 
     @property
     def _draws(self) -> "Renderer | BulletWorld":
@@ -149,6 +156,19 @@ class Eyes:
             self._lenses[viewer] = Lens(self.conditions, self.imaging, self.scene)
         spoilt = self._lenses[viewer].spoil(picture.rgb, picture.camera, snapshot.time)
         return replace(picture, outputs={**picture.outputs, "rgb": spoilt})
+
+    def _interrupt(self, picture: "Picture", time: float, viewer: str) -> "Picture":
+        """Deliver what a camera does that fails; what it shows is gone, not what would be there to see."""
+        if picture.rgb is None:
+            return picture
+        key = (viewer, picture.camera.name, picture.camera.position)
+        outage = find_outage(self.config.outages, picture.camera.name, time - self._begin)
+        if outage is None:
+            self._good[key] = picture.rgb
+            return picture
+        last = self._good.get(key) if outage.kind == "frozen" else None
+        rgb = np.zeros_like(picture.rgb) if last is None else last
+        return replace(picture, outputs={**picture.outputs, "rgb": rgb})
 
     def _draw_colours(self, snapshot: Snapshot, camera: Camera, *, parked: bool) -> "NDArray[np.uint8]":
         (picture,) = self._draws.render(snapshot, [camera], parked=parked)

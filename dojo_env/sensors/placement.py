@@ -88,7 +88,7 @@ def find_approaches(road_map: RoadMap, signal: Signal) -> tuple[Approach, ...]:
         for road, held in stops.items()
         if starts.get(road) in signal.junctions and max(lane.length for lane in held.values()) < _INNER_ROAD
     }
-    feeders = _feeders(road_map)
+    feeders = find_feeders(road_map)
     found = [
         _approach(road, sorted(held.values(), key=lambda lane: lane.index), lanes, feeders)
         for road, held in stops.items()
@@ -143,7 +143,7 @@ def find_signal(road_map: RoadMap, signal_id: str) -> Signal:
     raise ConfigError(f"{road_map.name}: no signal {signal_id!r}; it has {known}")
 
 
-def _feeders(road_map: RoadMap) -> dict[str, str]:
+def find_feeders(road_map: RoadMap) -> dict[str, str]:
     """For each lane, the lane that leads straight into it."""
     straight = [c for c in road_map.connections if c.direction in ("s", "S")]
     return {c.to_lane: c.from_lane for c in reversed(straight)}

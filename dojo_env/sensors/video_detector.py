@@ -78,6 +78,8 @@ class _MountedVideoDetector(Sensor):
         output = TRUE_BOXES if self._model is None else "rgb"
         self.views = dict.fromkeys(self._cameras, (output,))
 
+        self._newest: LaneMeasurements
+
     def reset(self, random: np.random.Generator) -> None:
         self._watch.reset()
 
@@ -90,10 +92,14 @@ class _MountedVideoDetector(Sensor):
 
     def deliver(self, looks: Sequence[Any], view: SignalView) -> NDArray[np.float32]:
         """Put phase one-hot and minimum-green flag before what was measured."""
+        self._newest = looks[-1]
         known = np.zeros(len(self._plan.phases) + 1)
         known[view.phase] = 1
         known[-1] = view.may_change
         return np.concatenate([known, read_lanes(looks[-1], self._plan).shares]).astype(np.float32)
+
+    def perceive(self) -> LaneMeasurements:
+        return self._newest
 
     def _detect(self, look: Look, camera: Camera, region: tuple[int, int, int, int]) -> Detections:
         picture = look.pictures[camera]

@@ -5,20 +5,25 @@ import torch
 from numpy.typing import NDArray
 from torch import nn
 
-from dojo_env.controllers.phase_competition import INPUTS, LAYERS
+from dojo_env.controllers.phase_competition import INPUTS, LAYERS, QUEUE_PRESSURE
+from dojo_env.phase_features import PHASE_FEATURES
 
 
 class PhaseNet(nn.Module):
     """Scores of phases, and the value of the junction's state."""
 
     def __init__(self, width: int = 64) -> None:
-        """Begin with small scores, so that everything is tried."""
+        """Begin with queue pressure, which knows nothing of waiting, walkers and what a change costs."""
         super().__init__()
         self.encode1, self.encode2 = nn.Linear(INPUTS, width), nn.Linear(width, width)
         self.score1, self.score2 = nn.Linear(4 * width, width), nn.Linear(width, 1)
         self.value1, self.value2 = nn.Linear(3 * width, width), nn.Linear(width, 1)
+        self.rule = nn.Linear(INPUTS, 1, bias=False)
         with torch.no_grad():
             self.score2.weight.mul_(0.1)
+            self.rule.weight.zero_()
+            for name, weight in QUEUE_PRESSURE.items():
+                self.rule.weight[0, PHASE_FEATURES.index(name)] = weight
 
     def forward(
         self, phases: torch.Tensor, constraints: torch.Tensor, mask: torch.Tensor, present: torch.Tensor
@@ -42,7 +47,7 @@ class PhaseNet(nn.Module):
         own = encoded[torch.arange(len(encoded)), present]
         context = torch.cat([mean, most, own], dim=1)
         both = torch.cat([encoded, context[:, None].expand(-1, count, -1)], dim=2)
-        scores = self.score2(self.score1(both).relu())[..., 0]
+        scores = (self.score2(self.score1(both).relu()) + self.rule(seen))[..., 0]
         value = self.value2(self.value1(context).relu())[:, 0]
         return scores.masked_fill(~mask, -torch.inf), value
 
@@ -53,4 +58,5 @@ class PhaseNet(nn.Module):
             layer = getattr(self, name)
             found[f"{name}_weight"] = layer.weight.detach().numpy().astype(np.float32)
             found[f"{name}_bias"] = layer.bias.detach().numpy().astype(np.float32)
+        found["rule_weight"] = self.rule.weight.detach().numpy().astype(np.float32)
         return found

@@ -46,7 +46,7 @@ class UniversalTraining:
     shortest: int = 600
     longest: int = 1800
     least_demand: float = 0.6
-    most_demand: float = 1.15
+    most_demand: float = 1.5
     learning_rate: float = 1e-3
     entropy: float = 0.01
     epochs: int = 4

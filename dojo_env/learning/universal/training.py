@@ -4,23 +4,20 @@ Every round's episodes are drawn from the seed and the round's number, and come 
 result is the same however many processes, or machines of a cluster, simulate them.
 """
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor
-from contextlib import closing, contextmanager
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import closing
 from dataclasses import asdict
 from functools import partial
-from multiprocessing import get_context
 from pathlib import Path
-from typing import Any, Protocol
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from dojo_env.clusters import collect_results, open_cluster
 from dojo_env.controllers import make_controller
 from dojo_env.controllers.phase_competition import PhaseCompetition
 from dojo_env.errors import SimulationError
+from dojo_env.learning.episode_pools import Mapper
 from dojo_env.learning.figure_logs import open_logger
 from dojo_env.learning.pace import Pace
 from dojo_env.learning.process_setup import prepare_process
@@ -51,52 +48,8 @@ _FIGURES = ("travel_time_all", "accumulated_waiting")
 _COLUMNS = ("round", *_FIGURES, "score")
 _WAITING_COUNTS = 0.2
 """How much a share of waiting counts beside one of travel time, where the best policy is chosen."""
-_RETRIES = 5
-"""How many lost nodes an episode survives."""
 
 Weights = Mapping[str, NDArray[np.float32]]
-
-
-class Mapper(Protocol):
-    """Runs a function on many values, wherever there is room; gives what it returns in the values' order."""
-
-    def __call__(self, function: Callable[[Any], Any], values: Sequence[Any]) -> list[Any]:
-        """Run."""
-        ...
-
-
-@contextmanager
-def open_processes(count: int) -> Iterator[Mapper]:
-    """Open processes of this machine to simulate in."""
-    with ProcessPoolExecutor(count, mp_context=get_context("spawn")) as pool:
-        yield lambda function, values: list(pool.map(function, values))
-
-
-@contextmanager
-def open_nodes(address: str, count: int) -> Iterator[Mapper]:
-    """Connect to a Ray cluster to simulate on; what a lost node did is done again on another.
-
-    Args:
-        address: see `open_cluster`.
-        count: episodes at once, where the address is `local`.
-
-    Raises:
-        ConfigError: no cluster answers.
-    """
-    with open_cluster(address, count):
-        import ray
-
-        def run_all(function: Callable[[Any], Any], values: Sequence[Any]) -> list[Any]:
-            remote = ray.remote(num_cpus=1, max_retries=_RETRIES, scheduling_strategy="SPREAD")(_call)
-            running = {remote.remote(function, value): place for place, value in enumerate(values)}
-            found = dict(collect_results(running, lambda place: f"episode {place}"))
-            return [found[place] for place in range(len(values))]
-
-        yield run_all
-
-
-def _call(function: Callable[[Any], Any], value: Any) -> Any:
-    return function(value)
 
 
 def train(

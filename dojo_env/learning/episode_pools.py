@@ -1,0 +1,54 @@
+"""Where the episodes of a training run: processes of this machine, or nodes of a Ray cluster."""
+
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from contextlib import contextmanager
+from multiprocessing import get_context
+from typing import Any, Protocol
+
+from dojo_env.clusters import collect_results, open_cluster
+
+_RETRIES = 5
+"""How many lost nodes an episode survives."""
+
+
+class Mapper(Protocol):
+    """Runs a function on many values, wherever there is room; gives what it returns in the values' order."""
+
+    def __call__(self, function: Callable[[Any], Any], values: Sequence[Any]) -> list[Any]:
+        """Run."""
+        ...
+
+
+@contextmanager
+def open_processes(count: int) -> Iterator[Mapper]:
+    """Open processes of this machine to simulate in."""
+    with ProcessPoolExecutor(count, mp_context=get_context("spawn")) as pool:
+        yield lambda function, values: list(pool.map(function, values))
+
+
+@contextmanager
+def open_nodes(address: str, count: int) -> Iterator[Mapper]:
+    """Connect to a Ray cluster to simulate on; what a lost node did is done again on another.
+
+    Args:
+        address: see `open_cluster`.
+        count: episodes at once, where the address is `local`.
+
+    Raises:
+        ConfigError: no cluster answers.
+    """
+    with open_cluster(address, count):
+        import ray
+
+        def run_all(function: Callable[[Any], Any], values: Sequence[Any]) -> list[Any]:
+            remote = ray.remote(num_cpus=1, max_retries=_RETRIES, scheduling_strategy="SPREAD")(_call)
+            running = {remote.remote(function, value): place for place, value in enumerate(values)}
+            found = dict(collect_results(running, lambda place: f"episode {place}"))
+            return [found[place] for place in range(len(values))]
+
+        yield run_all
+
+
+def _call(function: Callable[[Any], Any], value: Any) -> Any:
+    return function(value)

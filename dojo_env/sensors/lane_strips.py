@@ -1,0 +1,171 @@
+"""Lane strips: each lane as the cameras show it, for learners; and what a network sees there.
+
+Two looks a second apart tell who stands. Controllers that run in an environment which observes this act on
+what the network tells.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from math import isfinite
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from gymnasium import spaces
+from numpy.typing import NDArray
+
+from dojo_env.detectors.measuring import LaneMeasurements, WaitingSum
+from dojo_env.errors import ConfigError
+from dojo_env.instant import SignalView
+from dojo_env.notes import say_once
+from dojo_env.sensors.base import SENSORS, Look, Sensor, Site
+from dojo_env.sensors.camera_watch import CameraWatch
+from dojo_env.sensors.lane_network import PACKAGED, SEEN, find_chances, read_weights
+from dojo_env.sensors.strip_geometry import COLUMNS, ROWS, build_strips, cut_strips
+
+_STANDING, _MOVING, _EMERGENCY = (SEEN.index(name) for name in ("standing", "moving", "emergency"))
+_CAR = 5.0
+"""Metres that vehicles are taken to be long."""
+_SURE = 0.5
+"""The chance of an emergency vehicle, at this decision and at the last one, from which on it counts."""
+_USUAL, _DISCHARGE, _LONGEST = 0.08, 0.5, 12.0
+"""Where a camera fails: vehicles a second that come, that leave at green, and that stand at the most."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LaneStrips:
+    """Strips of the lanes that lead to the signal, and of those away from it.
+
+    Attributes:
+        network: a file of weights that `dojo-env train --vision` has kept, for controllers.
+        interval: seconds from look to look.
+        latency: decisions by which what is seen is late; the signal knows its own phase at once.
+    """
+
+    network: Path = PACKAGED
+    interval: float = 1.0
+    latency: int = 0
+
+    def __post_init__(self) -> None:
+        """Refuse what cannot be.
+
+        Raises:
+            ConfigError: a number is below 0.
+        """
+        if not (isfinite(self.interval) and min(self.interval, self.latency) >= 0):
+            raise ConfigError(f"{self}: expected interval and latency not below 0")
+
+    def mount(self, site: Site) -> Sensor:
+        """Watch the lanes of a signal."""
+        return _MountedStrips(self, site)
+
+
+class _MountedStrips(Sensor):
+    """A look gives its time and (strips, rows, columns, 3) colours; the agent gets those of two looks."""
+
+    def __init__(self, settings: LaneStrips, site: Site) -> None:
+        self._settings, self._plan = settings, site.plan
+        cameras = site.eyes.cameras(site.signal)
+        self._strips = build_strips(site.eyes.scene.road_map, site.plan, cameras)
+        self.space = spaces.Box(0, 255, (len(self._strips), ROWS, COLUMNS, 6), np.uint8)
+        self.interval, self.delay = settings.interval, settings.latency * site.decision_interval
+        used = {strip.camera for strip in self._strips}
+        self.views = {camera: ("rgb",) for camera in cameras if camera in used}
+        self._geometry = np.stack([strip.geometry for strip in self._strips])
+        self._shares = np.stack([strip.shares for strip in self._strips])[:, :, None]
+        self._links = [
+            {link for link, lane, _ in site.plan.links if lane == strip.lane and not strip.is_outgoing}
+            for strip in self._strips
+        ]
+        self._signal = site.signal
+
+    @cached_property
+    def _weights(self) -> dict[str, NDArray[np.float32]]:
+        return read_weights(self._settings.network)
+
+    def reset(self, random: np.random.Generator) -> None:
+        self._looks: list[tuple[float, NDArray[np.uint8]]] = []
+        self._measured: LaneMeasurements | None = None
+        self._sums = np.zeros((len(self._strips), len(SEEN)))
+        self._shining = np.zeros(len(self._strips))
+        self._waiting = WaitingSum(len(self._strips))
+        self._watches = {camera: CameraWatch() for camera in self.views}
+        self._green = np.zeros(len(self._strips), bool)
+
+    def observe(self, look: Look) -> tuple[float, NDArray[np.uint8]]:
+        time, pictures = look.snapshot.time, {camera: look.pictures[camera].rgb for camera in self.views}
+        state = look.snapshot.signals[self._signal]
+        self._green = np.array([any(state[link] in "Gg" for link in links) for links in self._links])
+        shown = self._green & (self._sums[:, _STANDING] > 1.0)
+        for camera, watch in self._watches.items():
+            must_move = any(shown[row] for row, strip in enumerate(self._strips) if strip.camera is camera)
+            if watch.note(time, pictures[camera], must_move=must_move):
+                say_once(_tell(self._signal, camera.name, watch))
+        return time, cut_strips(self._strips, pictures)
+
+    def deliver(self, looks: Sequence[Any], view: SignalView) -> NDArray[np.uint8]:
+        """Put the last look and the one before it together."""
+        self._looks = [*self._looks[-1:], *looks][-2:]
+        return np.concatenate([self._looks[-1][1], self._looks[0][1]], axis=3)
+
+    def perceive(self) -> LaneMeasurements:
+        (time, now), (_, before) = self._looks[-1], self._looks[0]
+        if self._measured is None or self._measured.time < time:
+            strips = np.concatenate([now, before], axis=3)
+            chances = find_chances(self._weights, strips, self._geometry)
+            self._sums = self._bridge(time, (chances * self._shares).sum(axis=1))
+            shining, last = (chances[:, :, _EMERGENCY] * self._shares[:, :, 0]).max(axis=1), self._shining
+            self._shining = shining
+            self._measured = self._measure(time, self._sums, np.minimum(shining, last) > _SURE)
+        return self._measured
+
+    def _bridge(self, time: float, seen: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Put a usual queue in the place of what a camera that fails does not show."""
+        last = self._measured
+        passed = 0.0 if last is None else time - last.time
+        for row, strip in enumerate(self._strips):
+            if strip.camera is not None and self._watches[strip.camera].fault and not strip.is_outgoing:
+                rate = _USUAL - (_DISCHARGE if self._green[row] else 0.0)
+                seen[row] = 0.0
+                seen[row, _STANDING] = np.clip(self._sums[row, _STANDING] + rate * passed, 0.0, _LONGEST)
+        return seen
+
+    def _measure(
+        self, time: float, sums: NDArray[np.float64], is_urgent: NDArray[np.bool_]
+    ) -> LaneMeasurements:
+        halting = np.rint(sums[:, _STANDING])
+        vehicles = np.maximum(halting, np.rint(sums[:, _STANDING] + sums[:, _MOVING]))
+        numbers = np.split(np.arange(int(vehicles.sum())), np.cumsum(vehicles.astype(int))[:-1])
+        return LaneMeasurements(
+            time=time,
+            lanes=tuple(strip.lane for strip in self._strips),
+            vehicles=vehicles,
+            halting=halting,
+            mean_speed=np.full(len(sums), np.nan),
+            mean_length=np.where(vehicles > 0, _CAR, 0.0),
+            waiting=self._waiting.add(time, vehicles, halting),
+            tracks=tuple(tuple(each.tolist()) for each in numbers),
+            urgent=frozenset(
+                strip.lane
+                for strip, urgent in zip(self._strips, is_urgent, strict=True)
+                if urgent and not strip.is_outgoing
+            ),
+        )
+
+
+def _tell(signal: str, camera: str, watch: CameraWatch) -> str:
+    """Say that a camera fails, or that it is back."""
+    if watch.fault:
+        return (
+            f"signal {signal}: camera {camera} {watch.fault}, at {watch.since:g} s; "
+            "until it is back its lanes count as filling as usual, so they get their turn"
+        )
+    return f"signal {signal}: camera {camera} is back, at {watch.since:g} s"
+
+
+def _mount(text: str, site: Site) -> Sensor:
+    return (LaneStrips(network=Path(text)) if text else LaneStrips()).mount(site)
+
+
+SENSORS["lane-strips"] = _mount

@@ -1,0 +1,192 @@
+"""Lane strips: where lanes lie in pictures, what is cut out of them, and cameras that fail."""
+
+from contextlib import closing
+from itertools import pairwise
+
+import gymnasium
+import numpy as np
+import pytest
+
+from dojo_env.camera import Camera
+from dojo_env.config import build_config
+from dojo_env.controllers import make_controller
+from dojo_env.errors import ConfigError, PolicyError
+from dojo_env.local_world import LocalWorld
+from dojo_env.outages import CameraOutage
+from dojo_env.sensors.camera_watch import CameraWatch
+from dojo_env.sensors.lane_network import CHANNELS, LAYERS, PACKAGED, SEEN, find_chances, read_weights
+from dojo_env.sensors.strip_geometry import (
+    CELL,
+    CELLS,
+    COLUMNS,
+    GEOMETRY,
+    REACH,
+    ROWS,
+    build_strips,
+    cut_strips,
+    measure_along,
+)
+
+
+@pytest.fixture(scope="module")
+def world():
+    with closing(LocalWorld(build_config(scenario="cologne1", observation="lane-strips"))) as opened:
+        opened.reset(1)
+        yield opened
+
+
+@pytest.fixture(scope="module")
+def strips(world):
+    (signal,) = world.signals
+    return build_strips(world.map.bundle.road_map, world.map.plans[signal], world.eyes.cameras(signal))
+
+
+def test_every_lane_has_a_strip_and_its_row_is_its_distance(world, strips) -> None:
+    (plan,) = world.map.plans.values()
+    assert tuple(strip.lane for strip in strips[: len(plan.lanes)]) == plan.lanes
+    assert {strip.lane for strip in strips} == {*plan.lanes, *plan.out_lanes}
+    for strip in strips:
+        assert strip.camera is not None
+        for row in (20, 70):
+            # Where the middle of a row lies in the picture, by the camera's own projection.
+            at = (row + 0.5) * REACH / len(strip.pixels)
+            along, _ = measure_along(strip.line, strip.line)
+            point = np.array([[np.interp(at, along, strip.line[:, axis]) for axis in range(3)]])
+            ((x, y),), _ = strip.camera.project(point)
+            middle = strip.pixels[row, strip.pixels.shape[1] // 2 - 1 :][:2].mean(axis=0) + 0.5
+            if strip.geometry[row // 2, COLUMNS // 2, GEOMETRY.index("in_view")] == 1:
+                assert middle == pytest.approx([x, y], abs=1.0)
+
+
+def test_a_strip_shows_what_stands_on_its_lane(strips) -> None:
+    strip = strips[0]
+    picture = np.zeros((strip.camera.height, strip.camera.width, 3), np.uint8)
+    row = 30
+    place = strip.pixels[2 * row : 2 * row + 2, 10:14].reshape(-1, 2).mean(axis=0) + 0.5
+    x, y = place.astype(int)
+    picture[y - 1 : y + 2, x - 2 : x + 3] = 255
+    (seen, *others) = cut_strips(strips, {strip.camera: picture})
+    assert seen.shape == (ROWS, COLUMNS, 3)
+    brightest = np.unravel_index(seen[..., 0].argmax(), seen.shape[:2])
+    assert abs(brightest[0] - row) <= 1
+    assert COLUMNS // 2 - 2 <= brightest[1] <= COLUMNS // 2 + 1
+    assert not any(each.any() for each, other in zip(others, strips[1:], strict=True)
+                   if other.camera is not strip.camera)  # fmt: skip
+
+
+def test_a_lane_that_divides_counts_once_for_its_parts(strips) -> None:
+    for strip in strips:
+        assert strip.shares.shape == (CELLS,)
+        assert set(np.round(1 / strip.shares[strip.shares > 0])) <= {1.0, 2.0, 3.0}
+        in_view = strip.geometry[:, COLUMNS // 2, 0].reshape(CELLS, -1).mean(axis=1)
+        assert not strip.shares[in_view == 0].any()
+
+
+def test_a_birds_eye_view_and_a_camera_that_looks_away_show_no_lane(world) -> None:
+    (signal,) = world.signals
+    away = Camera(name="away", position=(0.0, 0.0, 10.0), heading_deg=0.0)
+    found = build_strips(
+        world.map.bundle.road_map, world.map.plans[signal], [*world.eyes.cameras(signal)[-1:], away]
+    )
+    assert all(strip.camera is None and not strip.shares.any() for strip in found)
+    assert not cut_strips(found, {}).any()
+
+
+def test_places_along_a_line_are_those_of_its_length() -> None:
+    line = np.array([[0.0, 0.0, 0.0], [10.0, 0.0, 0.0], [10.0, 10.0, 5.0]])
+    along, aside = measure_along(line, np.array([[3.0, 2.0], [11.0, 4.0], [-5.0, 0.0]]))
+    assert along == pytest.approx([3.0, 14.0, 0.0])
+    assert aside == pytest.approx([2.0, 1.0, 5.0])
+
+
+def test_strips_are_observed_in_gymnasiums_way_and_are_the_same_twice() -> None:
+    seen = []
+    for _ in range(2):
+        env = gymnasium.make("dojo_env/TrafficSignal-v0", scenario="cologne1", observation="lane-strips",
+                             num_seconds=60, conditions={"noise": (3.0, 6.0)})  # fmt: skip
+        first, _ = env.reset(seed=3)
+        assert env.observation_space.contains(first)
+        last = env.step(1)[0]
+        assert env.observation_space.contains(last)
+        assert (last[..., :3] != last[..., 3:]).any()  # Two looks a second apart, with noise.
+        seen.append(last)
+        env.close()
+    assert np.array_equal(*seen)
+
+
+def test_weights_that_do_not_fit_are_refused(tmp_path) -> None:
+    weights, path = read_weights(PACKAGED), tmp_path / "lanes.npz"
+    np.savez(path, **{**weights, "join_weight": weights["join_weight"][:, 1:]})
+    with pytest.raises(PolicyError, match="join does not fit"):
+        read_weights(path)
+
+
+def test_torch_and_numpy_see_alike() -> None:
+    torch = pytest.importorskip("torch")
+    from dojo_env.learning.vision.network import LaneNet  # noqa: PLC0415 - torch is not everywhere
+    from dojo_env.sensors.lane_network import scale_colours  # noqa: PLC0415
+
+    torch.manual_seed(1)
+    network, draw = LaneNet(), np.random.default_rng(0)
+    network(torch.rand(4, ROWS, COLUMNS, CHANNELS))  # So that what normalises has seen something.
+    network.eval()
+    strips = draw.integers(0, 256, (3, ROWS, COLUMNS, 6), np.uint8)
+    geometry = draw.random((3, ROWS, COLUMNS, len(GEOMETRY)), np.float32)
+    values = torch.from_numpy(np.concatenate([scale_colours(strips), geometry], axis=3))
+    wanted = network(values).sigmoid().detach().numpy()
+    found = find_chances(network.export(), strips, geometry)
+    assert found.shape == (3, CELLS, len(SEEN))
+    assert found == pytest.approx(wanted, abs=1e-5)
+    assert set(LAYERS) == {name.rsplit("_", 1)[0] for name in network.export()}
+
+
+def test_a_camera_that_is_dark_or_never_changes_is_noticed_and_comes_back() -> None:
+    draw, watch = np.random.default_rng(0), CameraWatch()
+    good = draw.integers(0, 256, (8, 8, 3), np.uint8)
+    assert not watch.note(0.0, good, must_move=False)
+    assert not watch.note(100.0, good, must_move=True)
+    assert watch.note(120.0, good, must_move=True)
+    assert watch.fault == "has frozen"
+    assert not watch.note(130.0, good, must_move=False)
+    assert watch.note(131.0, draw.integers(0, 256, (8, 8, 3), np.uint8), must_move=False)
+    assert not watch.fault
+    assert watch.note(132.0, np.full((8, 8, 3), 9, np.uint8), must_move=False)
+    assert (watch.fault, watch.since) == ("shows nothing", 132.0)
+
+
+@pytest.mark.parametrize("kind", ["black", "frozen"])
+def test_a_dead_camera_is_told_of_and_its_lanes_get_their_turn(
+    kind: str, caplog: pytest.LogCaptureFixture
+) -> None:
+    outage = CameraOutage(camera="approach_0", begin=100, end=500, kind=kind)
+    config = build_config(
+        scenario="cologne1", observation="lane-strips", outages=[outage], num_seconds=700, look="plain"
+    )
+    acting, greens = make_controller("learned-vision"), []
+    with closing(LocalWorld(config)) as world:
+        world.reset(1)
+        (signal,) = world.signals
+        strips = build_strips(world.map.bundle.road_map, world.map.plans[signal], world.eyes.cameras(signal))
+        dead = {strip.lane for strip in strips if strip.camera.name == "approach_0" and not strip.is_outgoing}
+        links = [link for link, lane, _ in world.map.plans[signal].links if lane in dead]
+        ended = False
+        while not ended:
+            now = world.perceive()
+            if outage.begin + 20 <= now.time - 25_200 < outage.end:
+                greens.append(any(now.signals[signal].state[link] in "Gg" for link in links))
+            ended = world.step(acting.act(now))[2]
+        told = {record.getMessage() for record in caplog.records}
+    assert sum(after and not before for before, after in pairwise(greens)) >= 2
+    assert any("approach_0 has frozen" in line or "approach_0 shows nothing" in line for line in told)
+    assert any("approach_0 is back" in line for line in told)
+
+
+def test_outages_that_cannot_be_are_one_line() -> None:
+    for words, make in (
+        ("begin < end", lambda: CameraOutage(begin=5, end=5)),
+        ("black, frozen", lambda: CameraOutage(begin=5, kind="gone")),
+        ("CameraOutage", lambda: build_config(scenario="cologne1", outages=["approach_0"])),
+    ):
+        with pytest.raises(ConfigError, match=words):
+            make()
+    assert CELL * CELLS == REACH
