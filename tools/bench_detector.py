@@ -4,8 +4,12 @@ Pictures of 1280 x 896 are taken through the approaches' cameras, evenly over an
 vehicle counts, driven or parked, that is at least 24 px high and more than 60 % visible: neither hidden nor
 cut off by the picture's edge. It is found where a box overlaps its own by half (intersection over union), the
 best pairs first. People count alike. Riders count apart, found as people or as what they ride, as detectors
-learn the two apart. A false alarm is a vehicle's box on no road user; each camera also looks at the street
-without traffic.
+learn the two apart.
+All other boxes of vehicles are false, as COCO judges: a second box on a vehicle is, and one that fits badly.
+Neutral is what is less than 24 px high, as with COCO's and KITTI's least sizes, and what lies by half on
+road users that are too small or too hidden to count, or on riders, as with COCO's crowds and KITTI's ignored
+regions. `astray` are the false boxes that hardly touch any road user. Each camera also looks at the street
+without traffic, where parked cars remain: `on_empty` is how many boxes are astray there.
 Counts are those of single looks, per lane, beside the true ones and those that perfect boxes would give.
 
 With --mixed, a bundle's demand has lorries, buses, coaches, vans and riders among its cars.
@@ -71,6 +75,7 @@ class Tally:
     found: Counter[str] = field(default_factory=Counter)
     right: int = 0
     false: int = 0
+    astray: int = 0
     false_people: int = 0
     on_empty: int = 0
     pictures: int = 0
@@ -100,6 +105,7 @@ class Tally:
             "precision": self.right / max(self.right + self.false, 1),
             **shown,
             "false": self.false,
+            "astray": self.astray,
             "false_people": self.false_people,
             "on_empty": self.on_empty,
             "counts_off": float(np.mean(self.off_truth or [0.0])),
@@ -195,9 +201,24 @@ def match(told: Detections, picture: Picture, scenario: str, tally: Tally) -> No
             if boxes.kinds[row] in kinds and row in pairs:
                 tally.there[f"{name.name.lower()}, named"] += 1
                 tally.found[f"{name.name.lower()}, named"] += int(told.kinds[pairs[row]] == name)
-    missed = overlaps.max(axis=0, initial=0.0) < TOUCHING
-    tally.false += int((missed & ~by_person).sum())
-    tally.false_people += int((missed & by_person).sum())
+    wrong = ~find_ignored(told.boxes, picture, ~counted | ride)
+    wrong[list(pairs.values())] = False
+    tally.false += int((wrong & ~by_person).sum())
+    tally.astray += int((wrong & ~by_person & (overlaps.max(axis=0, initial=0.0) < TOUCHING)).sum())
+    tally.false_people += int((wrong & by_person).sum())
+
+
+def find_ignored(
+    found: NDArray[np.float64], picture: Picture, uncounted: NDArray[np.bool_]
+) -> NDArray[np.bool_]:
+    """Tell which of the found boxes (n, 4) are neutral: too small, or by half on who does not count."""
+    covered = np.zeros(picture.rgb.shape[:2], dtype=bool)
+    for left, top, right, bottom in picture.boxes.picture[uncounted]:
+        covered[top:bottom, left:right] = True
+    whole = found.round().clip(0, np.tile(covered.shape[::-1], 2)).astype(int)
+    parts = [covered[top:bottom, left:right] for left, top, right, bottom in whole]
+    shares = np.array([part.mean() if part.size else 1.0 for part in parts])
+    return (found[:, 3] - found[:, 1] < BINS[0][0]) | (shares >= LEAST_OVERLAP)
 
 
 def look(
@@ -234,7 +255,7 @@ def look(
             alone = Tally()
             for picture in empty:
                 match(model.detect(picture.rgb), picture, "", alone)
-            tallies[name].on_empty += alone.false
+            tallies[name].on_empty += alone.astray
     world.close()
     return tallies
 
