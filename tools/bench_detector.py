@@ -5,11 +5,12 @@ vehicle counts, driven or parked, that is at least 24 px high and more than 60 %
 cut off by the picture's edge. It is found where a box overlaps its own by half (intersection over union), the
 best pairs first. People count alike. Riders count apart, found as people or as what they ride, as detectors
 learn the two apart.
-All other boxes of vehicles are false, if they lie by less than half on road users, or doubles: second boxes on
-a vehicle, its parts, and boxes that fit it badly. COCO counts doubles as false, too: `precision_coco`. Neutral
-is what is less than 24 px high, as with COCO's and KITTI's least sizes, and what lies by half on road users
-that are too small or too hidden to count, or on riders, as with COCO's crowds and KITTI's ignored regions.
-Each camera also looks at the street without traffic, where parked cars remain: `on_empty` is what is false.
+All other boxes of vehicles are false if they lie by less than half on road users, else doubles: second boxes
+on a vehicle, its parts, and boxes that fit it badly. COCO takes doubles for false, too: `precision_coco`.
+Neutral is what is less than 24 px high, as with COCO's and KITTI's least sizes, and what lies by half on road
+users that are too small or too hidden to count, or on riders, as with COCO's crowds and KITTI's ignored
+regions. Each camera also looks at the street without traffic, where parked cars remain: `on_empty` is what is
+false there.
 Counts are those of single looks, per lane, beside the true ones and those that perfect boxes would give.
 
 With --mixed, a bundle's demand has lorries, buses, coaches, vans and riders among its cars.
