@@ -139,7 +139,7 @@ def _park_on(lane: Lane, side: float) -> Iterator[Prop]:
     count = int(max(0.0, length - 2 * _FROM_ENDS) / pitch)
     spots, headings = places_on(shape, length / 2 + pitch * (np.arange(count) + 0.5 - count / 2))
     for spot, heading in zip(spots[:, :2], headings + turn * side, strict=True):
-        place = (room, pitch if turn else lane.width)
+        place = (room, pitch * float(np.sin(turn)) if turn else lane.width)
         car = _car(f"{spot[0]:.1f}:{spot[1]:.1f}", spot, float(heading), place, shape)
         if car is not None:
             yield car
