@@ -18,6 +18,7 @@ from dojo_maps.geometry.pieces import build_pieces, lane_strips
 from dojo_maps.input_files import read_bytes
 from dojo_maps.meshes.buildings import raise_outlines
 from dojo_maps.meshes.mesh import is_watertight
+from dojo_maps.meshes.parked_cars import parked_car_meshes
 from dojo_maps.meshes.surroundings import surrounding_meshes
 from dojo_maps.sources.files import find_network
 from dojo_maps.sources.sumo_net import read_network
@@ -48,6 +49,34 @@ def _outlines(props: list[Prop]) -> np.ndarray:
 
 def _feet(props: list[Prop]) -> np.ndarray:
     return shapely.points([prop.position[:2] for prop in props])
+
+
+@pytest.mark.parametrize("vehicle", ["car", "van"])
+def test_parked_cars_in_the_scene_are_closed_bodies_on_their_outlines(vehicle: str) -> None:
+    outline = points([(10, 1.1), (10, 2.9), (5.6, 2.9), (5.6, 1.1)])  # The nose at 10, its right side below.
+    car = Prop(id="car", kind="parked_car", height=1.5, polygon=outline, tags=(("vehicle", vehicle),))
+    meshes = {mesh.name.rpartition("/")[2]: mesh for mesh in parked_car_meshes([car], np.zeros(3))}
+    assert set(meshes) > {"glass", "tyre"}
+    assert len(meshes) == 3
+    for mesh in meshes.values():
+        corners = mesh.vertices[mesh.faces]
+        assert is_watertight(mesh)
+        assert np.einsum("ij,ij->i", corners[:, 0], np.cross(corners[:, 1], corners[:, 2])).sum() > 0.0
+    every = np.concatenate([mesh.vertices for mesh in meshes.values()])
+    assert every.min(axis=0) == pytest.approx([5.6, 1.1, 0.0], abs=0.03)
+    assert every.max(axis=0) == pytest.approx([10.0, 2.9, 1.5], abs=0.03)
+    panes = meshes["glass"].vertices
+    assert panes[panes[:, 2] > 1.2, 0].mean() != pytest.approx(7.8, abs=0.05)
+
+
+def test_parked_cars_of_the_scene_are_drawn_once(tmp_path) -> None:
+    bundle, _ = convert("cologne1", tmp_path / "m.dojo")
+    names = {mesh.name for mesh in bundle.read_meshes()}
+    assert {"building/car/glass", "building/car/tyre", "building/car/white"} <= names
+    scene = build_scene(bundle)
+    faces = sum(len(mesh.faces) for mesh in bundle.read_meshes() if not mesh.name.startswith("building/car/"))
+    assert len(scene.faces) == faces
+    assert len(scene.parked.ids) == len(_props(bundle.road_map, "parked_car"))
 
 
 def _heading_at(shapes: list[np.ndarray], place: np.ndarray) -> float:
