@@ -137,7 +137,7 @@ def _park_on(lane: Lane, side: float) -> Iterator[Prop]:
     turn, pitch, room = next(stand for least, *stand in _STANDS if lane.width >= least)
     length = float(np.hypot(*np.diff(shape[:, :2], axis=0).T).sum())
     count = int(max(0.0, length - 2 * _FROM_ENDS) / pitch)
-    distances: Floats = length / 2 + pitch * (np.arange(count) + 0.5 - count / 2)
+    distances: Floats = length / 2 + pitch * (np.arange(float(count)) + 0.5 - count / 2)
     spots, headings = places_on(shape, distances)
     for spot, heading in zip(spots[:, :2], headings + turn * side, strict=True):
         place = (room, pitch * float(np.sin(turn)) if turn else lane.width)

@@ -92,7 +92,7 @@ def _wheels(outline: Floats) -> tuple[Floats, Ints]:
     length = np.linalg.norm(outline[0] - outline[3])
     half = np.linalg.norm(outline[0] - outline[1]) / 2
     size = np.array([_RADIUS / length, _TYRE / half, _RADIUS])
-    places = [(x, side * (1.0 - 0.5 * _TYRE / half), _RADIUS) for x in _AXLES for side in (-1.0, 1.0)]
+    places = [(x, side * (1.02 - 0.5 * _TYRE / half), _RADIUS) for x in _AXLES for side in (-1.0, 1.0)]
     wheels = [_put(vertices * size + np.array(place), faces, outline, 1.0) for place in places]
     starts = len(vertices) * np.arange(len(wheels))
     return (
