@@ -9,8 +9,7 @@ All other boxes of vehicles are false if they lie by less than half on road user
 on a vehicle, its parts, and boxes that fit it badly. COCO takes doubles for false, too: `precision_coco`.
 Neutral is what is less than 24 px high, as with COCO's and KITTI's least sizes, and what lies by half on road
 users that are too small or too hidden to count, or on riders, as with COCO's crowds and KITTI's ignored
-regions. Each camera also looks at the street without traffic, where parked cars remain: `on_empty` is what is
-false there.
+regions. Each camera also looks at the street without traffic and parked cars: `on_empty` is what is false there.
 Counts are those of single looks, per lane, beside the true ones and those that perfect boxes would give.
 
 With --mixed, a bundle's demand has lorries, buses, coaches, vans and riders among its cars.
@@ -239,7 +238,7 @@ def look(
             watch.reset()
             return watch.update(at, seen).vehicles
 
-        empty = world.eyes.look(Snapshot(time=0.0), cameras, ("rgb", "boxes"))
+        empty = world.eyes.look(Snapshot(time=0.0), cameras, ("rgb", "boxes"), parked=False)
         for snapshot in snapshots:
             pictures = world.eyes.look(snapshot, cameras, ("rgb", "boxes"))
             perfect = count(snapshot.time, [list_true_boxes(picture.boxes) for picture in pictures])
