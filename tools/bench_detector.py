@@ -9,7 +9,7 @@ All other boxes of vehicles are false if they lie by less than half on road user
 on a vehicle, its parts, and boxes that fit it badly. COCO takes doubles for false, too: `precision_coco`.
 Neutral is what is less than 24 px high, as with COCO's and KITTI's least sizes, and what lies by half on road
 users that are too small or too hidden to count, or on riders, as with COCO's crowds and KITTI's ignored
-regions. Each camera also looks at the street without traffic and parked cars: `on_empty` is what is false there.
+regions. Each camera also looks at the street without traffic or parked cars: `on_empty` is what is false.
 Counts are those of single looks, per lane, beside the true ones and those that perfect boxes would give.
 
 With --mixed, a bundle's demand has lorries, buses, coaches, vans and riders among its cars.
