@@ -10,7 +10,7 @@ from dojo_env.rendering.background import street_lamps
 from dojo_env.rendering.scene import build_scene
 from dojo_maps import RoadMap, convert
 from dojo_maps.conversion import ConvertOptions
-from dojo_maps.description import Prop, heading_of, points
+from dojo_maps.description import LaneKind, Prop, heading_of, points
 from dojo_maps.enrichment import furnish
 from dojo_maps.enrichment.town import build_town
 from dojo_maps.geometry.arrangement import paved_ground
@@ -18,6 +18,7 @@ from dojo_maps.geometry.pieces import build_pieces, lane_strips
 from dojo_maps.input_files import read_bytes
 from dojo_maps.meshes.buildings import raise_outlines
 from dojo_maps.meshes.mesh import is_watertight
+from dojo_maps.meshes.parked_cars import parked_car_meshes
 from dojo_maps.meshes.surroundings import surrounding_meshes
 from dojo_maps.sources.files import find_network
 from dojo_maps.sources.sumo_net import read_network
@@ -50,6 +51,41 @@ def _outlines(props: list[Prop]) -> np.ndarray:
 
 def _feet(props: list[Prop]) -> np.ndarray:
     return shapely.points([prop.position[:2] for prop in props])
+
+
+@pytest.mark.parametrize("vehicle", ["car", "van"])
+def test_parked_cars_in_the_scene_are_closed_bodies_on_their_outlines(vehicle: str) -> None:
+    outline = points([(10, 1.1), (10, 2.9), (5.6, 2.9), (5.6, 1.1)])  # The nose at 10, its right side below.
+    car = Prop(id="car", kind="parked_car", height=1.5, polygon=outline, tags=(("vehicle", vehicle),))
+    meshes = {mesh.name.rpartition("/")[2]: mesh for mesh in parked_car_meshes([car], np.zeros(3))}
+    assert set(meshes) > {"glass", "tyre"}
+    assert len(meshes) == 3
+    for mesh in meshes.values():
+        corners = mesh.vertices[mesh.faces]
+        assert is_watertight(mesh)
+        assert np.einsum("ij,ij->i", corners[:, 0], np.cross(corners[:, 1], corners[:, 2])).sum() > 0.0
+    every = np.concatenate([mesh.vertices for mesh in meshes.values()])
+    assert every.min(axis=0) == pytest.approx([5.6, 1.1, 0.0], abs=0.03)
+    assert every.max(axis=0) == pytest.approx([10.0, 2.9, 1.5], abs=0.03)
+    panes = meshes["glass"].vertices
+    assert panes[panes[:, 2] > 1.2, 0].mean() != pytest.approx(7.8, abs=0.05)
+
+
+def test_parked_cars_of_the_scene_are_drawn_once(tmp_path) -> None:
+    bundle, _ = convert("cologne1", tmp_path / "m.dojo")
+    names = {mesh.name for mesh in bundle.read_meshes()}
+    assert {"building/car/glass", "building/car/tyre", "building/car/white"} <= names
+    scene = build_scene(bundle)
+    faces = sum(len(mesh.faces) for mesh in bundle.read_meshes() if not mesh.name.startswith("building/car/"))
+    assert len(scene.faces) == faces
+    assert len(scene.parked.ids) == len(_props(bundle.road_map, "parked_car"))
+
+
+def _heading_at(shapes: list[np.ndarray], place: np.ndarray) -> float:
+    """The heading of the nearest line's nearest piece, radians."""
+    pieces = np.concatenate([np.stack([shape[:-1, :2], shape[1:, :2]], axis=1) for shape in shapes])
+    nearest = pieces[shapely.distance(shapely.linestrings(pieces), shapely.Point(place)).argmin()]
+    return float(np.arctan2(*(nearest[1] - nearest[0])[::-1]))
 
 
 def _street(road_map: RoadMap) -> shapely.Geometry:
@@ -213,6 +249,31 @@ def test_a_source_that_tells_of_houses_gets_lamps_only() -> None:
     told = build_town(replace(bare, source=replace(bare.source, kind="osm")))
     assert {prop.kind for prop in told.props[len(bare.props) :]} == {"lamp"}
     assert told.sidewalks == bare.sidewalks
+
+
+@pytest.mark.parametrize(("width", "turned"), [(2.0, 0.0), (4.3, 36.0), (5.0, 90.0), (1.0, None)])
+def test_cars_stand_on_the_parking_lanes_that_a_source_tells_of(width: float, turned: float | None) -> None:
+    bare = _furnished("cologne1")
+    roads = {lane.road for lane in bare.lanes if lane.index == 1}
+    parking = {lane.id for lane in bare.lanes if lane.index == 0 and lane.road in roads}
+    lanes = tuple(
+        replace(lane, kind=LaneKind.SHOULDER, allow=(), width=width) if lane.id in parking else lane
+        for lane in bare.lanes
+    )
+    cars = _props(
+        build_town(replace(bare, source=replace(bare.source, kind="osm"), lanes=lanes)), "parked_car"
+    )
+    assert bool(cars) == (turned is not None)
+    shapes = [lane.shape for lane in lanes if lane.id in parking]
+    ground = shapely.union_all(lane_strips([lane for lane in lanes if lane.id in parking]))
+    for car in cars:
+        outline = shapely.Polygon(car.polygon[:, :2])
+        assert shapely.area(shapely.difference(outline, ground.buffer(0.2))) < 0.1
+        ahead = car.polygon[0, :2] - car.polygon[3, :2]
+        along = _heading_at(shapes, np.array(outline.centroid.coords[0]))
+        turn = np.degrees(np.arctan2(ahead[1], ahead[0]) - along)
+        assert abs(np.remainder(turn + 180.0, 360.0) - 180.0) == pytest.approx(turned, abs=4.0)
+        assert turned == 0.0 or np.remainder(turn + 180.0, 360.0) < 180.0  # To the right, as the kerb is.
 
 
 def test_a_map_without_signals_has_no_town() -> None:

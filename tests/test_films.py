@@ -189,7 +189,9 @@ def serving(plan, phase):
 
 
 @pytest.mark.sampled(2)
-@pytest.mark.parametrize("policy", ["max-pressure", "queue-pressure", "sotl", "max-pressure-paper"])
+@pytest.mark.parametrize(
+    "policy", ["max-pressure", "queue-pressure", "sotl", "max-pressure-paper", "learned"]
+)
 def test_controllers_give_green_to_the_queue(bundle, policy):
     advisor = Advisor(bundle, policy, lanes_of(bundle))
     plan = advisor.plans[SIGNAL]
@@ -293,7 +295,7 @@ def test_command_tells_what_a_controller_would_do(bundle, film, tmp_path, capsys
         "--map",
         str(bundle.folder),
     ]
-    assert main([*arguments, "--camera", str(tmp_path / "cameras.json"), "--policy", "max-pressure"]) == 0
+    assert main([*arguments, "--camera", str(tmp_path / "cameras.json"), "--policy", "learned"]) == 0
     lines = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
     assert len(lines) == 6
     for line in lines:

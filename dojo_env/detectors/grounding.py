@@ -66,7 +66,7 @@ class LaneGrid:
     """The places where a vehicle's front may be; arrays have one row each.
 
     Attributes:
-        lanes: ids of the lanes; the last one is "", for the ways across junctions and parking bays.
+        lanes: ids of the lanes; the last one is "", for the ways across junctions and where cars park.
         lane: (n,) number of the lane.
         way: (n,) number of the lane or of the way across a junction: places of one way follow each other.
         place: (n,) metres from the way's start.
@@ -131,7 +131,8 @@ def build_grid(road_map: RoadMap, cameras: Sequence[Camera]) -> LaneGrid:
 
 
 def _parking_lines(road_map: RoadMap) -> Iterator[Floats]:
-    """List the middles of parking bays, whose outlines run along the kerb and back."""
+    """List the middles of parking lanes, and of bays, whose outlines run along the kerb and back."""
+    yield from (lane.shape for lane in road_map.lanes if lane.kind is LaneKind.SHOULDER and not lane.allow)
     for prop in road_map.props:
         if prop.kind == "parking" and prop.polygon is not None and len(prop.polygon) % 2 == 0:
             there, back = np.split(prop.polygon, 2)

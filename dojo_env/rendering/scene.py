@@ -39,6 +39,8 @@ _TILES, _GRAVEL = to_linear(np.array([(132, 76, 60), (132, 130, 126)], dtype=np.
 _PITCHED, _LEVEL_ROOF = 0.2, 0.95
 """Upward part of the normal from which a face is a roof, and a level one."""
 _LAMPS = ("signal/red", "signal/yellow", "signal/green")
+_PARKED = "building/car/"
+"""Names of the meshes of parked cars begin so; those are drawn as road users are."""
 _PATH_HALF_WIDTH = 0.22
 _PATH_LIFT = 0.08
 _PATH_STEP = 0.02
@@ -108,6 +110,8 @@ def build_scene(
     looks: list[tuple[int, Semantic, Surface]] = []
     count = 0
     for mesh in bundle.read_meshes():
+        if mesh.name.startswith(_PARKED):
+            continue
         semantic, surface, colour = LAYERS.get(mesh.name) or LAYERS.get(mesh.layer, OTHER_LAYER)
         dark = _DARK_LAMP if mesh.name in _LAMPS else 1.0
         vertices.append(mesh.vertices)

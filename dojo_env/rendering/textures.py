@@ -6,9 +6,13 @@ from dojo_env.rendering.compiling import kernel
 
 _TRACK, _TRACK_WIDTH = 0.78, 0.42
 """Where wheels run, to either side of a lane's middle, and how wide they wear it, metres."""
-_FLOOR, _BAY = 3.0, 2.4
-"""Height of a storey, and what a window and the wall beside it take, metres."""
-_GROUND_FLOOR, _SHOP_BAY = 3.5, 3.6
+_FLOOR, _BAY = 3.0, 2.1
+"""Height of a storey, and the least that a window and the wall beside it take, metres."""
+_GROUND_FLOOR, _SHOP_BAY = 3.5, 4.2
+_SILL, _SURROUND = 0.85, 0.1
+"""Height of window sills above the floor, and width of what frames a window in the wall, metres."""
+_PIPE_APART = 11.0
+"""Metres between downpipes."""
 _COVER = 0.33
 """Radius of a manhole's cover, metres."""
 
@@ -208,8 +212,10 @@ def tiles(along, z, pixel):
 
 
 @kernel
-def facade(along, height, left, number, pixel):  # noqa: PLR0911 - one for each thing of a wall
-    """Plaster with windows in frames on each floor, a cornice, and perhaps shops on the ground floor.
+def facade(along, height, left, number, pixel):
+    """A wall of plaster or brick, a cornice, windows and doors, and perhaps shops on the ground floor.
+
+    No two houses have the same bays. Windows in even bands, as nobody builds them, are taken for a train's.
 
     Args:
         along: metres along the wall.
@@ -223,29 +229,77 @@ def facade(along, height, left, number, pixel):  # noqa: PLR0911 - one for each 
         from 0 to 1 that is its own.
     """
     own = int(number * 65535.0)
-    plaster = 1.0 + 0.16 * _layered_noise(0.4 * along, 0.4 * height, 0.4 * pixel)
-    plaster *= 1.0 - 0.12 * max(0.0, 1.0 - 0.5 * left)
+    wall = _wall(along, height, left, own, pixel)
     if left < 0.5:
         return (1.12 if left < 0.32 else 0.62), -1.0
-    if height < _GROUND_FLOOR and own % 5 < 3 and left > _FLOOR:
-        return _shop(along, height, own, plaster, pixel)
-    if height < 0.6:
-        return 0.7 * plaster, -1.0
-    shift = _GROUND_FLOOR - _FLOOR
-    i, j = floor(along / _BAY), floor((height - shift) / _FLOOR)
-    u, v = along / _BAY - i - 0.5, (height - shift) / _FLOOR - j
-    half = 0.2 + 0.05 * (own % 3)
-    if abs(u) > half + 0.03 or not 0.22 < v < 0.86 or left < 1.0 or pixel > 1.0:
-        return plaster, -1.0
-    if v < 0.27:
-        return 1.1, -1.0
-    border = min(half - abs(u), 0.6 * (v - 0.27), 0.6 * (0.82 - v))
-    if border < 0.0:
-        return 0.92 * plaster, -1.0
-    if border < 0.025 or abs(u) < 0.014:
-        return 1.25, -1.0
-    pane = _hashed(i + 31 * own, j)
-    return _curtain(abs(u) / half, (v - 0.27) / 0.55, pane), pane
+    if height < _GROUND_FLOOR and own % 5 < 2 and left > _FLOOR:
+        return _shop(along, height, own, wall, pixel)
+    if height < 0.6 or left < 1.0 or pixel > 1.0:
+        return wall, -1.0
+    bay = _BAY + 0.35 * (own // 8 % 4)
+    i = floor(along / bay)
+    aside = abs(along / bay - i - 0.5) * bay
+    if height < _GROUND_FLOOR and (i + own) % 4 == 1:
+        return _door(aside, height, wall)
+    return _window(aside, i, height, own, wall)
+
+
+@kernel
+def _wall(along, height, left, own, pixel):
+    """Plaster that weather has marked, or courses of brick; string courses, downpipes and a darker foot."""
+    tone = 1.0 + 0.22 * _layered_noise(0.4 * along, 0.4 * height, 0.4 * pixel)
+    tone += 0.1 * _layered_noise(3.0 * along, 0.5 * height, 3.0 * pixel)
+    tone *= 1.0 - 0.12 * max(0.0, 1.0 - 0.5 * left)
+    if own % 3 == 0:
+        row = floor(height / 0.25)
+        stone = floor(along / 0.5 + 0.5 * (row % 2))
+        tone *= 1.0 + 0.2 * _shown(4.0 * pixel) * (_hashed(stone, row) - 0.5)
+        tone *= 1.0 - 0.25 * _stripe(abs(height - 0.25 * row), 0.03, pixel)
+    course = abs((height - _GROUND_FLOOR) / _FLOOR - floor((height - _GROUND_FLOOR) / _FLOOR + 0.5)) * _FLOOR
+    if own // 3 % 2 == 0 and height > _FLOOR:
+        tone *= 1.0 + 0.18 * _stripe(course, 0.16, pixel) - 0.3 * _stripe(abs(course - 0.1), 0.04, pixel)
+    pipe = abs(along / _PIPE_APART - floor(along / _PIPE_APART) - 0.02 * (own % 50)) * _PIPE_APART
+    tone *= 1.0 - 0.45 * _stripe(pipe, 0.1, pixel)
+    return 0.72 * tone if height < 0.6 else tone
+
+
+@kernel
+def _door(aside, height, wall):
+    """A dark door of two leaves with a light above it, in a frame."""
+    if aside > 0.75 or height > 2.75:
+        return wall, -1.0
+    if aside > 0.62 or height > 2.62:
+        return 1.15, -1.0
+    if height > 2.15:
+        return (1.1, -1.0) if height < 2.2 else (0.0, 0.2)
+    return (0.24 if aside < 0.02 or abs(aside - 0.31) > 0.2 else 0.34), -1.0
+
+
+@kernel
+def _window(aside, bay, height, own, wall):
+    """A window in its frame, with mullion and transom, over a sill; it may have shutters, or be left out.
+
+    Stairs have theirs half a storey higher.
+    """
+    lift = _GROUND_FLOOR - _FLOOR
+    if (bay + own // 2) % 6 == 3 and height > _GROUND_FLOOR:
+        lift += 0.5 * _FLOOR
+    storey = floor((height - lift) / _FLOOR)
+    up = height - lift - _FLOOR * storey - _SILL
+    half, tall = 0.4 + 0.06 * (own // 32 % 4), 1.3 + 0.15 * (own // 128 % 3)
+    reach = half + (0.5 * half + 0.1 if own // 512 % 4 == 0 else _SURROUND)
+    if aside > reach or not -0.14 < up < tall + _SURROUND or _hashed(bay, own) < 0.1:
+        return wall, -1.0
+    if up < 0.0:
+        return (1.2 if up > -0.07 else 0.75 * wall), -1.0
+    if aside > half or up > tall:
+        shut = reach > half + _SURROUND and aside > half + 0.03 and up < tall
+        return (0.42 if shut else 1.22 if own % 2 == 0 else wall), -1.0
+    transom = 0.66 * tall if own // 16 % 3 else 2.0 * tall
+    if half - aside < 0.06 or min(up, tall - up) < 0.06 or aside < 0.04 or abs(up - transom) < 0.035:
+        return 1.3, -1.0
+    pane = _hashed(bay + 31 * own, storey)
+    return _curtain(aside / half, up / tall, pane), pane
 
 
 @kernel
@@ -260,18 +314,21 @@ def _curtain(aside, up, pane):
 
 
 @kernel
-def _shop(along, height, own, plaster, pixel):
-    """A shop front: panes between pillars under a sign."""
+def _shop(along, height, own, wall, pixel):
+    """A shop: a window of panes beside a door, between piers of the wall, under a sign."""
     i = floor(along / _SHOP_BAY)
-    u = along / _SHOP_BAY - i
+    place = along - _SHOP_BAY * i
+    edge = min(place - 0.45, _SHOP_BAY - 0.45 - place)
+    if edge < 0.0 or height > 3.3:
+        return wall, -1.0
     if height > 2.65:
-        shown = 2.75 < height < 3.35 and 0.06 < u < 0.94
-        return (0.35 + 0.9 * _hashed(i + own, 5) if shown else 0.9 * plaster), -1.0
-    edge = min(u - 0.05, 0.95 - u)
-    if edge < 0.0 or height < 0.35:
-        return 0.75 * plaster, -1.0
-    if edge < 0.014 or abs(u - 0.5) < 0.008 or height > 2.58:
-        return 0.4, -1.0
+        return (0.35 + 0.9 * _hashed(i + own, 5) if height > 2.75 else 0.9 * wall), -1.0
+    is_door = 1.35 < place - 1.2 * (own % 3) < 2.45
+    if height < (0.12 if is_door else 0.55):
+        return 0.7 * wall, -1.0
+    post = min(abs(place - 1.2 * (own % 3) - 1.35), abs(place - 1.2 * (own % 3) - 2.45))
+    if edge < 0.06 or post < 0.07 or height > 2.55 or abs(height - 2.1) < 0.04:
+        return 0.45, -1.0
     return _goods(along, height, own), 0.56 + 0.44 * _hashed(i + 17 * own, 2) if pixel < 1.0 else 0.5
 
 

@@ -48,7 +48,7 @@ _APART = 1.5
 _FLOOR = 3.0
 _PARAPET = 0.4
 _GABLED = 0.75
-"""Share of the four-cornered houses that have a gable roof."""
+"""Share of the four-cornered houses in rows that have a gable roof; low ones have one, or a second floor."""
 
 
 def chance(*parts: object) -> float:
@@ -71,7 +71,7 @@ def generate_houses(near: Vicinity) -> tuple[Prop, ...]:
         _house(
             outlines[k],
             front=ways[k, 1] - ways[k, 0],
-            floors=_floors(blocks[block[k]], plots[k], is_alone=is_alone[k]),
+            floors=max(2 - is_plain[k], _floors(blocks[block[k]], plots[k], is_alone=is_alone[k])),
             may_have_gables=is_plain[k],
         )
         for k in range(len(plots))
@@ -181,7 +181,7 @@ def _house(outline: Points, *, front: Floats, floors: int, may_have_gables: bool
         ("building:levels", str(floors)),
     ]
     height = _FLOOR * floors + _PARAPET
-    if may_have_gables and chance("roof", name) < _GABLED:
+    if may_have_gables and (floors < 3 or chance("roof", name) < _GABLED):
         roof = round(2.6 + 1.4 * chance("ridge", name), 1)
         height += roof
         compass = round(float(np.degrees(np.arctan2(*front)))) % 360

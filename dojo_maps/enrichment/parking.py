@@ -1,4 +1,4 @@
-"""Parking bays along streets and the cars that stand in them, generated from the map alone.
+"""Parked cars: on the parking lanes that a source tells of, else in bays generated from the map alone.
 
 A bay takes the ground of generated pavement, which goes around it where the forecourts leave room for that:
 
@@ -41,12 +41,18 @@ _FASTEST = 15.3
 """Nobody parks along roads above 55 km/h, m/s."""
 _STRAIGHT = np.radians(4.0)
 """Most that a street may bend along a place."""
-_KERB_GAP = 0.06
+_KERB_GAP = 0.08
 """Metres that cars leave to the sides of their places, at least."""
 _TAKEN, _VANS = 0.72, 0.09
 """Shares of the places that are taken, and of vans among the cars."""
 _CAR, _VAN = (4.15, 1.78, 1.48), (5.0, 1.95, 2.1)
 """Length, width and height of cars, which differ a little, and of vans, metres."""
+_FROM_ENDS = 5.0
+"""Metres that cars keep from the ends of parking lanes, at least."""
+_NARROWEST = 1.9
+_STANDS = ((4.7, 0.5 * np.pi, 2.6, 5.0), (3.0, 0.2 * np.pi, 4.2, 2.5), (_NARROWEST, 0.0, _PLACE, _PLACE))
+"""How cars stand on parking lanes from some width on, metres: by how much they turn to the kerb, radians, and
+metres from place to place and of a place's length."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -103,9 +109,41 @@ def generate_parking(
     around = areas([_ring(_way_round(room, first, last)) for room, first, last in runs])
     props = [_bay(room, room.band(first, last, -_UNDERLAP, _DEPTH)) for room, first, last in runs]
     props += [
-        car for room, first, last in runs for k in range(first, last) if (car := _car(room, k)) is not None
+        car for room, first, last in runs for k in range(first, last) if (car := _car_in(room, k)) is not None
     ]
     return tuple(props), tuple(_led_around(sidewalks, runs, bays, around))
+
+
+def park_on_lanes(near: Vicinity) -> tuple[Prop, ...]:
+    """Park cars on the parking lanes of a vicinity: those that are open to nobody."""
+    closed = [lane for lane in near.road_map.lanes if lane.kind is LaneKind.SHOULDER and not lane.allow]
+    driven = (LaneKind.DRIVING, LaneKind.BUS)
+    outermost = {lane.road: lane.index for lane in reversed(near.road_map.lanes) if lane.kind in driven}
+    side = 1.0 if near.road_map.left_hand else -1.0
+    cars: list[Prop] = []
+    for lane in closed:
+        is_outer = lane.index < outermost.get(lane.road, lane.index + 1)
+        cars += _park_on(lane, side if is_outer else -side)
+    outlines = areas([car.polygon for car in cars if car.polygon is not None])
+    inside = shapely.contains(near.focus, outlines)
+    return tuple(car for car, is_inside in zip(cars, inside, strict=True) if is_inside)
+
+
+def _park_on(lane: Lane, side: float) -> Iterator[Prop]:
+    """Park cars on a parking lane, whose kerb is on its left (1) or right (-1)."""
+    shape = drop_repeats(lane.shape)
+    if lane.width < _NARROWEST or len(shape) < 2:
+        return
+    turn, pitch, room = next(stand for least, *stand in _STANDS if lane.width >= least)
+    length = float(np.hypot(*np.diff(shape[:, :2], axis=0).T).sum())
+    count = int(max(0.0, length - 2 * _FROM_ENDS) / pitch)
+    distances: Floats = length / 2 + pitch * (np.arange(float(count)) + 0.5 - count / 2)
+    spots, headings = places_on(shape, distances)
+    for spot, heading in zip(spots[:, :2], headings + turn * side, strict=True):
+        place = (room, pitch * float(np.sin(turn)) if turn else lane.width)
+        car = _car(f"{spot[0]:.1f}:{spot[1]:.1f}", spot, float(heading), place, shape)
+        if car is not None:
+            yield car
 
 
 def _beside(near: Vicinity, lane: Lane) -> Iterator[Places]:
@@ -217,22 +255,35 @@ def _bay(room: Places, ring: Floats) -> Prop:
     )
 
 
-def _car(room: Places, k: int) -> Prop | None:
-    """Park a car in a place, not quite in its middle; or leave the place empty."""
+def _car_in(room: Places, k: int) -> Prop | None:
+    """Park a car in a place of a bay."""
+    aside = (room.lane.width + _DEPTH) / 2
+    spot = (room.ends[k] + room.ends[k + 1]) / 2 + aside * room.outward[k]
+    ahead = room.ends[k + 1] - room.ends[k]
     name = f"{room.ends[k, 0]:.1f}:{room.ends[k, 1]:.1f}"
+    return _car(name, spot, float(np.arctan2(ahead[1], ahead[0])), (_PLACE, _DEPTH), room.lane.shape)
+
+
+def _car(name: str, spot: Floats, heading: float, place: tuple[float, float], ground: Points) -> Prop | None:
+    """Park a car in a place, not quite in its middle; or leave the place empty.
+
+    Args:
+        name: decides about all that differs.
+        spot: (2,) the place's middle, metres, map frame.
+        heading: of its nose, radians.
+        place: length and width of the place, metres.
+        ground: (n, 3) a line nearby that has the ground's heights.
+    """
     if chance("parked", name) > _TAKEN:
         return None
     is_van = chance("van", name) < _VANS
     length, width, height = _VAN if is_van else _CAR
     length += 0.0 if is_van else 0.5 * chance("length", name)
-    ahead = _unit(room.ends[k + 1] - room.ends[k])
-    across = room.outward[k]
-    spare = _PLACE - length - 0.4
-    middle = (room.ends[k] + room.ends[k + 1]) / 2 + ahead * spare * (chance("along", name) - 0.5)
-    aside = room.lane.width / 2 + _DEPTH / 2
-    aside += (_DEPTH - width - 2 * _KERB_GAP) * (chance("aside", name) - 0.5)
-    middle = middle + aside * across
+    ahead = np.array([np.cos(heading), np.sin(heading)])
     left = np.array([-ahead[1], ahead[0]])
+    spare = np.maximum(0.0, [place[0] - length - 0.4, place[1] - width - 2 * _KERB_GAP])
+    middle = spot + ahead * spare[0] * (chance("along", name) - 0.5)
+    middle = middle + left * spare[1] * (chance("aside", name) - 0.5)
     corners = [
         middle + ahead * length / 2 * forward + left * width / 2 * side
         for forward, side in ((1, -1), (1, 1), (-1, 1), (-1, -1))
@@ -241,7 +292,7 @@ def _car(room: Places, k: int) -> Prop | None:
         id=f"generated:parked:{name}",
         kind=PARKED_CAR,
         height=height,
-        polygon=lift(np.round(corners, 3), room.lane.shape),
+        polygon=lift(np.round(corners, 3), ground),
         tags=(GENERATED, ("vehicle", "van" if is_van else "car")),
     )
 

@@ -10,7 +10,7 @@ import shapely
 
 from dojo_maps.description import RoadMap
 from dojo_maps.enrichment.houses import generate_forecourts, generate_houses
-from dojo_maps.enrichment.parking import PARKING, PAVEMENT_BEHIND, generate_parking
+from dojo_maps.enrichment.parking import PARKING, PAVEMENT_BEHIND, generate_parking, park_on_lanes
 from dojo_maps.enrichment.roadside import Roadside
 from dojo_maps.enrichment.surroundings import prop_shapes
 from dojo_maps.enrichment.vicinity import look_around
@@ -22,7 +22,10 @@ _TELLS_ITSELF = ("osm",)
 
 
 def build_town(road_map: RoadMap) -> RoadMap:
-    """Build a town around the signals of a furnished map; only lamps and shelters where it is told of."""
+    """Build a town around the signals of a furnished map.
+
+    Where the source tells of it, only lamps, shelters and the cars on its parking lanes are added.
+    """
     near = look_around(road_map)
     if near is None:
         return road_map
@@ -35,7 +38,7 @@ def build_town(road_map: RoadMap) -> RoadMap:
     shelters = roadside.put_shelters(np.array(stops).reshape(-1, 2)) if stops or not is_told else ()
     props += shelters
     if is_told:
-        return replace(road_map, props=road_map.props + props)
+        return replace(road_map, props=road_map.props + props + park_on_lanes(near))
     rows = prop_shapes(tuple(house for house in houses if ("building", "apartments") in house.tags))
     gardens = prop_shapes(tuple(house for house in houses if ("building", "house") in house.tags))
     props += roadside.put_signs()

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from dojo_maps.geometry.polylines import Floats, Ints
 from dojo_maps.meshes.mesh import Mesh
+from dojo_maps.meshes.parked_cars import PAINTS, PREFIX
 
 COLOURS = {
     "terrain": (116, 142, 92),
@@ -29,6 +30,14 @@ COLOURS = {
     "building/sign/face": (240, 240, 238),
     "building/shelter": (86, 92, 98),
     "building/shelter/glass": (190, 206, 210),
+    "building/car/black": (30, 31, 34),
+    "building/car/blue": (36, 66, 124),
+    "building/car/glass": (34, 40, 46),
+    "building/car/grey": (92, 97, 104),
+    "building/car/red": (150, 24, 28),
+    "building/car/silver": (186, 190, 194),
+    "building/car/tyre": (28, 28, 30),
+    "building/car/white": (228, 230, 231),
     "tree": (70, 108, 56),
     "tree/hedge": (62, 98, 50),
     "tree/leaves": (82, 122, 62),
@@ -82,7 +91,9 @@ FINISHES = {
     "building/lamp": _METAL, "building/shelter": _METAL,
     "building/shelter/glass": Finish(roughness=0.05, alpha=0.3, two_sided=True),
     "building/sign": _METAL, "building/sign/rim": _COATED,
-    "building/sign/face": _COATED, "rail/track": Finish(roughness=0.35, metallic=1.0),
+    "building/sign/face": _COATED, "building/car/glass": Finish(roughness=0.1),
+    **{f"{PREFIX}{paint}": Finish(roughness=0.3) for paint in PAINTS},
+    "rail/track": Finish(roughness=0.35, metallic=1.0),
     "marking": _PAINT, "crossing": _PAINT, "stop_line": _PAINT, "arrow": _PAINT,
     "signal": _COATED, "signal/red": _LAMP, "signal/yellow": _LAMP, "signal/green": _LAMP,
     "tree": _LEAVES, "tree/leaves": _LEAVES,

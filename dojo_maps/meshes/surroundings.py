@@ -1,4 +1,4 @@
-"""What stands around the street: buildings, trees, hedges, street lamps, signs, bus shelters."""
+"""What stands around the street: buildings, trees, hedges, street lamps, signs, bus shelters, parked cars."""
 
 from collections import defaultdict
 from collections.abc import Callable, Iterator, Sequence
@@ -11,6 +11,7 @@ from dojo_maps.description import STREET_LAMP_REACH, Prop, RoadMap, heading_of
 from dojo_maps.geometry.polylines import Floats, Ints
 from dojo_maps.meshes.buildings import raise_outlines
 from dojo_maps.meshes.mesh import Mesh, join
+from dojo_maps.meshes.parked_cars import parked_car_meshes
 from dojo_maps.meshes.trees import build_crown, build_leaves, build_trunk
 
 _FOOTING = 0.3
@@ -34,6 +35,7 @@ def surrounding_meshes(road_map: RoadMap) -> Iterator[Mesh]:
             mesh = join(name, ((prop.id, *shape(prop, shift)) for prop in placed[kind]))
             if len(mesh.faces):  # Conifers have no sprays of leaves.
                 yield mesh
+    yield from parked_car_meshes(outlined["parked_car"], shift)
 
 
 @cache
