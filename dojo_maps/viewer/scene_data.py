@@ -18,6 +18,8 @@ from dojo_maps.viewer.container import Container
 
 _STEPS = np.array([128.0, 128.0, 256.0])
 """How many steps a metre has, along x, y and z."""
+_ALONG = 64.0
+"""Steps of a metre along a wall."""
 _TILE = 256.0
 """Metres; triangles go to the tile that their middle lies in."""
 _LARGEST = 32767
@@ -43,7 +45,8 @@ def pack_meshes(meshes: Sequence[Mesh], container: Container) -> list[dict[str, 
     Returns:
         A record for each mesh and tile: `name`, `surface`, `colour` (sRGB), `origin` and `scale` (metres),
         and its arrays: `positions` (x, y, z and the thing's own number), `normals` (three and a zero),
-        `faces`, and of what has a height `heights` (foot and top, in steps as z).
+        `faces`, and of buildings and plants `spans` (foot and top, in steps as z; how far along its wall the
+        corner is, in 1/64 m; a zero).
     """
     return [
         record
@@ -75,9 +78,16 @@ def _pack(mesh: Mesh, container: Container) -> Iterator[dict[str, Any]]:
             "faces": container.add(numbered.ravel().astype(np.uint16 if small else np.uint32)),
         }
         if surface in {"facade", "foliage"}:
-            heights = np.rint((values[:, :2] - origin[2]) * _STEPS[2])
-            record["heights"] = container.add(np.clip(heights, -_LARGEST, _LARGEST).astype(np.int16))
+            record["spans"] = container.add(_spans(places - origin, values[:, :2] - origin[2], normals[used]))
         yield record
+
+
+def _spans(places: Floats, heights: Floats, normals: Floats) -> NDArray[np.int16]:
+    """Tell what windows and leaves are drawn by; a normal in eight bits would slant them."""
+    along = (places[:, 1] * normals[:, 0] - places[:, 0] * normals[:, 1]) * _ALONG
+    spans = np.column_stack([heights * _STEPS[2], along, np.zeros(len(along))])
+    found: NDArray[np.int16] = np.clip(np.rint(spans), -_LARGEST, _LARGEST).astype(np.int16)
+    return found
 
 
 def _measure(mesh: Mesh, corners: Floats, faces: Ints) -> Floats:

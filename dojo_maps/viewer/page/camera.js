@@ -30,6 +30,7 @@ class View {
     this.beforeDraw = [];
     this.afterDraw = [];
     this.ratio = 1;
+    this.isFine = false;
     this.frames = 0;
     this.pending = this.isResting = false;
     this.rest = 0;
@@ -73,10 +74,16 @@ class View {
     this.fly([x + back.x, y + back.y, z + .62 * away], [x, y, z]);
   }
 
+  // From the south, so near that all corners of the map are just within the picture.
   showAll() {
-    const [west, south, east, north] = this.bounds, x = (west + east) / 2, y = (south + north) / 2;
-    const tall = Math.tan(FIELD * Math.PI / 360), away = Math.max((north - south) / 2 / tall, (east - west) / 2 / tall / this.camera.aspect);
-    this.fly([x, y - .62 * away - 20, .8 * away + 40], [x, y - .05 * away, 0]);
+    const [west, south, east, north] = this.bounds, x = (west + east) / 2, y = (south + north) / 2, wide = Math.tan(FIELD * Math.PI / 360);
+    const sine = Math.sin(.9), cosine = Math.cos(.9);
+    let away = 30;
+    for (const [dx, dy] of [[west - x, south - y], [east - x, south - y], [west - x, north - y], [east - x, north - y]]) {
+      const depth = -dy * cosine, up = Math.abs(dy * sine) / wide, aside = Math.abs(dx) / wide / this.camera.aspect;
+      away = Math.max(away, depth + 1.3 * up, depth + 1.1 * aside);
+    }
+    this.fly([x, y - cosine * away, sine * away], [x, y, 0]);
   }
 
   faceNorth() {
@@ -137,12 +144,36 @@ class View {
     this.camera.updateProjectionMatrix();
     this.camera.updateMatrixWorld();
     uniforms.eye.value.copy(eye);
-    uniforms.fine.value = fine || !this.isSoftware;
+    uniforms.haze.value = Math.max(60, 1.6 * away);
+    this.setFine(fine || !this.isSoftware);
     uniforms.lens.value = this.renderer.domElement.height / 2 / Math.tan(FIELD * Math.PI / 360);
     this.shadows.follow(eye, this.controls.target);
+    if (this.isSoftware) this.drawDepth();
+    this.renderer.autoClear = !this.isSoftware;
+    this.camera.layers.set(0);
     this.renderer.render(this.scene, this.camera);
+    this.renderer.autoClear = true;
     this.frames++;
     for (const each of this.afterDraw) each();
+  }
+
+  // Depths first, so that no pixel is shaded twice.
+  drawDepth() {
+    this.scene.overrideMaterial = this.shadows.material;
+    this.camera.layers.set(SOLID);
+    this.renderer.render(this.scene, this.camera);
+    this.scene.overrideMaterial = null;
+  }
+
+  add(mesh) {
+    mesh.material = mesh.userData.materials[this.isFine ? 1 : 0];
+    this.scene.add(mesh);
+  }
+
+  setFine(fine) {
+    if (fine === this.isFine) return;
+    this.isFine = fine;
+    for (const mesh of this.scene.children) if (mesh.userData.materials) mesh.material = mesh.userData.materials[fine ? 1 : 0];
   }
 
   // Pixels from the window's corner, or null for what is behind the eye.

@@ -120,7 +120,7 @@ function show({ value, array }) {
   for (const record of value.meshes) {
     const mesh = makeMesh(record, array, materials);
     mesh.userData.isGround = /^(terrain|road|junction|sidewalk|walking_area|island|crossing|rail)/.test(record.name);
-    view.scene.add(mesh);
+    view.add(mesh);
     if (record.name === "terrain") {
       mesh.geometry.computeBoundingBox();
       low = Math.min(low, mesh.position.z + mesh.geometry.boundingBox.min.z * mesh.scale.z);
@@ -129,7 +129,8 @@ function show({ value, array }) {
   }
   const far = makeFarGround(low - .12, colour);
   far.userData.isGround = true;
-  view.scene.add(makeSky(), far);
+  view.add(makeSky());
+  view.add(far);
   const playback = value.playback ? new Playback(value.playback, array, view) : null;
   const signals = new Signals(map, view, playback), atlas = new Atlas(map, view);
   const panels = new Panels(map, view, atlas, signals, playback);

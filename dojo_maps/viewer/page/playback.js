@@ -24,8 +24,8 @@ class Playback {
     const texture = new THREE.DataTexture(pixels, 1024, rows);
     texture.needsUpdate = true;
     const parts = value.palette.length;
-    return new THREE.RawShaderMaterial({
-      glslVersion: THREE.GLSL3, vertexShader: userVertex(parts), fragmentShader: USER_FRAGMENT, side: THREE.DoubleSide,
+    return bothMaterials({
+      vertexShader: userVertex(parts), fragmentShader: USER_FRAGMENT, side: THREE.DoubleSide,
       uniforms: {
         ...uniforms, colours: { value: texture }, ownColours: { value: value.ownColours },
         palette: { value: value.palette.map(colour => new THREE.Vector3(...colour.map(linear))) },
@@ -38,7 +38,8 @@ class Playback {
     const geometry = new THREE.InstancedBufferGeometry();
     geometry.setAttribute("position", new THREE.BufferAttribute(corners, 4));
     geometry.setIndex(new THREE.BufferAttribute(faces, 1));
-    const mesh = new THREE.Mesh(geometry, this.materials);
+    const mesh = new THREE.Mesh(geometry);
+    mesh.userData.materials = this.materials;
     mesh.frustumCulled = false;
     mesh.layers.enable(MOVING);
     mesh.userData.layer = "traffic";
@@ -54,7 +55,7 @@ class Playback {
       if (old) attribute.array.set(old.array);
       batch.geometry.setAttribute(name, attribute);
     }
-    if (!batch.mesh.parent) this.view.scene.add(batch.mesh);
+    if (!batch.mesh.parent) this.view.add(batch.mesh);
   }
 
   get begin() { return this.times[0]; }
@@ -119,7 +120,7 @@ class Playback {
   }
 
   drawShadows(shadows) {
-    this.shadowMaterial ??= shadows.depthMaterial(USER_SHADOW_VERTEX);
+    this.shadowMaterial ??= depthMaterial(USER_SHADOW_VERTEX);
     shadows.draw(shadows.moving, MOVING, this.shadowMaterial);
   }
 }

@@ -1,11 +1,11 @@
 // The world as three.js draws it: sky, ground, the map's meshes and the sun's shadows.
 const SUN = new THREE.Vector3(-.52, -.44, .73).normalize();
-const SHADOW_SIZE = 2048, STILL = 1, MOVING = 2;
+const SHADOW_SIZE = 2048, STILL = 1, MOVING = 2, SOLID = 3;
 const FAR_GROUND = 30000;
 const uniforms = {
   eye: { value: new THREE.Vector3() }, sun: { value: SUN }, shadowMatrix: { value: null },
-  stillShadows: { value: null }, movingShadows: { value: null }, fine: { value: true }, hasMoving: { value: false },
-  lens: { value: 600 }, shadowBias: { value: .0005 }
+  stillShadows: { value: null }, movingShadows: { value: null }, hasMoving: { value: false },
+  lens: { value: 600 }, shadowBias: { value: .0005 }, haze: { value: 60 }
 };
 const linear = c => { c /= 255; return c <= .04045 ? c / 12.92 : ((c + .055) / 1.055) ** 2.4; };
 
@@ -24,10 +24,15 @@ async function unpack() {
   return { value, array: ([kind, start, count]) => new types[kind](buffer, 4 + length + start, count) };
 }
 
-function surfaceMaterial(record) {
+// [coarse, fine]: without a graphics card, what moves is drawn without the finer textures.
+function bothMaterials(options) {
+  return [{}, { FINE: "" }].map(defines => new THREE.RawShaderMaterial({ glslVersion: THREE.GLSL3, defines, ...options }));
+}
+
+function surfaceMaterials(record) {
   const paint = record.surface === "paint", glass = record.surface === "glass";
-  return new THREE.RawShaderMaterial({
-    glslVersion: THREE.GLSL3, vertexShader: SURFACE_VERTEX, fragmentShader: surfaceFragment(record.surface),
+  return bothMaterials({
+    vertexShader: surfaceVertex(record.surface), fragmentShader: surfaceFragment(record.surface),
     uniforms: { ...uniforms, colour: { value: new THREE.Vector3(...record.colour.map(linear)) } },
     side: THREE.DoubleSide, transparent: glass, depthWrite: !glass,
     // From kilometres away its centimetre above the road is lost in rounding.
@@ -39,10 +44,12 @@ function makeMesh(record, array, materials) {
   const geometry = new THREE.BufferGeometry(), positions = array(record.positions);
   geometry.setAttribute("position", new THREE.BufferAttribute(positions, 4));
   geometry.setAttribute("normal", new THREE.BufferAttribute(array(record.normals), 4, true));
-  if (record.heights) geometry.setAttribute("heights", new THREE.BufferAttribute(array(record.heights), 2));
+  if (record.spans) geometry.setAttribute("spans", new THREE.BufferAttribute(array(record.spans), 4));
   geometry.setIndex(new THREE.BufferAttribute(array(record.faces), 1));
-  if (!materials.has(record.name)) materials.set(record.name, surfaceMaterial(record));
-  const mesh = new THREE.Mesh(geometry, materials.get(record.name));
+  if (!materials.has(record.name)) materials.set(record.name, surfaceMaterials(record));
+  const mesh = new THREE.Mesh(geometry);
+  mesh.userData.materials = materials.get(record.name);
+  if (record.surface !== "glass") mesh.layers.enable(SOLID);
   mesh.position.set(...record.origin);
   mesh.scale.set(...record.scale);
   mesh.name = record.name;
@@ -56,9 +63,8 @@ function makeMesh(record, array, materials) {
 }
 
 function makeSky() {
-  const sky = new THREE.Mesh(new THREE.PlaneGeometry(2, 2), new THREE.RawShaderMaterial({
-    glslVersion: THREE.GLSL3, vertexShader: SKY_VERTEX, fragmentShader: SKY_FRAGMENT, uniforms, depthWrite: false
-  }));
+  const sky = new THREE.Mesh(new THREE.PlaneGeometry(2, 2));
+  sky.userData.materials = bothMaterials({ vertexShader: SKY_VERTEX, fragmentShader: SKY_FRAGMENT, uniforms, depthWrite: false });
   sky.frustumCulled = false;
   sky.renderOrder = 5;  // After what is opaque, so that only open sky is computed.
   return sky;
@@ -83,12 +89,19 @@ function makeFarGround(low, colour) {
   geometry.setAttribute("position", new THREE.BufferAttribute(new Float32Array(rings), 4));
   geometry.setAttribute("normal", new THREE.BufferAttribute(normals, 4, true));
   geometry.setIndex(faces);
-  const mesh = new THREE.Mesh(geometry, surfaceMaterial({ surface: "grass", colour }));
+  const mesh = new THREE.Mesh(geometry);
+  mesh.userData.materials = surfaceMaterials({ surface: "grass", colour });
   mesh.position.z = low;
   mesh.frustumCulled = false;
   mesh.renderOrder = 4;
   mesh.name = "terrain";
   return mesh;
+}
+
+function depthMaterial(vertexShader) {
+  return new THREE.RawShaderMaterial({
+    glslVersion: THREE.GLSL3, vertexShader, fragmentShader: SHADOW_FRAGMENT, side: THREE.DoubleSide, colorWrite: false
+  });
 }
 
 // What the sun sees around a place, kept until the place is far from there.
@@ -100,19 +113,13 @@ class Shadows {
     this.camera.up.set(0, 0, 1);
     this.still = this.target();
     this.moving = this.target();
-    this.material = this.depthMaterial(SHADOW_VERTEX);
+    this.material = depthMaterial(SHADOW_VERTEX);
     uniforms.stillShadows.value = this.still.depthTexture;
     uniforms.movingShadows.value = this.moving.depthTexture;
     uniforms.shadowMatrix.value = this.camera.projectionMatrix.clone();
     this.centre = null;
     this.reach = 0;
     this.draw(this.moving, MOVING, this.material);  // Even an empty one has to be there.
-  }
-
-  depthMaterial(vertexShader) {
-    return new THREE.RawShaderMaterial({
-      glslVersion: THREE.GLSL3, vertexShader, fragmentShader: SHADOW_FRAGMENT, side: THREE.DoubleSide
-    });
   }
 
   target() {
