@@ -110,7 +110,12 @@ def _lamps() -> NDArray[np.uint8]:
     """Tell by part which of a road user's lights makes it shine."""
     from dojo_env.rendering.shapes import Part  # noqa: PLC0415 - only whoever draws needs it
 
-    lamps = {Part.BRAKE: Lights.BRAKE, Part.LEFT: Lights.LEFT, Part.RIGHT: Lights.RIGHT, Part.BLUE: Lights.BLUE}
+    lamps = {
+        Part.BRAKE: Lights.BRAKE,
+        Part.LEFT: Lights.LEFT,
+        Part.RIGHT: Lights.RIGHT,
+        Part.BLUE: Lights.BLUE,
+    }
     return np.array([lamps.get(part, 0) for part in Part], np.uint8)
 
 

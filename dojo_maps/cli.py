@@ -67,7 +67,10 @@ def _parser() -> argparse.ArgumentParser:
     view = add_command(commands, "view", _view, "show a bundle's 3D scene in the browser")
     view.add_argument("bundle", metavar="BUNDLE", type=Path)
     view.add_argument(
-        "--recording", metavar="FILE", type=Path, help="play an episode in it that dojo-env run --record wrote"
+        "--recording",
+        metavar="FILE",
+        type=Path,
+        help="play an episode in it that dojo-env run --record wrote",
     )
     view.add_argument(
         "-o", "--output", metavar="FILE", type=Path, help="write the page here and open nothing"

@@ -89,7 +89,10 @@ def _processor_seconds() -> float:
     for entry in Path("/proc").iterdir():
         if entry.name.isdigit() and (entry / "stat").exists():
             fields = (entry / "stat").read_text().rpartition(")")[2].split()
-            parents[int(entry.name)], ticks[int(entry.name)] = int(fields[1]), int(fields[11]) + int(fields[12])
+            parents[int(entry.name)], ticks[int(entry.name)] = (
+                int(fields[1]),
+                int(fields[11]) + int(fields[12]),
+            )
     ours = {os.getpid()}
     while grown := {child for child, parent in parents.items() if parent in ours} - ours:
         ours |= grown

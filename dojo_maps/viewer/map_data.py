@@ -30,7 +30,7 @@ def describe_map(road_map: RoadMap, report: Mapping[str, Any] | None) -> dict[st
         "name": road_map.name,
         "origin": list(road_map.origin),
         "bounds": [*low.tolist(), *high.tolist()],
-        "roads": [[road.id, road.name, road.kind, road.from_junction, road.to_junction] for road in road_map.roads],
+        "roads": [[r.id, r.name, r.kind, r.from_junction, r.to_junction] for r in road_map.roads],
         "lanes": [
             [lane.id, roads[lane.road], lane.index, lane.kind.value, _centimetres(lane.width),
              round(lane.speed * 3.6, 1), round(lane.length, 1), _classes(lane), _line(lane.shape, shift)]
@@ -57,7 +57,7 @@ def _describe_signal(signal: Signal, road_map: RoadMap, shift: Points) -> dict[s
     return {
         "id": signal.id,
         "junctions": list(signal.junctions),
-        "links": [[link.index, link.kind.value, link.from_id, link.to_id, link.direction] for link in signal.links],
+        "links": [[k.index, k.kind.value, k.from_id, k.to_id, k.direction] for k in signal.links],
         "programs": [_describe_program(program) for program in signal.programs],
         "heads": [_describe_head(head, head.link_indices[0] in walks, shift) for head in signal.heads],
         "view": _first_view(signal, road_map, shift),
@@ -65,7 +65,9 @@ def _describe_signal(signal: Signal, road_map: RoadMap, shift: Points) -> dict[s
 
 
 def _describe_program(program: Program) -> dict[str, Any]:
-    phases = [[phase.duration, phase.state, phase.min_duration, phase.max_duration] for phase in program.phases]
+    phases = [
+        [phase.duration, phase.state, phase.min_duration, phase.max_duration] for phase in program.phases
+    ]
     return {"id": program.id, "kind": program.kind, "offset": program.offset, "phases": phases}
 
 
@@ -98,7 +100,9 @@ def _first_view(signal: Signal, road_map: RoadMap, shift: Points) -> list[float]
 
 def _findings(report: Mapping[str, Any], shift: Points) -> list[dict[str, Any]]:
     issues = report.get("issues")
-    return [found for issue in issues if (found := _finding(issue, shift))] if isinstance(issues, list) else []
+    return (
+        [found for issue in issues if (found := _finding(issue, shift))] if isinstance(issues, list) else []
+    )
 
 
 def _finding(issue: Any, shift: Points) -> dict[str, Any] | None:

@@ -57,11 +57,11 @@ def pack_meshes(meshes: Sequence[Mesh], container: Container) -> list[dict[str, 
 
 
 def _pack(mesh: Mesh, container: Container) -> Iterator[dict[str, Any]]:
-    corners, faces, normals = shade(mesh)
+    surface = _SURFACES.get(mesh.name, "plain")
+    corners, faces, normals = _face_by_face(mesh) if surface == "facade" else shade(mesh)
     things = _measure(mesh, corners, faces)
     middles = corners[faces].mean(axis=1)[:, :2]
     _, tiles = np.unique(np.floor(middles / _TILE).astype(np.int64), axis=0, return_inverse=True)
-    surface = _SURFACES.get(mesh.name, "plain")
     for tile in range(int(tiles.max()) + 1):
         used, numbered = used_vertices(faces[tiles.ravel() == tile], len(corners))
         places, values = corners[used], things[used]
@@ -88,6 +88,16 @@ def _spans(places: Floats, heights: Floats, normals: Floats) -> NDArray[np.int16
     spans = np.column_stack([heights * _STEPS[2], along, np.zeros(len(along))])
     found: NDArray[np.int16] = np.clip(np.rint(spans), -_LARGEST, _LARGEST).astype(np.int16)
     return found
+
+
+def _face_by_face(mesh: Mesh) -> tuple[Floats, Ints, Floats]:
+    """Give corners the normal of their own face, as windows need it; faces of one plane share corners."""
+    a, b, c = np.moveaxis(mesh.vertices[mesh.faces], 1, 0)
+    across = np.cross(b - a, c - a)
+    normals = across / np.maximum(np.linalg.norm(across, axis=1, keepdims=True), 1e-12)
+    keys = np.column_stack([mesh.faces.ravel(), np.repeat(np.rint(normals * 1000), 3, axis=0)])
+    _, first, numbered = np.unique(keys, axis=0, return_index=True, return_inverse=True)
+    return mesh.vertices[mesh.faces.ravel()[first]], numbered.reshape(-1, 3), normals[first // 3]
 
 
 def _measure(mesh: Mesh, corners: Floats, faces: Ints) -> Floats:

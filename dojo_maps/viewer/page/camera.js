@@ -147,7 +147,7 @@ class View {
     uniforms.haze.value = Math.max(60, 1.6 * away);
     this.setFine(fine || !this.isSoftware);
     uniforms.lens.value = this.renderer.domElement.height / 2 / Math.tan(FIELD * Math.PI / 360);
-    this.shadows.follow(eye, this.controls.target);
+    if (this.shadows.follow(eye, this.controls.target)) this.onShadows?.();
     if (this.isSoftware) this.drawDepth();
     this.renderer.autoClear = !this.isSoftware;
     this.camera.layers.set(0);

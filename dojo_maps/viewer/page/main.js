@@ -144,6 +144,7 @@ function show({ value, array }) {
   const wanted = location.hash.match(/[#&]find=([^&]*)/)?.[1];
   const thing = wanted && atlas.find(decodeURIComponent(wanted))[0];
   if (thing) panels.goTo(thing);
+  if (playback) view.onShadows = () => playback.drawShadows(view.shadows);
   if (playback) clock.run(!/[#&]time=/.test(location.hash));
   view.afterDraw.push(function first() {
     view.afterDraw.splice(view.afterDraw.indexOf(first), 1);
