@@ -26,7 +26,7 @@ class View {
       maxDistance: 4 * this.size, maxPolarAngle: .495 * Math.PI, keyPanSpeed: 40
     });
     this.controls.addEventListener("change", () => this.request());
-    this.shadows = new Shadows(this.renderer, this.scene);
+    this.shadows = new Shadows(this.renderer, this.scene, this.isSoftware);
     this.beforeDraw = [];
     this.afterDraw = [];
     this.ratio = 1;
@@ -132,7 +132,7 @@ class View {
     if (took <= 0 || took > 250) return;
     this.average = .8 * (this.average ?? took) + .2 * took;
     const most = Math.min(this.isSoftware ? 1 : 2, devicePixelRatio);
-    if (this.average > SLOW_FRAME) this.ratio = Math.max(.5, .85 * this.ratio);
+    if (this.average > SLOW_FRAME) this.ratio = Math.max(.4, .85 * this.ratio);
     else if (this.average < SLOW_FRAME / 2) this.ratio = Math.min(most, 1.1 * this.ratio);
   }
 

@@ -106,11 +106,12 @@ function depthMaterial(vertexShader) {
 
 // What the sun sees around a place, kept until the place is far from there.
 class Shadows {
-  constructor(renderer, scene) {
+  constructor(renderer, scene, isSoftware) {
     this.renderer = renderer;
     this.scene = scene;
     this.camera = new THREE.OrthographicCamera(-1, 1, 1, -1, 1, 2);
     this.camera.up.set(0, 0, 1);
+    this.filter = isSoftware ? THREE.NearestFilter : THREE.LinearFilter;
     this.still = this.target();
     this.moving = this.target();
     this.material = depthMaterial(SHADOW_VERTEX);
@@ -125,7 +126,7 @@ class Shadows {
   target() {
     const depthTexture = new THREE.DepthTexture(SHADOW_SIZE, SHADOW_SIZE, THREE.UnsignedIntType);
     depthTexture.compareFunction = THREE.LessEqualCompare;
-    depthTexture.minFilter = depthTexture.magFilter = THREE.LinearFilter;
+    depthTexture.minFilter = depthTexture.magFilter = this.filter;
     return new THREE.WebGLRenderTarget(SHADOW_SIZE, SHADOW_SIZE, { depthTexture });
   }
 

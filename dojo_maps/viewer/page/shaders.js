@@ -5,7 +5,6 @@ precision highp float;
 precision highp sampler2DShadow;
 uniform vec3 eye;
 uniform vec3 sun;
-uniform mat4 shadowMatrix;
 uniform sampler2DShadow stillShadows, movingShadows;
 uniform bool hasMoving;
 uniform float shadowBias, haze;
@@ -37,8 +36,8 @@ vec3 skyAt(vec3 ray) {
   return clear;
 }
 float fifth(float x) { float square = x * x; return square * square * x; }
-float sunlit(vec3 place, vec3 normal) {
-  vec3 at = (shadowMatrix * vec4(place + .09 * normal, 1.)).xyz * .5 + .5;
+// `at` is the place as the sun sees it.
+float sunlit(vec3 at) {
   vec2 edge = abs(at.xy - .5);
   float inside = 1. - smoothstep(.42, .49, max(edge.x, edge.y));
   if (inside <= 0. || at.z > 1.) return 1.;
@@ -52,10 +51,10 @@ float sunlit(vec3 place, vec3 normal) {
   if (hasMoving) open = min(open, texture(movingShadows, at - vec3(0, 0, shadowBias)));
   return mix(1., open, inside);
 }
-vec3 lit(vec3 albedo, vec3 normal, vec3 place) {
+vec3 lit(vec3 albedo, vec3 normal, vec3 at) {
   float facing = dot(normal, sun);
   vec3 soft = mix(GROUND, SKY, .5 + .5 * normal.z);
-  return albedo * (soft + SUN * (facing > .02 ? facing * sunlit(place, normal) : 0.));
+  return albedo * (soft + SUN * (facing > .02 ? facing * sunlit(at) : 0.));
 }
 vec4 shown(vec3 colour, vec3 place, float alpha) {
   float away = distance(place, eye);
@@ -78,11 +77,11 @@ vec3 plasterOf(float own) {
 
 const surfaceVertex = surface => `
 precision highp float;
-uniform mat4 modelMatrix, viewMatrix, projectionMatrix;
+uniform mat4 modelMatrix, viewMatrix, projectionMatrix, shadowMatrix;
 in vec4 position, normal;
 in vec4 spans;
 invariant gl_Position;
-out vec3 place, facing;
+out vec3 place, facing, shade;
 out float along;
 flat out float own;
 flat out vec2 span;
@@ -92,6 +91,7 @@ void main() {
   vec4 world = modelMatrix * vec4(position.xyz, 1.);
   place = world.xyz;
   facing = normal.xyz;
+  shade = (shadowMatrix * vec4(place + .09 * facing, 1.)).xyz * .5 + .5;
   own = position.w / 32767.;
   plaster = ${surface === "facade" ? "plasterOf(own)" : "vec3(0)"};
   along = spans.z / 64.;
@@ -196,7 +196,7 @@ void facade() {
 
 function surfaceFragment(surface) {
   return LIGHT + `
-in vec3 place, facing;
+in vec3 place, facing, shade;
 in float along;
 flat in float own;
 flat in vec2 span;
@@ -214,7 +214,7 @@ void main() {
   albedo = colour; tone = 1.; shine = 0.;
   near = clamp(1.4 - distance(place, eye) / 90., 0., 1.);
   ${SURFACES[surface]}
-  vec3 seen = lit(albedo * max(.05, tone), n, place);
+  vec3 seen = lit(albedo * max(.05, tone), n, shade);
   if (shine > 0.) seen = mix(seen, skyAt(reflect(ray, n)), min(1., shine));
   pixelColour = shown(seen, place, alpha);
 }`;
@@ -259,14 +259,14 @@ vec3 placed() {
 const userVertex = parts => `
 precision highp float;
 precision highp int;
-uniform mat4 viewMatrix, projectionMatrix;
+uniform mat4 viewMatrix, projectionMatrix, shadowMatrix;
 uniform vec3 palette[${parts}];
 uniform int own[${parts}];
 uniform int lamp[${parts}];
 uniform int ownColours;
 uniform highp sampler2D colours;
 ${USER_PLACE}
-out vec3 place;
+out vec3 place, shade;
 flat out vec3 paint;
 flat out int part, shines;
 void main() {
@@ -279,17 +279,18 @@ void main() {
   }
   shines = (int(where.w) & lamp[part]) != 0 ? 1 : 0;
   place = placed();
+  shade = (shadowMatrix * vec4(place, 1.)).xyz * .5 + .5;
   gl_Position = projectionMatrix * viewMatrix * vec4(place, 1.);
 }`;
 const USER_FRAGMENT = LIGHT + `
-in vec3 place;
+in vec3 place, shade;
 flat in vec3 paint;
 flat in int part, shines;
 out vec4 pixelColour;
 void main() {
   vec3 n = normalize(cross(dFdx(place), dFdy(place))), ray = normalize(place - eye);
   if (shines == 1) { pixelColour = shown(min(vec3(1), paint * 5. + .08), place, 1.); return; }
-  vec3 seen = lit(paint, n, place);
+  vec3 seen = lit(paint, n, shade);
   float share = part == 1 ? .14 : part == 12 ? .4 : part == 0 ? .05 : 0.;
   if (share > 0.) seen = mix(seen, skyAt(reflect(ray, n)), share + (1. - share) * .6 * fifth(1. - abs(dot(n, ray))));
   pixelColour = shown(seen, place, 1.);
