@@ -4,11 +4,16 @@ import argparse
 import sys
 from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from dojo_maps.cli_area import add_area_options, find_source, join_signed
 from dojo_maps.cli_demand import add_demand, read_volume
 from dojo_maps.command import Parser, add_command, run_command
 from dojo_maps.progress import Progress
+
+if TYPE_CHECKING:
+    from dojo_maps.bundle import Bundle
+    from dojo_maps.viewer import Playback
 
 EXPORT_NAMES = ("metadrive", "opendrive", "geojson", "lanelet2")
 _PROFILES = ("default", "rl", "strict")
@@ -61,6 +66,12 @@ def _parser() -> argparse.ArgumentParser:
 
     view = add_command(commands, "view", _view, "show a bundle's 3D scene in the browser")
     view.add_argument("bundle", metavar="BUNDLE", type=Path)
+    view.add_argument(
+        "--recording",
+        metavar="FILE",
+        type=Path,
+        help="play an episode in it that dojo-env run --record wrote",
+    )
     view.add_argument(
         "-o", "--output", metavar="FILE", type=Path, help="write the page here and open nothing"
     )
@@ -230,18 +241,34 @@ def _view(options: argparse.Namespace) -> int:
     import tempfile
     import webbrowser
 
-    from dojo_maps.bundle import read_bundle
+    from dojo_maps.bundle import REPORT, read_bundle
+    from dojo_maps.errors import DescriptionError
+    from dojo_maps.safe_json import read_json
     from dojo_maps.viewer import write_view
 
     shown = read_bundle(options.bundle)
+    report = shown.folder / REPORT
     page = (
         options.output or Path(tempfile.mkdtemp(prefix="dojo-maps-")) / f"{shown.folder.resolve().name}.html"
     )
-    write_view(shown.scene, page, title=shown.road_map.name)
+    write_view(
+        shown.road_map,
+        shown.read_meshes(),
+        page,
+        report=read_json(report, error=DescriptionError) if report.is_file() else None,
+        playback=_read_playback(options.recording, shown) if options.recording else None,
+    )
     print(page)
     if options.output is None:
         webbrowser.open(page.resolve().as_uri())
     return 0
+
+
+def _read_playback(recording: Path, shown: "Bundle") -> "Playback":
+    """Let the environment read its recording: it is found by name, because maps know nothing of it."""
+    import importlib
+
+    return importlib.import_module("dojo_env.playback").read_playback(recording, shown.road_map)
 
 
 def _list_checks(_options: argparse.Namespace) -> int:

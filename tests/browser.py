@@ -18,25 +18,31 @@ _FLAGS = (
     "--headless=new", "--no-sandbox", "--disable-quic", "--no-first-run", "--disable-background-networking",
     "--disable-component-update", "--disable-sync",
 )  # fmt: skip
-_PIPE = ("--disable-gpu", "--remote-debugging-pipe")
-ONE_LOOK = (
-    *_FLAGS, "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader",
-    "--window-size=800,600", "--virtual-time-budget=10000",
-)  # fmt: skip
-"""For who opens a page once, with WebGL, and takes what it then is."""
+WITHOUT_GL = ("--disable-gpu",)
+WITH_GL = ("--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader")
+ONE_LOOK = (*_FLAGS, *WITH_GL, "--window-size=800,600", "--virtual-time-budget=10000")
+"""For who opens a page once and takes what it then is."""
 needs_browser = pytest.mark.skipif(CHROMIUM is None, reason="no Chromium is installed")
 
 
 class Browser:
     """One page of a browser, for the length of a context."""
 
-    def __init__(self, url: str, profile: Path, *, size: tuple[int, int] = (1440, 900)) -> None:
+    def __init__(
+        self,
+        url: str,
+        profile: Path,
+        *,
+        size: tuple[int, int] = (1440, 900),
+        flags: tuple[str, ...] = WITHOUT_GL,
+    ) -> None:
         theirs_in, ours_out = os.pipe()
         ours_in, theirs_out = os.pipe()
         command = [
             str(CHROMIUM),
             *_FLAGS,
-            *_PIPE,
+            *flags,
+            "--remote-debugging-pipe",
             f"--window-size={size[0]},{size[1]}",
             f"--user-data-dir={profile}",
         ]

@@ -27,7 +27,6 @@ from dojo_maps.safe_json import read_json
 from dojo_maps.safe_xml import parse_xml
 from dojo_maps.sources.osm import read_osm
 from dojo_maps.validation.exclusions import read_exclusions
-from dojo_maps.viewer import write_view
 
 
 def make_socket(path: Path) -> None:
@@ -55,7 +54,6 @@ READERS: dict[str, tuple[Callable[[Path], object], type[SourceError]]] = {
     "b.net.xml": (lambda path: open_map(Scenario(map=path)), SourceError),
     "a.npz": (read_recording, RecordingError),
     "scene.glb": (read_scene, DescriptionError),
-    "view.glb": (lambda path: write_view(path, path.with_name("x.html"), title="x"), DescriptionError),
     "cameras.json": (read_cameras, CameraError),
     "exclusions.json": (read_exclusions, SourceError),
     "net.onnx": (lambda path: load_encoder(str(path)), EncoderError),

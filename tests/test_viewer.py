@@ -1,159 +1,256 @@
-"""The 3D page: rendered by a real browser, offline, with the whole map in the first picture."""
+"""The 3D page in a real browser: what is seen, found, picked and played; and that data stays data."""
 
-import subprocess
+import base64
+import json
+import struct
+import zlib
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
-import trimesh
-from browser import CHROMIUM, ONE_LOOK, needs_browser
+from browser import WITH_GL, Browser, needs_browser
 
-from dojo_maps.errors import SourceError
-from dojo_maps.viewer import write_view
+from dojo_maps.bundle import read_bundle
+from dojo_maps.conversion import convert
+from dojo_maps.meshes.mesh import Mesh
+from dojo_maps.viewer import Model, Playback, write_view
+from dojo_maps.viewer.container import Container
+from dojo_maps.viewer.map_data import describe_map
+from dojo_maps.viewer.scene_data import pack_meshes
 
-pytestmark = pytest.mark.sampled(1)
-
-_GROUND, _EAST, _NORTH = (0.05, 0.2, 0.05), (0.6, 0.02, 0.02), (0.02, 0.05, 0.6)
-
-
-def _block(low, high, colour):
-    """A box between two corners in the map's frame, with a linear colour as glTF has it."""
-    corners = np.array([low, high], dtype=float)[:, [0, 2, 1]] * [1, 1, -1]
-    mesh = trimesh.creation.box(bounds=np.sort(corners, axis=0))
-    material = trimesh.visual.material.PBRMaterial(
-        baseColorFactor=[*colour, 1.0], metallicFactor=0.0, roughnessFactor=1.0
-    )
-    mesh.visual = trimesh.visual.TextureVisuals(material=material)
-    return mesh
+EVIL = "</script><script>document.title='evil'</script><img src=x onerror=alert(1)>&amp;\"'`${1}"
+SIZE = (640, 400)
 
 
 @pytest.fixture(scope="module")
-def scene(tmp_path_factory):
-    """A ground of 200 m by 200 m with a red block in the east and a blue one in the north."""
-    blocks = trimesh.Scene()
-    blocks.add_geometry(_block((-100, -100, -1), (100, 100, 0), _GROUND), node_name="terrain")
-    blocks.add_geometry(_block((60, -20, 0), (90, 20, 10), _EAST), node_name="building/east")
-    blocks.add_geometry(_block((-20, 60, 0), (20, 90, 10), _NORTH), node_name="building/north")
-    path = tmp_path_factory.mktemp("scene") / "scene.glb"
-    path.write_bytes(blocks.export(file_type="glb"))
-    return path
+def bundle(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("view") / "cologne1.dojo"
+    convert("cologne1", folder)
+    return read_bundle(folder)
 
 
-def _photograph(scene: Path, folder: Path, address: str = "", title: str = "blocks") -> np.ndarray:
-    """Open the page in a browser and take its picture, (600, 800, 3) RGB."""
-    page, picture = folder / "view.html", folder / "view.png"
-    write_view(scene, page, title=title)
-    command = [CHROMIUM, *ONE_LOOK, f"--user-data-dir={folder / 'profile'}", f"--screenshot={picture}"]
-    done = subprocess.run([*command, page.as_uri() + address], capture_output=True, timeout=120, check=False)
-    assert picture.exists(), done.stderr[-2000:]
-    return cv2.cvtColor(cv2.imread(str(picture)), cv2.COLOR_BGR2RGB).astype(int)
+@pytest.fixture(scope="module")
+def played(bundle):
+    """A red car that drives 20 m from the stop line of the first view over the junction, in two seconds."""
+    eye = np.array(describe_map(bundle.road_map, None)["signals"][0]["view"])
+    ahead = (eye[3:5] - eye[:2]) / np.linalg.norm(eye[3:5] - eye[:2])
+    stop = eye[:2] + 26 * ahead
+    box = np.array([[x, y, z] for x in (-1, 0) for y in (-0.5, 0.5) for z in (0, 1)], dtype=float)
+    faces = np.array(
+        [[0, 1, 3], [0, 3, 2], [4, 6, 7], [4, 7, 5], [0, 4, 5], [0, 5, 1], [2, 3, 7], [2, 7, 6], [1, 5, 7],
+         [1, 7, 3]]
+    )  # fmt: skip
+    model = Model(vertices=box, faces=faces.astype(np.int32), parts=np.zeros(len(faces), np.uint8))
+    states = ("G" * 20, "r" * 20)
+    return Playback(
+        times=np.array([100.0, 101.0, 102.0]),
+        counts=np.array([1, 1, 1], np.int32),
+        users=np.zeros(3, np.int32),
+        places=np.array([[*(stop + ahead * d), 0.0] for d in (0, 10, 20)]),
+        headings=np.full(3, np.arctan2(ahead[1], ahead[0])),
+        slopes=np.zeros(3),
+        poses=np.zeros(3, np.int32),
+        lights=np.zeros(3, np.uint8),
+        ids=[EVIL],
+        sizes=np.array([[4.5, 2.4, 2.0]]),
+        colours=np.full((1, 1, 3), (230, 10, 10), np.uint8),
+        models=[(model, model)],
+        palette=np.zeros((1, 3), np.uint8),
+        own=np.zeros(1, np.int8),
+        lit=np.zeros(1, np.uint8),
+        signals=[bundle.road_map.signals[0].id],
+        states=states,
+        shown=np.array([[0], [0], [1]], np.int32),
+    )
 
 
-def _where(picture: np.ndarray, channel: int) -> np.ndarray:
-    """Rows and columns where one colour channel stands well above both others, (n, 2)."""
-    others = np.delete(picture, channel, axis=2).max(axis=2)
-    return np.argwhere(picture[..., channel] > others + 60)
+def _unpack(page: Path):
+    text = page.read_text(encoding="utf-8")
+    packed = text.partition('id="data">')[2].partition("</script>")[0]
+    whole = zlib.decompress(base64.b64decode(packed))
+    (length,) = struct.unpack_from("<I", whole)
+    return json.loads(whole[4 : 4 + length]), whole[4 + length :]
 
 
-@needs_browser
-def test_write_view_shows_the_whole_map_from_the_south_when_opened(scene, tmp_path):
-    picture = _photograph(scene, tmp_path)
-    red, green, blue = _where(picture, 0), np.argwhere(_is_ground(picture)), _where(picture, 2)
-    blue = blue[picture[tuple(blue.T)][:, 0] < 100]
-    assert len(red) > 500
-    assert len(blue) > 500
-    assert red.mean(axis=0)[1] > 400 + 80, "the eastern block is not on the right"
-    assert blue.mean(axis=0)[0] < red.mean(axis=0)[0] - 50, "the northern block is not farther up"
-    (top, left), (bottom, right) = green.min(axis=0), green.max(axis=0)
-    assert 0 < top < 150
-    assert 0 < left < right < 799
-    assert bottom < 599
-    assert (right - left) > 0.7 * 800 or (bottom - top) > 0.7 * 600
+def _open(page: Path, folder: Path, address: str = "") -> Browser:
+    return Browser(page.as_uri() + address, folder / "profile", size=SIZE, flags=WITH_GL)
 
 
-def _is_ground(picture: np.ndarray) -> np.ndarray:
-    """Where the ground's own colour stands: its linear values in sRGB, lit by lights that add up to one."""
-    linear = np.array(_GROUND)
-    srgb = 255 * (1.055 * linear ** (1 / 2.4) - 0.055)
-    return np.abs(picture - srgb).max(axis=2) < 25
+def _settle(browser: Browser) -> np.ndarray:
+    """Wait for the picture that is drawn once nothing moves: (400, 640, 3) RGB."""
+    browser.wait(lambda: browser.run("document.documentElement?.dataset.firstPicture"))
+    browser.wait(lambda: browser.run("dojoView.view.isFine && !dojoView.view.pending"))
+    picture = cv2.imdecode(np.frombuffer(browser.photograph(), np.uint8), cv2.IMREAD_COLOR)
+    return cv2.cvtColor(picture, cv2.COLOR_BGR2RGB).astype(int)
 
 
-@needs_browser
-def test_write_view_has_a_sky_lighter_than_the_ground(scene, tmp_path):
-    picture = _photograph(scene, tmp_path, "#camera=0,-50,2,0,0,2")
-    sky, ground = picture[20, 400], picture[480, 400]
-    assert sky[2] > sky[0] + 20, "the sky is not blue"
-    assert sky.sum() > ground.sum() + 100
-
-
-@needs_browser
-@pytest.mark.parametrize(("address", "channel"), [("20,0,5,75,0,5", 0), ("0,20,5,0,75,5", 2)])
-def test_write_view_looks_where_the_address_says(scene, tmp_path, address, channel):
-    picture = _photograph(scene, tmp_path, f"#camera={address}")
-    height, width = picture.shape[:2]
-    middle = picture[height // 2, width // 2]
-    assert middle[channel] > np.delete(middle, channel).max() + 40
-
-
-@needs_browser
-@pytest.mark.parametrize("address", ["#camera=1,2,3", "#camera=a,b,c,d,e,f", "#camera=1,1,1,1,1,1", "#else"])
-def test_write_view_shows_the_whole_map_when_the_address_makes_no_sense(scene, tmp_path, address):
-    picture = _photograph(scene, tmp_path, address)
-    assert len(_where(picture, 0)) > 500
-    assert _is_ground(picture).sum() > 20_000
+def _project(browser: Browser, place) -> tuple[int, int]:
+    column, row = browser.run(f"dojoView.view.project({','.join(f'{v:.3f}' for v in place)})")
+    return round(row), round(column)
 
 
 @needs_browser
-def test_write_view_keeps_paint_apart_from_the_road_on_a_map_of_twenty_kilometres(tmp_path):
-    layers = trimesh.Scene()
-    layers.add_geometry(_block((-10_000, -10_000, -1), (10_000, 10_000, 0), _GROUND), node_name="road")
-    for row in range(-6, 9, 2):
-        stripe = _block((-9_000, row * 1000 - 300, -0.5), (9_000, row * 1000 + 300, 0.01), _EAST)
-        layers.add_geometry(stripe, node_name=f"marking/{row}")
-    path = tmp_path / "scene.glb"
-    path.write_bytes(layers.export(file_type="glb"))
-    picture = _photograph(path, tmp_path)
-    column = picture[:, 400]
-    red = column[:, 0] > column[:, 1] + 60
-    runs = np.flatnonzero(np.diff(red.astype(int)) == 1)
-    assert len(runs) == 8, "stripes 1 cm above the road are broken up or missing"
+def test_view_opens_behind_the_stop_line_with_sky_road_and_lamps(bundle, tmp_path):
+    page = tmp_path / "page.html"
+    write_view(bundle.road_map, bundle.read_meshes(), page, report={"issues": [_finding()]})
+    with _open(page, tmp_path) as browser:
+        picture = _settle(browser)
+        row, column = _project(browser, _on_the_road(browser))
+        sky, road = picture[12, 420], np.median(picture[row - 4 : row + 5, column - 9 : column], axis=(0, 1))
+        assert sky[2] > sky[0] + 20
+        assert sky.sum() > 450, "no sky at the top"
+        assert np.ptp(road) < 25, "the road is not grey"
+        assert 40 < road.mean() < 140
+        lamps = _lamps(bundle, browser)
+        first = _lit(picture, lamps)
+        assert first.any()
+        # Half a cycle on, others have green.
+        browser.run("(e => { e.value = 50; e.oninput(); })(document.getElementById('time'))")
+        browser.run("dojoView.view.isFine = null")
+        later = _lit(_settle(browser), lamps)
+        assert (first != later).any(), "the lamps do not follow the slider"
+        _search_and_pick(browser, bundle)
+
+
+def _on_the_road(browser):
+    """A place between the eye and the stop line, in the middle of the approach."""
+    at = np.array(browser.run("dojoView.view.controls.target.toArray()"))
+    eye = np.array(browser.run("dojoView.view.camera.position.toArray()"))
+    return [*(eye[:2] + 0.4 * (at - eye)[:2]), 0.0]
+
+
+def _lamps(bundle, browser) -> list[tuple[int, int]]:
+    """Places in the picture of the red lamps that shine towards the eye."""
+    shift = np.array([*bundle.road_map.origin, 0])
+    heads = [head for head in bundle.road_map.signals[0].heads if len(head.link_indices)]
+    eye = np.array(browser.run("dojoView.view.camera.position.toArray()"))
+    found = []
+    for head in heads:
+        lamp = head.lamps(3)[0] - shift
+        if np.dot((eye - lamp)[:2], [np.cos(head.heading), np.sin(head.heading)]) > 0:
+            found.append(_project(browser, lamp))
+    return [(row, column) for row, column in found if 20 < row < 380 and 260 < column < 620]
+
+
+def _lit(picture: np.ndarray, lamps) -> np.ndarray:
+    """Which of the red lamps are lit."""
+    near = [picture[row - 3 : row + 4, column - 3 : column + 4].reshape(-1, 3) for row, column in lamps]
+    return np.array([(each[:, 0] > each[:, 1:].max(axis=1) + 90).any() for each in near])
+
+
+def _search_and_pick(browser, bundle):
+    lane = bundle.road_map.lanes[0]
+    browser.run(
+        f"(e => {{ e.value = {lane.id!r}; e.oninput(); }})(document.getElementById('search')),"
+        "document.querySelector('#results button').click()"
+    )
+    assert lane.road in browser.text("what") + browser.text("facts")
+    browser.run("document.getElementById('close').click()")
+    browser.run("dojoView.panels.standAt(0)")
+    row, column = _project(browser, _on_the_road(browser))
+    browser.run(
+        f"(c => {{ for (const type of ['pointerdown', 'click']) c.dispatchEvent(new PointerEvent(type,"
+        f" {{clientX: {column}, clientY: {row}, bubbles: true}})); }})(document.getElementById('scene'))"
+    )
+    kind, _, picked = browser.text("what").partition(" ")
+    assert kind == "Lane"
+    assert picked in {lane.id for lane in bundle.road_map.lanes}
+    assert "km/h" in browser.text("facts")
+    assert browser.run("document.getElementById('copy').title").startswith(
+        f"lane:{picked.removeprefix('Lane ')}"
+    )
+    browser.run("dojoView.panels.setLayer('issues', true)")
+    assert EVIL in browser.text("findings")
+    assert browser.run("document.title") == bundle.road_map.name
+    assert browser.run("document.querySelectorAll('img, #findings script').length") == 0
+
+
+def _finding():
+    return {
+        "check": "test.made_up", "severity": "warning", "message": EVIL, "hint": EVIL, "position": [0, 0, 0],
+        "elements": [{"kind": "lane", "id": EVIL}],
+    }  # fmt: skip
 
 
 @needs_browser
-def test_write_view_shows_the_title_as_text_when_it_looks_like_html(scene, tmp_path):
-    title = "</title><script>document.body.innerHTML='';</script>&amp;\"'"
-    picture = _photograph(scene, tmp_path, title=title)
-    assert len(_where(picture, 0)) > 500
-    text = (tmp_path / "view.html").read_text(encoding="utf-8")
-    assert "<script>document.body" not in text
-    assert text.count("&lt;/title&gt;&lt;script&gt;") == 2
+def test_a_recording_shows_its_vehicle_where_it_is_and_its_signals_as_they_were(bundle, played, tmp_path):
+    page = tmp_path / "page.html"
+    write_view(bundle.road_map, bundle.read_meshes(), page, playback=played)
+    with _open(page, tmp_path, "#time=100.5") as browser:
+        picture = _settle(browser)
+        # Half way between two instants.
+        place = (played.places[0] + played.places[1]) / 2 + [0, 0, 1.0]
+        row, column = _project(browser, place)
+        red, green, blue = picture[row, column]
+        assert red > 100
+        assert red > max(green, blue) + 60, "no red car where it should be"
+        lamps = _lamps(bundle, browser)
+        assert not _lit(picture, lamps).any(), "a lamp is red while the recording has green"
+        browser.run("dojoView.clock.set(102)")
+        browser.run("dojoView.view.isFine = null")
+        assert _lit(_settle(browser), lamps).all()
 
 
-def test_write_view_loads_nothing_from_anywhere(scene, tmp_path):
-    write_view(scene, tmp_path / "view.html", title="blocks")
-    text = (tmp_path / "view.html").read_text(encoding="utf-8")
+def test_the_page_asks_for_nothing_and_says_whose_code_it_holds(bundle, tmp_path):
+    page = tmp_path / "page.html"
+    write_view(bundle.road_map, bundle.read_meshes(), page)
+    text = page.read_text(encoding="utf-8")
     markup = "".join(part.rpartition("<script")[0] for part in text.split("</script>"))
     assert "default-src 'none'" in markup
     for loading in ("src=", "href=", "@import", "url("):
         assert loading not in markup
-    assert "Copyright 2010-2022 Three.js Authors" in text
+    assert "three.js authors" in text
+    assert len(text) < 1_400_000, "a page for one junction has grown"
+    first = page.read_bytes()
+    write_view(bundle.road_map, bundle.read_meshes(), page)
+    assert page.read_bytes() == first
 
 
-def test_write_view_writes_the_same_bytes_again(scene, tmp_path):
-    for name in ("one.html", "two.html"):
-        write_view(scene, tmp_path / name, title="blocks")
-    assert (tmp_path / "one.html").read_bytes() == (tmp_path / "two.html").read_bytes()
+def test_a_map_with_names_like_markup_stays_data(bundle, tmp_path):
+    road_map = replace(bundle.road_map, name=EVIL)
+    page = tmp_path / "page.html"
+    write_view(road_map, (), page, report={"issues": [_finding(), {"position": ["x", 1, 2]}, 7]})
+    text = page.read_text(encoding="utf-8")
+    assert "<img src=x" not in text
+    value, _ = _unpack(page)
+    assert value["map"]["name"] == EVIL
+    assert [issue["message"] for issue in value["map"]["issues"]] == [EVIL]
 
 
-@pytest.mark.parametrize(
-    ("content", "words"),
-    [(None, "no such file"), (b"", "is empty"), (b"PK\x03\x04 no glTF", "convert the map again")],
-)
-def test_write_view_refuses_what_is_no_scene(tmp_path, content, words):
-    path = tmp_path / "scene.glb"
-    if content is not None:
-        path.write_bytes(content)
-    with pytest.raises(SourceError, match=words):
-        write_view(path, tmp_path / "view.html", title="none")
-    assert not (tmp_path / "view.html").exists()
+@pytest.mark.parametrize("report", [{}, {"issues": None}, {"issues": [{"position": [1, 2]}, []]}])
+def test_a_report_that_is_not_as_it_should_be_marks_nothing(bundle, report):
+    assert describe_map(bundle.road_map, report)["issues"] == []
+
+
+@pytest.mark.parametrize("far", [0.0, 900.0, 50_000.0])
+def test_packed_positions_are_where_the_corners_are(far):
+    corners = np.array([[far, 0, 0], [far + 10, 0.013, 0], [far, 10, 25], [far + 600, 0, 0]])
+    faces = np.array([[0, 1, 2], [0, 3, 2]])
+    mesh = Mesh(name="road", vertices=corners, faces=faces, sources=np.array([0, 1]), ids=("a", "b"))
+    container = Container()
+    records = pack_meshes([mesh], container)
+    found = set()
+    for record in records:
+        kind, start, count = record["positions"]
+        steps = np.frombuffer(bytes(container._data), kind, count, start).reshape(-1, 4)[:, :3]
+        places = steps * record["scale"] + record["origin"]
+        apart = np.linalg.norm(corners[:, None] - places[None], axis=2)
+        assert apart.min(axis=0).max() < 0.007
+        found |= set(np.flatnonzero(apart.min(axis=1) < 0.007).tolist())
+    assert found == {0, 1, 2, 3}
+
+
+def test_the_first_view_looks_along_an_approach_over_its_stop_line(bundle):
+    road_map = bundle.road_map
+    *eye, x, y, _ = describe_map(road_map, None)["signals"][0]["view"]
+    shift = np.array(road_map.origin)
+    approaches = {link.from_id for link in road_map.signals[0].links}
+    ends = [lane.shape[-1][:2] - shift for lane in road_map.lanes if lane.id in approaches]
+    line = np.array([x, y]) - eye[:2]
+    line /= np.linalg.norm(line)
+    aside = [abs(line[0] * (end - eye[:2])[1] - line[1] * (end - eye[:2])[0]) for end in ends]
+    ahead = [float(np.dot(end - eye[:2], line)) for end in ends]
+    assert 8 <= eye[2] <= 12
+    assert any(a < 4 and 20 < d < 32 for a, d in zip(aside, ahead, strict=True))

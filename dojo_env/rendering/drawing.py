@@ -23,7 +23,7 @@ _BODY, _GLASS, _HEADLAMP, _BRAKE, _LEFT, _RIGHT, _BLUE = (
 _LIT_BRAKE, _LIT_LEFT, _LIT_RIGHT, _LIT_BLUE, _OFF = (
     int(light) for light in (Lights.BRAKE, Lights.LEFT, Lights.RIGHT, Lights.BLUE, Lights.OFF)
 )
-_PALETTE = to_linear(
+PALETTE = to_linear(
     np.array(
         [
             (0, 0, 0), (16, 19, 22), (17, 17, 18), (30, 31, 34), (236, 238, 228), (120, 16, 14),
@@ -35,11 +35,11 @@ _PALETTE = to_linear(
 )  # fmt: skip
 """Linear colour by `Part`, of those that are the same for all road users."""
 _PARTS = len(Part)
-_OWN = np.full(len(Part), -1)
+OWN = np.full(len(Part), -1)
 """Row of a road user's own colours by `Part`; -1 where it has none."""
-_OWN[[Part.BODY, Part.SKIN, Part.LEGS, Part.HAIR, Part.GEAR]] = range(5)
-_OWN[Part.ACCENT] = _OWN[Part.GEAR]
-_EMITTED = np.minimum(1.0, _PALETTE * 1.2)
+OWN[[Part.BODY, Part.SKIN, Part.LEGS, Part.HAIR, Part.GEAR]] = range(5)
+OWN[Part.ACCENT] = OWN[Part.GEAR]
+_EMITTED = np.minimum(1.0, PALETTE * 1.2)
 """Linear light of a lit part."""
 _EMITTED[_HEADLAMP] = (1.0, 0.97, 0.86)
 _EMITTED[_BRAKE] = (1.0, 0.06, 0.04)
@@ -248,7 +248,7 @@ def _shade_face(users, k, models, face, height, inside, veil, light, plain, shad
     """Light a face: what it emits, or sun and sky on its colour and what it mirrors of them; then fog."""
     number = models.parts[face] - _PARTS
     part = models.parts[face] if number < 0 else _BODY  # A model from elsewhere has paint of its own colours.
-    own = _OWN[part] if number < 0 else -1
+    own = OWN[part] if number < 0 else -1
     lights = users.lights[k]
     glow = -1.0 if lights & _OFF else _emission(part, lights, light[WEATHER, 0])
     square = facing = level = 0.0
@@ -274,7 +274,7 @@ def _shade_face(users, k, models, face, height, inside, veil, light, plain, shad
         if glow >= 0.0:
             value = glow * _EMITTED[part, c]
         else:
-            base = users.colours[k, own, c] if own >= 0 else _PALETTE[part, c]
+            base = users.colours[k, own, c] if own >= 0 else PALETTE[part, c]
             if number >= 0:
                 base = models.colours[number, c]
             soft = share * light[_SKY_COLOUR, c] + (1.0 - share) * light[_GROUND_COLOUR, c]

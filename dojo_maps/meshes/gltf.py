@@ -124,7 +124,7 @@ def write_scene(meshes: Sequence[Mesh], path: Path) -> None:
     Each mesh carries `extras.sources`: a list of [id, first face, number of faces], in the order of its
     faces, so that every face can be traced to the thing of the description it belongs to.
     """
-    shaded = [_shade(mesh) for mesh in meshes]
+    shaded = [shade(mesh) for mesh in meshes]
     binary = _Binary()
     for mesh, (vertices, faces, normals) in zip(meshes, shaded, strict=True):
         binary.add_mesh(mesh, vertices, faces, normals)
@@ -220,7 +220,7 @@ def _y_up(vectors: Floats) -> Floats:
     return np.column_stack([x, z, -y])
 
 
-def _shade(mesh: Mesh) -> tuple[Floats, Ints, Floats]:
+def shade(mesh: Mesh) -> tuple[Floats, Ints, Floats]:
     """Find a mesh's normals, with the corners at sharp edges stored once for each side.
 
     Returns:

@@ -1,7 +1,8 @@
 """report.html: one page, readable offline, with the map as vectors and every issue marked, listed and drawn.
 
 The page's script builds everything from the data inside it, as text, never as markup. The data itself is JSON
-in which no character is left that could end its element.
+in which no character is left that could end its element. Phase and time-space diagrams come as SVG, in which
+all that a map names is escaped.
 """
 
 import json
@@ -14,8 +15,13 @@ import numpy as np
 
 from dojo_maps.description import Lane, Origin, Points, RoadMap
 from dojo_maps.report.netedit import selection_lines
+from dojo_maps.report.phase_diagrams import draw_phases
+from dojo_maps.report.time_space import draw_row, find_rows
 
 _FOLDER = Path(__file__).parent
+_FOLDED = '<details class="diagrams"><summary>{title}</summary>{content}</details>'
+_MOST_SIGNALS = 60
+"""Whose phases are drawn; each takes some 10 kB."""
 _POLICY = "default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inline'"
 _BODY = """
 <header><h1>{name}</h1><small>{about}</small><span id="shown" role="status"></span></header>
@@ -32,7 +38,7 @@ _BODY = """
 <ol id="list"></ol><p id="none" hidden></p>
 <details id="demand"><summary id="traffic"></summary><table id="counts"></table></details>
 <details id="excluded"><summary id="reasons"></summary><ul id="left-out"></ul></details>
-<details><summary id="states"></summary><table id="checks"></table></details>
+{diagrams}<details><summary id="states"></summary><table id="checks"></table></details>
 </aside>
 <main><svg id="map" preserveAspectRatio="xMidYMid meet"></svg>
 <div id="tools"><button id="in" title="closer">+</button><button id="out" title="farther">&minus;</button>
@@ -49,7 +55,9 @@ def write_page(report: Mapping[str, Any], road_map: RoadMap, page: Path) -> None
     """Write a report, as JSON values, as a page with its map."""
     style, script = ((_FOLDER / name).read_text(encoding="utf-8") for name in ("page.css", "page.js"))
     name = escape(str(report["map"]))
-    body = _BODY.format(name=name, about=escape(_about(report, road_map)))
+    body = _BODY.format(
+        name=name, about=escape(_about(report, road_map)), diagrams="".join(_diagrams(road_map))
+    )
     page.write_text(
         f'<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8">'
         f'<meta http-equiv="Content-Security-Policy" content="{_POLICY}">'
@@ -67,6 +75,22 @@ def _about(report: Mapping[str, Any], road_map: RoadMap) -> str:
         f"{road_map.source.file}, {len(road_map.roads)} roads, {len(road_map.junctions)} junctions, "
         f"{len(road_map.signals)} signals; profile {report.get('profile', 'default')}"
     )
+
+
+def _diagrams(road_map: RoadMap) -> Iterator[str]:
+    """Draw the phases of the signals, and the rows of those that are coordinated."""
+    drawn = [(signal.id, draw_phases(road_map, signal)) for signal in road_map.signals[:_MOST_SIGNALS]]
+    phases = [f"<figure><figcaption>{escape(id_)}</figcaption>{svg}</figure>" for id_, svg in drawn if svg]
+    if phases:
+        more = len(road_map.signals) - _MOST_SIGNALS
+        rest = f"<p>and {more} signals more, which are not drawn</p>" if more > 0 else ""
+        yield _FOLDED.format(title="Phases of the signals", content="".join(phases) + rest)
+    rows = "".join(
+        f"<figure><figcaption>{escape(name)}</figcaption>{draw_row(road_map, name, stops)}</figure>"
+        for name, stops in find_rows(road_map)
+    )
+    if rows:
+        yield _FOLDED.format(title="Coordinated signals, time and way", content=rows)
 
 
 def _embed(value: Any) -> str:
