@@ -9,6 +9,7 @@ from tiny_networks import build_network
 
 from dojo_env.camera import BEV, Camera
 from dojo_env.cli import main
+from dojo_env.conditions import Conditions
 from dojo_env.config import build_config
 from dojo_env.controllers import make_controller
 from dojo_env.detectors.base import NOTHING, Detections
@@ -19,6 +20,7 @@ from dojo_env.local_world import LocalWorld
 from dojo_env.rendering.renderer import Renderer
 from dojo_env.rendering.scene import build_scene
 from dojo_env.runs import run_controller
+from dojo_env.sensors.mounts import sway
 from dojo_env.sensors.placement import place_cameras
 from dojo_env.sensors.video_detector import VideoDetector, list_true_boxes
 from dojo_env.snapshot import Kind
@@ -75,6 +77,27 @@ def test_vehicles_are_placed_on_their_lanes(change, kinds, scene, cameras):
     assert turned <= 0.05 * len(off)
     assert np.median(off) < 0.5
     assert np.percentile(off, 90) < 2.5
+
+
+@pytest.mark.parametrize("change", [{}, {"distortion": (-0.25, 0.08, 0.001, -0.001)}])
+def test_visible_road_users_are_those_of_the_boxes(change, scene, cameras):
+    """Without colours and parked cars the same is seen as with them, also where the picture is turned."""
+    snapshot = traffic.rush_hour(scene.road_map, scene.road_map.signals[0].id)
+    hung = [replace(camera, **change) for camera in cameras]
+    renderer = Renderer(scene)
+    alone = renderer.render(snapshot, hung, ("visible",))
+    pictures = renderer.render(snapshot, hung, ("rgb", "boxes"))
+    windy = Conditions(sway_deg=2.0)
+    for one, both in [
+        *zip(alone, pictures, strict=True),
+        *((sway(one, windy, 1.0), sway(both, windy, 1.0)) for one, both in zip(alone, pictures, strict=True)),
+    ]:
+        seen, boxes = one.visible, both.boxes
+        moving = ~boxes.parked
+        assert tuple(snapshot.ids[row] for row in seen.rows) == boxes.ids[: moving.sum()]
+        for name in ("picture", "pixels", "visible"):
+            np.testing.assert_array_equal(getattr(seen, name), getattr(boxes, name)[moving])
+    assert sum(len(picture.visible.rows) for picture in alone) > 15
 
 
 def test_what_fits_no_lane_is_left_out(scene, cameras):

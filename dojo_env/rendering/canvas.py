@@ -49,19 +49,20 @@ class Canvas:
             spans=np.tile(np.array([width, 0], dtype=np.int32), (height, 1)),
         )
 
-    def draw(self, users: Users, lamps: Lamps, paths: Paths) -> Target:
+    def draw(self, users: Users, lamps: Lamps, paths: Paths, *, colours: bool = True) -> Target:
         """Draw a frame.
 
         Args:
             users: the road users.
             lamps: the signal lamps that are lit.
             paths: the link paths to show.
+            colours: whether anybody looks at them; shapes alone cost half as much.
 
         Returns:
             The canvas's own buffers, which the next frame changes.
         """
         self._make_room(len(users.models) * MOST_FACES + len(lamps.colours) + len(paths.colours))
-        lit = (self._light, self._sun, self._plain)
+        lit = (self._light, self._sun, self._plain, colours)
         _draw(users, lamps, paths, self._models, *lit, self._view, self._clean, self._target)
         return self._target
 
@@ -78,12 +79,13 @@ class Canvas:
 
 
 @kernel
-def _draw(users, lamps, paths, models, light, sun, plain, view, clean, target):
+def _draw(users, lamps, paths, models, light, sun, plain, colours, view, clean, target):
     """Draw all that moves: one call, since handing arrays over costs as much as drawing a few cars."""
     restore(target, clean)
     count = draw_flat(paths, view, target)
     headlights = light[WEATHER, 0] > 0.0
     near = users_in_view(users, BEAM_LENGTH if headlights else _SHADOW_LENGTH, view)
-    count = draw_users(near, users, models, light, plain, view, target, count)
-    draw_on_ground(near, users, models, sun, headlights, plain, view, target)
+    count = draw_users(near, users, models, light, plain, colours, view, target, count)
+    if colours:
+        draw_on_ground(near, users, models, sun, headlights, plain, view, target)
     draw_lamps(lamps, view, target, count)

@@ -88,7 +88,7 @@ def users_in_view(users, beyond, view):
 
 
 @kernel
-def draw_users(near, users, models, light, plain, view, target, count):
+def draw_users(near, users, models, light, plain, colours, view, target, count):
     """Draw road users; returns the number of faces in the target.
 
     Args:
@@ -97,6 +97,7 @@ def draw_users(near, users, models, light, plain, view, target, count):
         models: the library.
         light: (7, 3) packed.
         plain: draw fewer faces, which mirror nothing.
+        colours: shade the faces; shapes alone need none.
         view: the camera.
         target: what to draw into.
         count: the number of faces in it so far.
@@ -116,8 +117,11 @@ def draw_users(near, users, models, light, plain, view, target, count):
             if not _shows_front(models.planes, face, inside):
                 continue
             if _draw(models.faces, face, seen, screen, is_ahead, corners, view, count, NEARER, target):
-                height = models.vertices[first + models.faces[face, 0], 2]
-                _shade_face(users, k, models, face, height, inside, veil, light, plain, target.shades, count)
+                if colours:
+                    height = models.vertices[first + models.faces[face, 0], 2]
+                    _shade_face(
+                        users, k, models, face, height, inside, veil, light, plain, target.shades, count
+                    )
                 target.owners[count] = k
                 count += 1
     return count

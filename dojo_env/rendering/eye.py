@@ -34,9 +34,9 @@ class Sight:
     rows: Indices | None = None
     columns: Indices | None = None
 
-    def draw(self, users: Users, lamps: Lamps, paths: Paths) -> Target:
+    def draw(self, users: Users, lamps: Lamps, paths: Paths, *, colours: bool) -> Target:
         """Draw a frame, and look at it through the lens; see `Canvas.draw`."""
-        target = self.canvas.draw(users, lamps, paths)
+        target = self.canvas.draw(users, lamps, paths, colours=colours)
         if self.rows is None:
             return target
         depths, tags, spans = bend(target.depths, target.tags, self.rows, self.columns)

@@ -14,7 +14,7 @@ from numpy.typing import DTypeLike, NDArray
 
 from dojo_env.camera import Camera
 from dojo_env.errors import ConfigError
-from dojo_env.rendering.boxes import Boxes, measure_boxes
+from dojo_env.rendering.boxes import Boxes, Visible, measure_boxes, measure_visible
 from dojo_env.rendering.classes import SEMANTIC_OF_KIND, Semantic
 from dojo_env.rendering.compiling import kernel
 from dojo_env.rendering.eye import Eye
@@ -73,6 +73,7 @@ class Output:
         channels: the shape after height and width.
         low: its least value.
         high: its greatest value, through a camera.
+        is_coloured: it shows colours, and so needs shading and shadows.
         is_smoothed: it is made from more samples a pixel where pictures are anti-aliased.
     """
 
@@ -83,6 +84,7 @@ class Output:
     channels: tuple[int, ...] = ()
     low: float = 0.0
     high: Callable[[Camera], float] = lambda _: 0.0
+    is_coloured: bool = False
     is_smoothed: bool = False
 
     def shape(self, camera: Camera) -> tuple[int, ...]:
@@ -158,6 +160,11 @@ def _boxes(drawing: Drawing) -> Boxes:
     return measure_boxes(seen, alone, users, drawing.snapshot, eye.parked, drawing.camera)
 
 
+def _visible(drawing: Drawing) -> Visible:
+    alone = partial(drawing.eye.sights[1].canvas.count_pixels, drawing.users)
+    return measure_visible(drawing.target, alone, len(drawing.snapshot.ids))
+
+
 def _bullet_depth(drawing: BulletDrawing) -> NDArray[np.float32]:
     near, far = drawing.camera.near, drawing.camera.far
     return (far * near / (far - (far - near) * drawing.buffer)).astype(np.float32)
@@ -172,6 +179,7 @@ OUTPUTS: Mapping[str, Output] = MappingProxyType(
             high=lambda _: 255,
             make=_paint,
             make_bullet=lambda drawing: drawing.rgba[..., :3],
+            is_coloured=True,
             is_smoothed=True,
         ),
         "depth": Output(
@@ -196,6 +204,7 @@ OUTPUTS: Mapping[str, Output] = MappingProxyType(
             make_bullet=lambda drawing: drawing.instance,
         ),
         # Measured last: counting what stands in front draws anew.
+        "visible": Output(what="`Visible` road users, without parked cars", make=_visible),
         "boxes": Output(what="`Boxes` of the road users in view", make=_boxes),
     }
 )

@@ -16,8 +16,8 @@ from dojo_env.rendering.traffic import Users, place_users
 from dojo_env.snapshot import Snapshot
 
 _Maker = tuple[str, Callable[[Drawing], Any]]
-_Passes = Sequence[tuple[int, Sequence[_Maker]]]
-"""How a camera is drawn: samples a pixel has across and down, and the outputs made of each drawing."""
+_Passes = Sequence[tuple[int, bool, Sequence[_Maker]]]
+"""How a camera is drawn: samples a pixel has across and down, whether in colours, and what is made of it."""
 
 
 _NOBODY = Snapshot(time=0.0)
@@ -99,8 +99,8 @@ class Renderer:
         states = tuple(snapshot.signals.items())
         lamps, paths = self._faces.lit(states), self._faces.paths(states) if self.show_links else NO_PATHS
         made: dict[str, Any] = {}
-        for factor, makers in passes:
-            target = eye.sights[factor].draw(users, lamps, paths)
+        for factor, colours, makers in passes:
+            target = eye.sights[factor].draw(users, lamps, paths, colours=colours)
             drawing = Drawing(camera, snapshot, users, eye, target, factor)
             for name, make in makers:
                 made[name] = make(drawing)
@@ -133,4 +133,8 @@ def _plan(outputs: tuple[str, ...], *, smooth: bool) -> _Passes:
     for name, output in OUTPUTS.items():
         if name in wanted:
             (fine if smooth and output.is_smoothed else plain).append((name, output.make))
-    return [(factor, makers) for factor, makers in ((SAMPLES, fine), (1, plain)) if makers]
+    return [
+        (factor, any(OUTPUTS[name].is_coloured for name, _ in makers), makers)
+        for factor, makers in ((SAMPLES, fine), (1, plain))
+        if makers
+    ]

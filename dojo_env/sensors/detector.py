@@ -1,7 +1,8 @@
 """The detector: the features of lanes as the cameras of the approaches measure them."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import compress
 from typing import Any
 
 import numpy as np
@@ -71,7 +72,7 @@ class _MountedDetector(Sensor):
         self.space = spaces.Box(0.0, 1.0, (len(plan.phases) + 1 + 2 * len(plan.lanes),), np.float32)
         self.interval, self.delay = settings.interval, settings.latency * site.decision_interval
         cameras = site.eyes.cameras(site.signal)
-        self.views = {camera: ("boxes",) for camera in cameras if camera.name != BEV}
+        self.views = {camera: ("visible",) for camera in cameras if camera.name != BEV}
 
     def reset(self, random: np.random.Generator) -> None:
         self._random = random
@@ -79,11 +80,10 @@ class _MountedDetector(Sensor):
 
     def observe(self, look: Look) -> LaneMeasurements:
         snapshot, lanes = look.snapshot, self._plan.lanes
-        detected = self._detected(look)
         count, halting, length = (np.zeros(len(self._watched)) for _ in range(3))
-        for row, name in enumerate(snapshot.ids):
+        for row in sorted(self._detected(look)):
             k = self._lanes.get(snapshot.lanes[row])
-            if name in detected and k is not None:
+            if k is not None:
                 count[k] += 1
                 halting[k] += snapshot.speeds[row] < HALTING
                 length[k] += snapshot.sizes[row, 0]
@@ -115,18 +115,16 @@ class _MountedDetector(Sensor):
     def perceive(self) -> LaneMeasurements:
         return self._newest
 
-    def _detected(self, look: Look) -> set[str]:
-        """Ids of the vehicles that some approach's camera shows well enough, less those that are missed."""
-        found: dict[str, None] = {}
+    def _detected(self, look: Look) -> Iterator[int]:
+        """List the snapshot's rows that some camera shows well enough, less those that are missed."""
+        found: dict[int, None] = {}
         for camera in self.views:
-            boxes = look.pictures[camera].boxes
-            good = (boxes.pixels >= self._settings.least_pixels) & (
-                boxes.visible >= self._settings.least_visible
-            )
-            good &= ~boxes.parked
-            found.update(dict.fromkeys(name for name, ok in zip(boxes.ids, good, strict=True) if ok))
+            seen = look.pictures[camera].visible
+            is_good = seen.pixels >= self._settings.least_pixels
+            is_good &= seen.visible >= self._settings.least_visible
+            found.update(dict.fromkeys(seen.rows[is_good].tolist()))
         kept = self._random.random(len(found)) >= self._settings.missed
-        return {name for name, ok in zip(found, kept, strict=True) if ok}
+        return compress(found, kept.tolist())
 
 
 def _mount(text: str, site: Site) -> Sensor:

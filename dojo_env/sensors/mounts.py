@@ -9,6 +9,7 @@ import numpy as np
 
 from dojo_env.camera import Camera
 from dojo_env.conditions import Conditions
+from dojo_env.rendering.boxes import Boxes, Visible
 from dojo_env.rendering.outputs import Picture
 
 
@@ -67,8 +68,8 @@ def sway(picture: Picture, conditions: Conditions, time: float) -> Picture:
                     output, warp, (rest.width, rest.height), flags=how, borderMode=cv2.BORDER_REPLICATE
                 )
             )
-    if outputs.get("boxes") is not None:
-        outputs["boxes"] = outputs["boxes"].turned(turned, matrix)
+        elif isinstance(output, Boxes | Visible):
+            outputs[name] = output.turned(turned, matrix)
     return replace(picture, camera=turned, outputs=outputs)
 
 
