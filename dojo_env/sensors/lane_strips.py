@@ -27,6 +27,8 @@ from dojo_env.sensors.strip_geometry import COLUMNS, ROWS, build_strips, cut_str
 _STANDING, _MOVING, _EMERGENCY = (SEEN.index(name) for name in ("standing", "moving", "emergency"))
 _CAR = 5.0
 """Metres that vehicles are taken to be long."""
+_SEEN = 0.5
+"""Standing vehicles of a lane from which on its picture must change at green."""
 _SURE = 0.5
 """The chance of an emergency vehicle, at this decision and at the last one, from which on it counts."""
 _USUAL, _DISCHARGE, _LONGEST = 0.08, 0.5, 12.0
@@ -97,7 +99,7 @@ class _MountedStrips(Sensor):
         time, pictures = look.snapshot.time, {camera: look.pictures[camera].rgb for camera in self.views}
         state = look.snapshot.signals[self._signal]
         self._green = np.array([any(state[link] in "Gg" for link in links) for links in self._links])
-        shown = self._green & (self._sums[:, _STANDING] > 1.0)
+        shown = self._green & (self._sums[:, _STANDING] > _SEEN)
         for camera, watch in self._watches.items():
             must_move = any(shown[row] for row, strip in enumerate(self._strips) if strip.camera is camera)
             if watch.note(time, pictures[camera], must_move=must_move):
