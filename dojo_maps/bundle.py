@@ -49,10 +49,18 @@ _OURS = {
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Bundle:
-    """A converted map on disk."""
+    """A converted map on disk; a notebook shows its overview and a line about it."""
 
     folder: Path
     road_map: RoadMap
+
+    def _repr_mimebundle_(self, **_: Any) -> dict[str, Any]:
+        """Give what a notebook shows. Source: IPython's "rich display" protocol."""
+        shown: dict[str, Any] = {"text/plain": repr(self)}
+        overview = self.folder / OVERVIEW
+        if overview.is_file():
+            shown["image/png"] = read_bytes(overview)
+        return shown
 
     @property
     def network(self) -> Path:

@@ -337,9 +337,12 @@ def hung_lamp(post: Prop) -> Points:
     return hung
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class RoadMap:
-    """Everything known of a map. Lists keep the order of the source; ids are unique within a list."""
+    """Everything known of a map. Lists keep the order of the source; ids are unique within a list.
+
+    Its `repr` counts what it holds.
+    """
 
     name: str
     source: Source
@@ -358,3 +361,9 @@ class RoadMap:
     stop_lines: tuple[StopLine, ...] = ()
     props: tuple[Prop, ...] = ()
     walks: tuple[Walk, ...] = ()
+
+    def __repr__(self) -> str:
+        counts = ("roads", "lanes", "junctions", "crossings", "signals")
+        return (
+            f"<RoadMap {self.name!r}: {', '.join(f'{len(getattr(self, each))} {each}' for each in counts)}>"
+        )

@@ -133,3 +133,10 @@ def test_the_overview_names_streets_and_has_a_scale(tmp_path, name, is_written):
     bright = np.flatnonzero(row.min(axis=1) > 220)
     assert np.ptp(bright) == pytest.approx(50 * width / 416, abs=6)
     assert picture[:60, width - 60 :].min(axis=2).max() > 220, "no arrow to the north"
+
+
+def test_a_bundle_says_in_one_line_what_it_is_and_shows_its_overview(eight):
+    assert len(repr(eight)) < 300
+    assert f"{len(eight.road_map.signals)} signals" in repr(eight)
+    shown = eight._repr_mimebundle_()
+    assert shown["image/png"] == (eight.folder / "overview.png").read_bytes()

@@ -3,6 +3,7 @@
 import unicodedata
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -57,7 +58,7 @@ class _Lettering:
         scale: pixels of a metre.
     """
 
-    def __init__(self, road_map: RoadMap, picture: NDArray[np.uint8], low: Floats, scale: float) -> None:
+    def __init__(self, road_map: RoadMap, picture: NDArray[Any], low: Floats, scale: float) -> None:
         self._map, self._picture, self._low, self._scale = road_map, picture, low, scale
         self._taken: list[tuple[float, float, float, float]] = []
 

@@ -148,21 +148,18 @@ class View {
     this.setFine(fine || !this.isSoftware);
     uniforms.lens.value = this.renderer.domElement.height / 2 / Math.tan(FIELD * Math.PI / 360);
     if (this.shadows.follow(eye, this.controls.target)) this.onShadows?.();
-    if (this.isSoftware) this.drawDepth();
-    this.renderer.autoClear = !this.isSoftware;
-    this.camera.layers.set(0);
+    if (this.isSoftware) this.leaveOut(fine);
     this.renderer.render(this.scene, this.camera);
-    this.renderer.autoClear = true;
     this.frames++;
     for (const each of this.afterDraw) each();
   }
 
-  // Depths first, so that no pixel is shaded twice.
-  drawDepth() {
-    this.scene.overrideMaterial = this.shadows.material;
-    this.camera.layers.set(SOLID);
-    this.renderer.render(this.scene, this.camera);
-    this.scene.overrideMaterial = null;
+  // What is small and far is not drawn while something moves.
+  leaveOut(fine) {
+    for (const mesh of this.scene.children) if (mesh.userData.isSmall) {
+      const isShown = fine || mesh.userData.middle.distanceTo(this.camera.position) < SMALL_REACH;
+      if (isShown) mesh.layers.enable(0); else mesh.layers.disable(0);
+    }
   }
 
   add(mesh) {

@@ -1,7 +1,7 @@
 // The world as three.js draws it: sky, ground, the map's meshes and the sun's shadows.
 const SUN = new THREE.Vector3(-.52, -.44, .73).normalize();
-const SHADOW_SIZE = 2048, STILL = 1, MOVING = 2, SOLID = 3;
-const FAR_GROUND = 30000;
+const SHADOW_SIZE = 2048, STILL = 1, MOVING = 2;
+const FAR_GROUND = 30000, SMALL_REACH = 500;
 const uniforms = {
   eye: { value: new THREE.Vector3() }, sun: { value: SUN }, shadowMatrix: { value: null },
   stillShadows: { value: null }, movingShadows: { value: null }, hasMoving: { value: false },
@@ -49,7 +49,6 @@ function makeMesh(record, array, materials) {
   if (!materials.has(record.name)) materials.set(record.name, surfaceMaterials(record));
   const mesh = new THREE.Mesh(geometry);
   mesh.userData.materials = materials.get(record.name);
-  if (record.surface !== "glass") mesh.layers.enable(SOLID);
   mesh.position.set(...record.origin);
   mesh.scale.set(...record.scale);
   mesh.name = record.name;
@@ -57,6 +56,9 @@ function makeMesh(record, array, materials) {
   mesh.matrixAutoUpdate = false;
   let low = Infinity, high = -Infinity;
   for (let i = 2; i < positions.length; i += 4) { low = Math.min(low, positions[i]); high = Math.max(high, positions[i]); }
+  geometry.computeBoundingSphere();
+  mesh.userData.middle = geometry.boundingSphere.center.clone().applyMatrix4(mesh.matrixWorld);
+  mesh.userData.isSmall = /^(tree|signal|building\/|marking|stop_line|arrow|crossing)/.test(record.name);
   const rises = (high - low) * record.scale[2] > 4;
   if (rises || /^(building|tree|signal)/.test(record.name)) mesh.layers.enable(STILL);
   return mesh;

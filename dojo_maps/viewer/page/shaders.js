@@ -36,7 +36,7 @@ vec3 skyAt(vec3 ray) {
   return clear;
 }
 float fifth(float x) { float square = x * x; return square * square * x; }
-// `at` is the place as the sun sees it.
+// Takes a place as the sun sees it.
 float sunlit(vec3 at) {
   vec2 edge = abs(at.xy - .5);
   float inside = 1. - smoothstep(.42, .49, max(edge.x, edge.y));
@@ -80,7 +80,6 @@ precision highp float;
 uniform mat4 modelMatrix, viewMatrix, projectionMatrix, shadowMatrix;
 in vec4 position, normal;
 in vec4 spans;
-invariant gl_Position;
 out vec3 place, facing, shade;
 out float along;
 flat out float own;
@@ -240,7 +239,6 @@ const SHADOW_VERTEX = `
 precision highp float;
 uniform mat4 modelMatrix, viewMatrix, projectionMatrix;
 in vec4 position;
-invariant gl_Position;
 void main() {
   vec4 world = modelMatrix * vec4(position.xyz, 1.);
   gl_Position = projectionMatrix * viewMatrix * world;
