@@ -89,7 +89,8 @@ def choose_rows(kept: Mapping[str, KeptRow]) -> list[str]:
     """Choose MaxPressure, who sees nothing, the best controller, and the four best rows that learned."""
     best = sorted(kept, key=lambda name: kept[name].figures[ALL_TRIPS]["mean"])
     others = [name for name in best if not kept[name].learned and name not in (REFERENCE, BLIND)][:1]
-    return [name for name in (REFERENCE, BLIND, *others) if name in kept] + [n for n in best if kept[n].learned][:4]
+    shown = [name for name in (REFERENCE, BLIND, *others) if name in kept]
+    return shown + [name for name in best if kept[name].learned][:4]
 
 
 def _paper_choice(scenario: str, kept: Mapping[str, KeptRow]) -> list[KeptRow]:
