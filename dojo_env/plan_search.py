@@ -1,7 +1,7 @@
 """The best plan that sees nothing, by search: what any controller that sees has to beat.
 
-Sequences of phases come first, each with the greens that Webster gives it for the scenario's usual flows, and
-with longer and shorter ones; then single times are changed, in steps
+The network's own program comes first, then sequences of phases, each with the greens that Webster gives it
+for the scenario's usual flows; all with longer and shorter ones, too. Then single times are changed, in steps
 that become smaller, as long as that helps (coordinate search, Hooke and Jeeves 1961). A plan is judged by the
 mean `travel_time_all` of the same validation episodes; a poor one is given up after the first few (racing).
 The same search tunes SUMO's own logics: their sequences, longest greens and parameters.
@@ -421,11 +421,18 @@ def _prepare(config: EnvConfig) -> dict[str, tuple[Stages, ...]]:
     ways: Counter[tuple[str, str]] = call_in_fork(_count_ways)
     seconds = config.sumo.end - config.sumo.begin
     return {
-        signal: tuple(
-            compute_stages(plan, sequence, ways, seconds=seconds) for sequence in list_sequences(plan)
+        signal: (
+            *_list_own_stages(plan),
+            *(compute_stages(plan, sequence, ways, seconds=seconds) for sequence in list_sequences(plan)),
         )
         for signal, plan in _worlds[0].map.plans.items()
     }
+
+
+def _list_own_stages(plan: SignalPlan) -> tuple[Stages, ...]:
+    """Give the stages of the network's own program, where it has times."""
+    stages = tuple((green.phase, _fit(green.seconds + green.change)) for green in plan.greens)
+    return (stages,) if plan.is_of_program else ()
 
 
 def _count_ways() -> Counter[tuple[str, str]]:

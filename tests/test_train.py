@@ -245,6 +245,7 @@ def test_count_is_whole_and_at_least_one(setting: str) -> None:
          "runs/my-ppo-bev-my-seed3"),
         (["--scenario", "grid4x4", "--agents", "shared", "--conditions", "random"],
          "runs/grid4x4-ppo-features-shared-random-seed0"),
+        (["--blind"], "runs/cologne1-ppo-features-blind-seed0"),
         (["--out", "here"], "here"),
     ],
 )  # fmt: skip

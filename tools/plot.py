@@ -18,6 +18,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import ScalarFormatter
 
 from dojo_env.benchmark.kept_rows import KeptRow, read_kept
+from dojo_env.benchmark.tables import BLIND
 from dojo_env.learning.result_files import Numbers, Published, read_published
 from dojo_env.metrics import SIX
 from dojo_maps.command import Parser, run_command
@@ -50,7 +51,7 @@ COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
 _STYLE: dict[str, Any] = {
     "font.size": 9, "axes.titlesize": 10, "axes.spines.top": False, "axes.spines.right": False,
     "axes.grid": True, "grid.color": "#e6e6e6", "axes.axisbelow": True, "lines.linewidth": 1.5,
-    "legend.frameon": False, "figure.dpi": 90, "savefig.facecolor": "white",
+    "legend.frameon": False, "figure.dpi": 80, "savefig.facecolor": "white",
 }  # fmt: skip
 
 
@@ -85,10 +86,11 @@ def draw_all(results: Path, published: Mapping[str, Published], rows: Sequence[s
 
 
 def choose_rows(kept: Mapping[str, KeptRow]) -> list[str]:
-    """Choose MaxPressure, the best controller beside it, and the four best rows that learned."""
+    """Choose MaxPressure, who sees nothing, the best controller, and the four best rows that learned."""
     best = sorted(kept, key=lambda name: kept[name].figures[ALL_TRIPS]["mean"])
-    others = [name for name in best if not kept[name].learned and name != REFERENCE][:1]
-    return [name for name in (REFERENCE, *others) if name in kept] + [n for n in best if kept[n].learned][:4]
+    others = [name for name in best if not kept[name].learned and name not in (REFERENCE, BLIND)][:1]
+    shown = [name for name in (REFERENCE, BLIND, *others) if name in kept]
+    return shown + [name for name in best if kept[name].learned][:4]
 
 
 def _paper_choice(scenario: str, kept: Mapping[str, KeptRow]) -> list[KeptRow]:

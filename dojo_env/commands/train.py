@@ -242,6 +242,7 @@ def choose_folder(out: Path | None, training: Any) -> Path:
     known = (training.scenario, training.algorithm, training.observation, training.encoder,
              training.agents, training.conditions)  # fmt: skip
     parts = [Path(part).stem for part in known if part not in ("none", "single", "day")]
+    parts += ["blind"] if training.blind else []
     return out or Path("runs", "-".join([*parts, f"seed{training.seed}"]))
 
 
