@@ -81,7 +81,7 @@ function listen(canvas, view, atlas, panels, clock, measure, playback) {
     if (measure.isOn) { if (point) measure.add(point); return; }
     const signal = atlas.signalNear(event.clientX, event.clientY);
     const user = point && playback && !playback.hidden ? playback.near(point.x, point.y, clock.time) : null;
-    if (user) panels.select({ kind: "user", id: user.id, rows: [["road user", user.id]] });
+    if (user !== null) panels.select({ kind: "user", id: user });
     else panels.select(signal !== null ? { kind: "signal", index: signal } : point && atlas.at(point));
   });
   const next = step => {

@@ -125,7 +125,7 @@ class Panels {
 
   facts(thing) {
     const { kind, index } = thing, map = this.map;
-    if (kind === "user") return { title: thing.id, rows: thing.rows, ids: [] };
+    if (kind === "user") return { title: "Road user", rows: [["id", thing.id]], ids: [] };
     if (kind === "issue") {
       const issue = map.issues[index];
       return {

@@ -107,14 +107,14 @@ class Playback {
     size.array.set(this.sizes.subarray(3 * user, 3 * user + 3), 3 * i);
   }
 
-  // The road user at a place of the ground, by the place it has in the last instant.
+  // The id of the road user at a place of the ground, by where it was at the last instant; null for none.
   near(x, y, time) {
     const k = this.instant(time);
     for (let r = this.starts[k]; r < this.starts[k + 1]; r++) {
       const user = this.users[r], heading = this.headings[r] * Math.PI / 32768, [length, width] = this.sizes.subarray(3 * user, 3 * user + 2);
       const dx = x - this.places[3 * r] / 100, dy = y - this.places[3 * r + 1] / 100;
       const along = dx * Math.cos(heading) + dy * Math.sin(heading), aside = Math.abs(dy * Math.cos(heading) - dx * Math.sin(heading));
-      if (along < .6 && along > -length - .6 && aside < width / 2 + .5) return { id: this.ids[user], row: r };
+      if (along < .6 && along > -length - .6 && aside < width / 2 + .5) return this.ids[user];
     }
     return null;
   }

@@ -163,7 +163,7 @@ class Shadows {
   }
 }
 
-// A mesh of triangles in colours of their own, drawn over the ground: [{points: [x, y, z, ...], tint}].
+// A mesh of triangles over the ground: x, y, z of each corner, and its red, green, blue and alpha.
 function flatMesh(triangles, tints) {
   const geometry = new THREE.BufferGeometry();
   geometry.setAttribute("position", new THREE.BufferAttribute(new Float32Array(triangles), 3));
