@@ -6,13 +6,14 @@ import operator
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from pathlib import Path
-from typing import Any
+from typing import Any, Unpack
 
 from dojo_env.camera import Camera
 from dojo_env.camera_presets import find_preset
 from dojo_env.conditions import LOOKS, Conditions, sample_conditions
 from dojo_env.errors import ConfigError
 from dojo_env.imaging import Imaging, settle_imaging
+from dojo_env.keywords import Settings
 from dojo_env.scenario import Scenario, find_scenario, with_files
 from dojo_env.sumo_settings import SumoSettings, settle
 from dojo_env.vehicle_models import settle_models
@@ -101,6 +102,10 @@ class SignalConfig:
         if self.max_red is not None:
             _refuse_below("max_red", self.max_red, self.min_green)
         self._settle_max_green()
+        if isinstance(self.ts_ids, str):
+            raise ConfigError(
+                f"ts_ids={self.ts_ids!r}: expected a list of ids; write ts_ids=[{self.ts_ids!r}]"
+            )
         if self.ts_ids is not None:
             object.__setattr__(self, "ts_ids", tuple(self.ts_ids))
         if self.program != "network" and not self.fixed_ts:
@@ -282,26 +287,23 @@ _SUMO_RL = ("single_agent", "add_system_info", "add_per_agent_info", "virtual_di
 _OTHERS = ("scenario", "net_file", "route_file", "routes", "observation", "observation_class", "reward_fn")
 
 
-def build_config(
-    *,
-    scenario: str | Path | Scenario | None = None,
-    net_file: str | Path | None = None,
-    route_file: Any = None,
-    routes: Any = None,
-    **keywords: Any,
-) -> EnvConfig:
+def build_config(**settings: Unpack[Settings]) -> EnvConfig:
     """Sort keywords into the groups they belong to; a group itself may be given under its name, too.
 
     Args:
-        scenario: what to simulate, by name or path; with routes of its own, or such as are named here.
-        net_file: a network in place of the scenario's.
-        route_file: route files in place of the scenario's, as one path, several, or SUMO's list with commas.
-        routes: the same, by the name that a `Scenario` has for it.
-        keywords: settings.
+        settings: `scenario` says what to simulate, by name or path, with routes of its own, or such as
+            `routes` names; `net_file` is a network in place of the scenario's. See `Settings`.
+
+    Returns:
+        All of them, in their groups.
 
     Raises:
         ConfigError: a keyword is unknown, a value cannot work, or two contradict each other.
     """
+    keywords: dict[str, Any] = dict(settings)
+    scenario, net_file, route_file, routes = (
+        keywords.pop(name, None) for name in ("scenario", "net_file", "route_file", "routes")
+    )
     if routes is not None and route_file is not None:
         raise ConfigError("routes and route_file are two names of the same; leave one out")
     route_file = routes if route_file is None else route_file

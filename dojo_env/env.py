@@ -1,6 +1,6 @@
 """The Gymnasium environment: one signal, one agent."""
 
-from typing import Any
+from typing import Any, Unpack
 
 import gymnasium
 import numpy as np
@@ -8,6 +8,7 @@ import numpy as np
 from dojo_env.config import EnvConfig, build_config
 from dojo_env.errors import ConfigError, SimulationBusyError
 from dojo_env.instant import Instant
+from dojo_env.keywords import Settings
 from dojo_env.watching.viewer import Viewer
 from dojo_env.world import Beginning, World
 from dojo_env.world_process import open_world
@@ -27,7 +28,7 @@ class TrafficSignalEnv(gymnasium.Env[Any, Any]):
         render_mode: str | None = None,
         render_port: int = 0,
         own_process: bool = False,
-        **keywords: Any,
+        **keywords: Unpack[Settings],
     ) -> None:
         """Open the map.
 
@@ -36,7 +37,7 @@ class TrafficSignalEnv(gymnasium.Env[Any, Any]):
             render_mode: `rgb_array`, or `human` for a live page on the loopback address, or None.
             render_port: of that page; 0 takes any that is free.
             own_process: run the simulation in a process of its own, so that several fit into this one.
-            keywords: settings by their names in `config`'s groups.
+            keywords: see `Settings`.
 
         Raises:
             ConfigError: a setting cannot work, or the scenario has several signals and none is named.
@@ -45,7 +46,7 @@ class TrafficSignalEnv(gymnasium.Env[Any, Any]):
             raise ConfigError(f"render_mode={render_mode!r}: expected one of {self.metadata['render_modes']}")
         self.render_mode = render_mode
         self._made_with = {"render_mode": render_mode, "render_port": render_port, "own_process": own_process}
-        self.config = one_config(config, keywords)
+        self.config = one_config(config, dict(keywords))
         self.world: World = open_world(self.config, own_process=own_process)
         if len(self.world.signals) != 1:
             names = ", ".join(self.world.signals)

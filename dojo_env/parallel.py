@@ -1,7 +1,7 @@
 """The PettingZoo environment: every signal an agent, all acting at once."""
 
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, Unpack
 
 import numpy as np
 from gymnasium import spaces
@@ -11,6 +11,7 @@ from dojo_env.config import EnvConfig
 from dojo_env.env import begin_episode, choose_seed, make_again, one_config, open_viewer, read_action
 from dojo_env.errors import ConfigError, EpisodeOverError
 from dojo_env.instant import Instant
+from dojo_env.keywords import Settings
 from dojo_env.local_world import SIGNAL_FIGURES
 from dojo_env.world import World
 from dojo_env.world_process import open_world
@@ -36,9 +37,16 @@ class TrafficSignalsEnv(ParallelEnv):  # type: ignore[misc]
         render_mode: str | None = None,
         render_port: int = 0,
         own_process: bool = False,
-        **keywords: Any,
+        **keywords: Unpack[Settings],
     ) -> None:
-        """Open the map; the arguments are those of `TrafficSignalEnv`.
+        """Open the map.
+
+        Args:
+            config: all settings at once, instead of keywords.
+            render_mode: `rgb_array`, or `human` for a live page on the loopback address, or None.
+            render_port: of that page; 0 takes any that is free.
+            own_process: run the simulation in a process of its own, so that several fit into this one.
+            keywords: see `Settings`.
 
         Raises:
             ConfigError: a setting cannot work.
@@ -47,7 +55,7 @@ class TrafficSignalsEnv(ParallelEnv):  # type: ignore[misc]
             raise ConfigError(f"render_mode={render_mode!r}: expected one of {self.metadata['render_modes']}")
         self.render_mode = render_mode
         self._made_with = {"render_mode": render_mode, "render_port": render_port, "own_process": own_process}
-        self.config = one_config(config, keywords)
+        self.config = one_config(config, dict(keywords))
         self.world: World = open_world(self.config, own_process=own_process)
         self.possible_agents = list(self.world.signals)
         self.agents: list[str] = []
@@ -145,6 +153,29 @@ class TrafficSignalsEnv(ParallelEnv):  # type: ignore[misc]
         }
 
 
-def parallel_env(**keywords: Any) -> TrafficSignalsEnv:
-    """Make an environment with an agent per signal."""
-    return TrafficSignalsEnv(**keywords)
+def parallel_env(
+    config: EnvConfig | None = None,
+    *,
+    render_mode: str | None = None,
+    render_port: int = 0,
+    own_process: bool = False,
+    **keywords: Unpack[Settings],
+) -> TrafficSignalsEnv:
+    """Make a PettingZoo environment with an agent per signal.
+
+    Args:
+        config: all settings at once, instead of keywords.
+        render_mode: `rgb_array`, or `human` for a live page on the loopback address, or None.
+        render_port: of that page; 0 takes any that is free.
+        own_process: run the simulation in a process of its own, so that several fit into this one.
+        keywords: see `Settings`.
+
+    Returns:
+        The environment; `reset` begins its first episode.
+
+    Raises:
+        ConfigError: a setting cannot work.
+    """
+    return TrafficSignalsEnv(
+        config, render_mode=render_mode, render_port=render_port, own_process=own_process, **keywords
+    )

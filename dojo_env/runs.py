@@ -3,13 +3,15 @@
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack, closing
 from pathlib import Path
-from typing import Any
+from typing import Any, Unpack
 
 import numpy as np
 
 from dojo_env.config import build_config
 from dojo_env.controllers import Controller, make_controller
+from dojo_env.keywords import Settings
 from dojo_env.metrics import SIX
+from dojo_env.recording import Recording, read_recording
 from dojo_env.watch import FilmShow, choose_looks, open_views
 from dojo_env.watching.video import open_video
 from dojo_env.world_process import open_world
@@ -23,9 +25,9 @@ def run_controller(
     on_episode: Callable[[dict[str, Any]], None] = lambda _figures: None,
     on_stage: Callable[[str], None] = lambda _stage: None,
     video: Path | None = None,
-    **keywords: Any,
+    **keywords: Unpack[Settings],
 ) -> list[dict[str, Any]]:
-    """Run an episode per seed; returns the figures of each.
+    """Run an episode per seed.
 
     They run in a process of their own, so that it does not matter what ran before, and a crash of SUMO does
     not take this one along.
@@ -37,7 +39,10 @@ def run_controller(
         on_episode: is then told its figures.
         on_stage: is told now and then how far the video is.
         video: a file that shows all episodes, one after the other, second by second.
-        keywords: settings of the environment.
+        keywords: see `Settings`.
+
+    Returns:
+        The figures of each episode, as `metrics()` has them, and its `seed`.
 
     Raises:
         ConfigError: the controller or a setting is unknown, or the video cannot be written.
@@ -67,6 +72,34 @@ def run_controller(
             on_episode(found)
             figures.append(found)
     return figures
+
+
+def record(
+    stem: str | Path,
+    controller: str | Controller = "actuated",
+    *,
+    seed: int = 0,
+    **keywords: Unpack[Settings],
+) -> Recording:
+    """Run an episode and record every second of it, to be seen again with `replay`.
+
+    Args:
+        stem: the recording is `STEM_ep1.npz`.
+        controller: its name, or one that is there already.
+        seed: of the episode.
+        keywords: see `Settings`.
+
+    Returns:
+        The recording.
+
+    Raises:
+        ConfigError: the controller or a setting is unknown.
+        SimulationError: SUMO refuses the scenario, or stopped.
+        WriteError: the file cannot be written.
+    """
+    keywords["record_name"] = str(stem)
+    run_controller(controller, [seed], **keywords)
+    return read_recording(f"{stem}_ep1.npz")
 
 
 FIGURES = (

@@ -49,10 +49,19 @@ _OURS = {
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Bundle:
-    """A converted map on disk."""
+    """A converted map on disk.
+
+    Attributes:
+        folder: that holds it.
+        road_map: the description, as map.json has it.
+    """
 
     folder: Path
     road_map: RoadMap
+
+    def __repr__(self) -> str:
+        """Tell where it is and how much it holds."""
+        return f"Bundle({str(self.folder)!r}, {self.road_map!r})"
 
     @property
     def network(self) -> Path:

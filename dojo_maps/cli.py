@@ -5,7 +5,7 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from dojo_maps.cli_area import add_area_options, find_source, join_signed
+from dojo_maps.cli_area import add_area_options, join_signed
 from dojo_maps.cli_demand import add_demand, read_volume
 from dojo_maps.command import Parser, add_command, run_command
 from dojo_maps.progress import Progress
@@ -209,11 +209,21 @@ def _fix(options: argparse.Namespace) -> int:
 
 
 def _import_osm(options: argparse.Namespace) -> int:
+    from dojo_maps.operations import find_extract
+
     def say(message: str) -> None:
         if not options.quiet:
             print(f"dojo-maps: {message}", file=sys.stderr)
 
-    options.source = find_source(options, say)
+    options.source = find_extract(
+        options.source,
+        place=options.place,
+        point=options.point,
+        bbox=options.bbox,
+        radius=options.radius,
+        server=options.overpass_url,
+        say=say,
+    )
     options.enrich_net = False
     return _convert(options)
 

@@ -17,10 +17,10 @@ from pathlib import Path
 from typing import Any, NoReturn, TypeAlias
 
 from dojo_maps import interruption
-from dojo_maps.errors import DojoError, UsageError
+from dojo_maps.errors import DojoError, UsageError, explain_missing
+from dojo_maps.lazy_names import DISTRIBUTION, read_version
 
 Run = Callable[[argparse.Namespace], int]
-_DISTRIBUTION = "traffic-dojo"
 _STANDARD_OUTPUT = "standard output"
 _LONGEST = 900
 """Characters of a line about a failure."""
@@ -88,13 +88,7 @@ def add_command(commands: Commands, name: str, run: Run, summary: str) -> argpar
 
 class _Version(argparse.Action):
     def __call__(self, parser: argparse.ArgumentParser, *_: object) -> NoReturn:
-        from importlib import metadata  # noqa: PLC0415 - it takes longer than reading the arguments
-
-        try:
-            version = metadata.version(_DISTRIBUTION)
-        except metadata.PackageNotFoundError:
-            version = "(not installed)"
-        print(f"{_DISTRIBUTION} {version}")  # noqa: T201
+        print(f"{DISTRIBUTION} {read_version()}")  # noqa: T201
         parser.exit()
 
 
@@ -128,6 +122,8 @@ def _call(build_parser: Callable[[], argparse.ArgumentParser], arguments: Sequen
         if interruption.present is not None:
             interruption.present.work_in(options.run)
         status: int = options.run(options)
+    except ModuleNotFoundError as error:
+        raise explain_missing(error) or error from error
     except SystemExit as end:
         if isinstance(end.code, str):
             raise DojoError(end.code) from None

@@ -358,3 +358,8 @@ class RoadMap:
     stop_lines: tuple[StopLine, ...] = ()
     props: tuple[Prop, ...] = ()
     walks: tuple[Walk, ...] = ()
+
+    def __repr__(self) -> str:
+        """Tell its name and how much there is."""
+        counts = ("roads", "lanes", "junctions", "crossings", "signals")
+        return f"RoadMap({self.name!r}, {', '.join(f'{len(getattr(self, what))} {what}' for what in counts)})"

@@ -56,3 +56,32 @@ class ExportError(DojoError):
 
 class ToolMissingError(DojoError):
     """A program or package that this step needs is not installed."""
+
+
+_EXTRAS = {
+    "torch": "learn",
+    "stable_baselines3": "learn",
+    "tensorboard": "learn",
+    "matplotlib": "learn",
+    "ray": "distributed",
+    "onnx": "encoders",
+    "onnxruntime": "detectors",
+    "av": "h264",
+    "argcomplete": "completion",
+}
+"""Packages that come with an extra of this project's, by the name that they are imported by."""
+
+
+def explain_missing(error: ModuleNotFoundError) -> ToolMissingError | None:
+    """Tell how to install what an import lacks; None where it is nothing optional of ours.
+
+    Args:
+        error: the import's.
+
+    Returns:
+        The error to raise in its place.
+    """
+    module = (error.name or "").partition(".")[0]
+    if module not in _EXTRAS:
+        return None
+    return ToolMissingError(f"{module} is not installed: pip install 'traffic-dojo[{_EXTRAS[module]}]'")

@@ -2,3 +2,49 @@
 
 Stable-Baselines3 on one machine, Ray RLlib on many: both train the same networks and write the same files.
 """
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from dojo_maps.errors import explain_missing
+from dojo_maps.progress import say
+
+if TYPE_CHECKING:
+    from dojo_env.learning.policy_controller import PolicyController
+    from dojo_env.learning.settings import Training
+
+
+def train(
+    training: "Training",
+    folder: str | Path,
+    *,
+    resume: bool = False,
+    tensorboard: bool = False,
+    tell: Callable[[str], None] = say,
+) -> "PolicyController":
+    """Train a policy with Stable-Baselines3; the folder keeps the best one, the curve and a checkpoint.
+
+    Args:
+        training: all that the result depends on.
+        folder: where all of it goes.
+        resume: go on from the folder's checkpoint, to the same result.
+        tensorboard: write its event files, too.
+        tell: takes lines of how far it is; on standard error, unless said otherwise.
+
+    Returns:
+        The best policy, as a controller.
+
+    Raises:
+        ToolMissingError: the extra `learn` is not installed.
+        ConfigError: the folder holds another run, or the checkpoint is another's.
+        SimulationError: SUMO stopped.
+    """
+    from dojo_env.learning.policy_controller import PolicyController
+
+    try:
+        from dojo_env.learning import learner
+    except ModuleNotFoundError as error:
+        raise explain_missing(error) or error from error
+    learner.train(training, Path(folder), resume=resume, tensorboard=tensorboard, tell=tell)
+    return PolicyController(Path(folder))
