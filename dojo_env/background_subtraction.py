@@ -28,7 +28,14 @@ class BackgroundSubtraction(gymnasium.ObservationWrapper[Any, Any, Any]):
     """
 
     def __init__(self, env: gymnasium.Env[Any, Any]) -> None:
-        """Put the subtraction between environment and agent."""
+        """Put the subtraction between environment and agent.
+
+        Args:
+            env: whose observations are pictures (h, w, 3) uint8, or a dict of these.
+
+        Raises:
+            ConfigError: they are not.
+        """
         super().__init__(env)
         space = env.observation_space
         self._parts = dict(space.spaces) if isinstance(space, spaces.Dict) else {"": space}
@@ -43,7 +50,14 @@ class BackgroundSubtraction(gymnasium.ObservationWrapper[Any, Any, Any]):
         return super().reset(seed=seed, options=options)
 
     def observation(self, observation: Any) -> Any:
-        """Subtract from a picture, or from each of several."""
+        """Subtract from a picture, or from each of several.
+
+        Args:
+            observation: the environment's.
+
+        Returns:
+            The same shapes, uint8, 128 where nothing has changed.
+        """
         if isinstance(observation, Mapping):
             return {name: self._known[name].subtract(picture) for name, picture in observation.items()}
         return self._known[""].subtract(observation)

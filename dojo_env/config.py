@@ -232,6 +232,12 @@ class EnvConfig:
     Attributes:
         observation: a name, a dict of named sensors, or an object that observes; see `observations`.
         reward_fn: a name, a callable, a dict of names and weights, or a dict with one of these per signal.
+
+        scenario: what is simulated.
+        episode: when it begins and ends, and what is written.
+        signals: how signals are controlled.
+        traffic: how SUMO runs.
+        sensing: how cameras and lidars see.
     """
 
     scenario: Scenario
@@ -262,6 +268,22 @@ class EnvConfig:
             interval=episode.delta_time,
         )
         object.__setattr__(self, "sumo", settled)
+
+    def __repr__(self) -> str:
+        """Tell the scenario, and which settings are not the usual ones."""
+        groups = (getattr(self, name) for name in _GROUPS)
+        unusual = [
+            f"{f.name}={getattr(group, f.name)!r}"
+            for group in groups
+            for f in fields(group)
+            if getattr(group, f.name) != getattr(type(group)(), f.name)
+        ]
+        told = [
+            repr(self.scenario.name),
+            f"observation={self.observation!r}",
+            f"reward_fn={self.reward_fn!r}",
+        ]
+        return f"EnvConfig({', '.join(told + unusual)})"
 
     @property
     def seed(self) -> int | None:

@@ -65,6 +65,16 @@ class TrafficSignalEnv(gymnasium.Env[Any, Any]):
         """Begin an episode; without a seed, one follows from the seed before.
 
         It moves into a process of its own where another environment of this one runs.
+
+        Args:
+            seed: of all that is random in the episode.
+            options: none are known.
+
+        Returns:
+            The observation, and figures by name.
+
+        Raises:
+            SimulationError: SUMO refuses the scenario.
         """
         super().reset(seed=seed, options=options)
         chosen = choose_seed(seed, self.config, self.np_random)
@@ -73,13 +83,28 @@ class TrafficSignalEnv(gymnasium.Env[Any, Any]):
         return observations[self.signal], info
 
     def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:
-        """Act, and simulate until the next decision; an episode is only ever truncated, at its end."""
+        """Act, and simulate until the next decision; an episode is only ever truncated, at its end.
+
+        Args:
+            action: of `action_space`; which phase, or as `action_mode` says.
+
+        Returns:
+            The observation, the reward, False, whether the episode has ended, and figures by name.
+
+        Raises:
+            EpisodeOverError: no episode is running.
+            SimulationError: SUMO stopped; `reset` begins anew.
+        """
         observations, rewards, ended, info = self.world.step({self.signal: read_action(action)})
         self._viewer.follow(self.world.draw, ended=ended)
         return observations[self.signal], rewards[self.signal], False, ended, info
 
     def render(self) -> Any:
-        """Draw the views with the phase and the figures: (h, w, 3) uint8 with `rgb_array`, else nothing."""
+        """Draw the views with the phase and the figures: (h, w, 3) uint8 with `rgb_array`, else nothing.
+
+        Returns:
+            (h, w, 3) uint8, or None.
+        """
         return self._viewer.render(self.world.draw)
 
     @property
@@ -88,15 +113,30 @@ class TrafficSignalEnv(gymnasium.Env[Any, Any]):
         return self.world.instant
 
     def metrics(self) -> dict[str, Any]:
-        """Compute the figures of the episode so far; `travel_time` and so on."""
+        """Compute the figures of the episode so far; `travel_time` and so on.
+
+        Returns:
+            Figures by name: seconds, vehicles, vehicles an hour and g/s; see the guide to controllers.
+        """
         return self.world.metrics()
 
     def save(self) -> dict[str, Any]:
-        """Save the full state of the episode, as plain values."""
+        """Save the full state of the episode, as plain values.
+
+        Returns:
+            The seed and every action.
+        """
         return self.world.save()
 
     def restore(self, state: dict[str, Any]) -> tuple[Any, dict[str, Any]]:
-        """Go to a saved state; returns its observation and figures."""
+        """Go to a saved state; returns its observation and figures.
+
+        Args:
+            state: what `save` gave.
+
+        Returns:
+            Its observation, and figures by name.
+        """
         observations, info = self.world.restore(state)
         return observations[self.signal], info
 

@@ -64,11 +64,25 @@ class TrafficSignalsEnv(ParallelEnv):  # type: ignore[misc]
         self._viewer = open_viewer(self.world, self.config, render_mode, render_port)
 
     def observation_space(self, agent: str) -> spaces.Space[Any]:
-        """Give an agent's observation space."""
+        """Give an agent's observation space.
+
+        Args:
+            agent: the signal's id.
+
+        Returns:
+            The space.
+        """
         return self._spaces[agent][0]
 
     def action_space(self, agent: str) -> spaces.Discrete:
-        """Give an agent's action space."""
+        """Give an agent's action space.
+
+        Args:
+            agent: the signal's id.
+
+        Returns:
+            The space.
+        """
         return self._spaces[agent][1]
 
     def reset(
@@ -77,6 +91,16 @@ class TrafficSignalsEnv(ParallelEnv):  # type: ignore[misc]
         """Begin an episode; without a seed, one follows from the seed before.
 
         It moves into a process of its own where another environment of this one runs.
+
+        Args:
+            seed: of all that is random in the episode.
+            options: none are known.
+
+        Returns:
+            Observations, and figures by name, each by agent.
+
+        Raises:
+            SimulationError: SUMO refuses the scenario.
         """
         if seed is not None:
             self._generator = np.random.default_rng(seed)
@@ -90,6 +114,13 @@ class TrafficSignalsEnv(ParallelEnv):  # type: ignore[misc]
         self, actions: Mapping[str, Any]
     ) -> tuple[dict[str, Any], dict[str, float], dict[str, bool], dict[str, bool], dict[str, dict[str, Any]]]:
         """Act, and simulate until the next decision; a signal without an action keeps its phase.
+
+        Args:
+            actions: by agent.
+
+        Returns:
+            Observations, rewards, whether each has terminated (none ever does), whether each is
+            truncated, and figures by name; each by agent.
 
         Raises:
             EpisodeOverError: no episode is running.
@@ -117,21 +148,40 @@ class TrafficSignalsEnv(ParallelEnv):  # type: ignore[misc]
         return self.world.instant
 
     def metrics(self) -> dict[str, Any]:
-        """Compute the figures of the episode so far."""
+        """Compute the figures of the episode so far.
+
+        Returns:
+            Figures by name, of the whole network.
+        """
         return self.world.metrics()
 
     def save(self) -> dict[str, Any]:
-        """Save the full state of the episode, as plain values."""
+        """Save the full state of the episode, as plain values.
+
+        Returns:
+            The seed and every action.
+        """
         return self.world.save()
 
     def restore(self, state: dict[str, Any]) -> tuple[dict[str, Any], dict[str, dict[str, Any]]]:
-        """Go to a saved state; returns its observations and figures."""
+        """Go to a saved state; returns its observations and figures.
+
+        Args:
+            state: what `save` gave.
+
+        Returns:
+            Its observations, and figures by name, each by agent.
+        """
         observations, info = self.world.restore(state)
         self.agents = list(self.possible_agents)
         return observations, self._infos(info)
 
     def render(self) -> Any:
-        """Draw the view above every signal with its phase and the figures; see `TrafficSignalEnv`."""
+        """Draw the view above every signal with its phase and the figures; see `TrafficSignalEnv`.
+
+        Returns:
+            (h, w, 3) uint8, or None.
+        """
         return self._viewer.render(self.world.draw)
 
     def close(self) -> None:

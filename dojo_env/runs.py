@@ -113,7 +113,14 @@ JAMMED = 0.05
 
 
 def summarize(figures: Sequence[dict[str, Any]]) -> dict[str, dict[str, float]]:
-    """Give mean, standard deviation and median over episodes of every figure that is a number."""
+    """Give mean, standard deviation and median over episodes of every figure that is a number.
+
+    Args:
+        figures: of the episodes, as `run_controller` gives them.
+
+    Returns:
+        By the figure's name: `mean`, `std` and `median`.
+    """
     return {
         name: {
             "mean": float(np.mean([f[name] for f in figures])),

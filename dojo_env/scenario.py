@@ -84,6 +84,9 @@ class Scenario:
 
         Args:
             outputs: whether its outputs do.
+
+        Returns:
+            One line, or none.
         """
         names = (*self.left_out, *(() if outputs else self.outputs))
         if self.config is None or not names:
@@ -146,6 +149,9 @@ def find_scenario(value: str | Path | Scenario, *, routes: Files | None = None) 
         value: a scenario; a packaged one's name; or the path of a .sumocfg, of a bundle that holds its
             demand, of RESCO's or LibSignal's folder, or of CityFlow's files.
         routes: files to drive in place of its own; a bundle or a network alone will do then.
+
+    Returns:
+        The scenario.
 
     Raises:
         ConfigError: there is none of that name, or the path alone names no demand.

@@ -76,6 +76,9 @@ class Bundle:
     def read_meshes(self) -> "tuple[Mesh, ...]":
         """Read the meshes of the scene: metres, x east, y north, z up, around the map's origin.
 
+        Returns:
+            One per layer of the scene; their faces tell the ids that they belong to.
+
         Raises:
             DescriptionError: the scene is missing or broken.
         """
@@ -87,6 +90,12 @@ class Bundle:
 def read_bundle(folder: Path | str) -> Bundle:
     """Read a bundle's description, to look at it.
 
+    Args:
+        folder: of the bundle.
+
+    Returns:
+        The bundle, its description as map.json has it.
+
     Raises:
         DescriptionError: the folder is not a bundle, or its map.json is not a valid description.
     """
@@ -96,6 +105,12 @@ def read_bundle(folder: Path | str) -> Bundle:
 
 def open_bundle(folder: Path | str) -> Bundle:
     """Read a bundle to act on it: its parts fit each other, and what its network says comes from the network.
+
+    Args:
+        folder: of the bundle.
+
+    Returns:
+        The bundle, its description as its network has it.
 
     Raises:
         DescriptionError: the folder is not a bundle, a part of it is missing, or two contradict each other.

@@ -339,7 +339,27 @@ def hung_lamp(post: Prop) -> Points:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class RoadMap:
-    """Everything known of a map. Lists keep the order of the source; ids are unique within a list."""
+    """Everything known of a map. Lists keep the order of the source; ids are unique within a list.
+
+    Attributes:
+        name: the file's, without its suffixes, or the packaged scenario's.
+        source: the file that it was made from.
+        projection: how positions relate to the earth.
+        origin: x and y, metres, around which scene.glb is drawn.
+        bounds: lower left and upper right corner, metres.
+        left_hand: traffic keeps to the left.
+        roads: every normal edge of the network.
+        lanes: of the roads, ids as in the network.
+        connections: from lane to lane, each once.
+        junctions: with the ground that they cover.
+        sidewalks: the network's, and generated ones.
+        crossings: the network's, and generated ones.
+        walking_areas: where sidewalks and crossings meet.
+        signals: with their links, programs and heads.
+        stop_lines: one for each lane that has to stop.
+        props: buildings, trees, poles, islands and whatever else stands beside the road.
+        walks: from pavement to pavement, over crossings.
+    """
 
     name: str
     source: Source

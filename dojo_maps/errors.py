@@ -22,7 +22,13 @@ class SourceError(DojoError):
     exit_status = 3
 
     def __init__(self, path: object, problem: str, element: str | None = None) -> None:
-        """Name the input and, where one is at fault, the element in it."""
+        """Name the input and, where one is at fault, the element in it.
+
+        Args:
+            path: of the input.
+            problem: what is wrong with it, and what to do.
+            element: what of it is at fault; None for the whole.
+        """
         super().__init__(str(path), problem, element)  # All that pickle needs to make it again.
         self.path = str(path)
         self.element = element
