@@ -8,6 +8,7 @@ import argparse
 import atexit
 import contextlib
 import io
+import logging
 import os
 import signal
 import sys
@@ -19,9 +20,11 @@ from typing import Any, NoReturn, TypeAlias
 from dojo_maps import interruption
 from dojo_maps.errors import DojoError, UsageError, explain_missing
 from dojo_maps.lazy_names import DISTRIBUTION, read_version
+from dojo_maps.option_files import take_file
 
 Run = Callable[[argparse.Namespace], int]
 _STANDARD_OUTPUT = "standard output"
+_LEVELS = ("debug", "info", "warning", "error")
 _LONGEST = 900
 """Characters of a line about a failure."""
 
@@ -55,6 +58,11 @@ class Parser(argparse.ArgumentParser):
         super().__init__(**options)
         self.add_argument("--version", action=_Version, nargs=0, help="show the version and exit")
 
+    def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
+        """Parse arguments, and what `--config` names beneath them."""
+        take_file(self, args or ())
+        return super().parse_known_args(args, namespace)
+
     def error(self, message: str) -> NoReturn:
         """Refuse the arguments.
 
@@ -82,6 +90,12 @@ def add_command(commands: Commands, name: str, run: Run, summary: str) -> argpar
     """
     parser = commands.add_parser(name, help=summary)
     parser.add_argument("--quiet", action="store_true", help="no progress on standard error")
+    parser.add_argument(
+        "--log-level",
+        choices=_LEVELS,
+        help="also write the program's log on standard error, from this level on (default: none)",
+    )
+    parser.add_argument("--config", metavar="FILE.toml", help="take options from this file, by their names")
     parser.set_defaults(run=run)
     return parser
 
@@ -118,7 +132,13 @@ def _try(build_parser: Callable[[], argparse.ArgumentParser], arguments: Sequenc
 
 def _call(build_parser: Callable[[], argparse.ArgumentParser], arguments: Sequence[str]) -> int:
     try:
-        options = build_parser().parse_args(arguments)
+        parser = build_parser()
+        if "_ARGCOMPLETE" in os.environ:
+            import argcomplete  # noqa: PLC0415 - only the shell's completion needs it
+
+            argcomplete.autocomplete(parser)
+        options = parser.parse_args(arguments)
+        _open_log(options)
         if interruption.present is not None:
             interruption.present.work_in(options.run)
         status: int = options.run(options)
@@ -129,6 +149,19 @@ def _call(build_parser: Callable[[], argparse.ArgumentParser], arguments: Sequen
             raise DojoError(end.code) from None
         return int(end.code or 0)
     return status
+
+
+def _open_log(options: argparse.Namespace) -> None:
+    """Show what the packages log; programs that call them listen to `dojo_maps` and `dojo_env` themselves."""
+    if getattr(options, "log_level", None) is None:
+        return
+    handler = logging.StreamHandler()
+    handler.setFormatter(logging.Formatter("%(asctime)s %(levelname)s %(name)s: %(message)s"))
+    handler.addFilter(lambda record: not getattr(record, "is_shown", False))
+    for name in ("dojo_maps", "dojo_env"):
+        log = logging.getLogger(name)
+        log.addHandler(handler)
+        log.setLevel(options.log_level.upper())
 
 
 def _end_process(

@@ -30,6 +30,7 @@ EXPLAINED = {
     # Bytes that a reader has let through already.
     "dojo_env/calibration/points.py": {"reader"},
     "dojo_env/vehicle_models.py": {"loads"},
+    "dojo_maps/option_files.py": {"loads"},
     "dojo_maps/repair/net_text.py": {"ParserCreate"},
     "dojo_maps/sources/line_numbers.py": {"ParserCreate"},
     "dojo_maps/sources/net_tree.py": {"fromstring"},
