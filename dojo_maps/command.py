@@ -76,7 +76,9 @@ Commands: TypeAlias = "argparse._SubParsersAction[Parser]"
 """What `add_subparsers` makes."""
 
 
-def add_command(commands: Commands, name: str, run: Run, summary: str) -> argparse.ArgumentParser:
+def add_command(
+    commands: Commands, name: str, run: Run, summary: str, *, example: str
+) -> argparse.ArgumentParser:
     """Add a command with what all of them take.
 
     Args:
@@ -84,11 +86,18 @@ def add_command(commands: Commands, name: str, run: Run, summary: str) -> argpar
         name: of the command.
         run: carries it out and returns its exit status; it imports what it needs, first of all.
         summary: what it does, in a line.
+        example: a command line, for its help.
 
     Returns:
         Its parser, for its own arguments.
     """
-    parser = commands.add_parser(name, help=summary)
+    parser = commands.add_parser(
+        name,
+        help=summary,
+        description=f"{summary[0].upper()}{summary[1:]}.",
+        epilog=f"example: {example}",
+        formatter_class=_Help,
+    )
     parser.add_argument("--quiet", action="store_true", help="no progress on standard error")
     parser.add_argument(
         "--log-level",
@@ -98,6 +107,15 @@ def add_command(commands: Commands, name: str, run: Run, summary: str) -> argpar
     parser.add_argument("--config", metavar="FILE.toml", help="take options from this file, by their names")
     parser.set_defaults(run=run)
     return parser
+
+
+class _Help(argparse.HelpFormatter):
+    """Tells defaults where the words of an option do not."""
+
+    def _get_help_string(self, action: argparse.Action) -> str | None:
+        words = action.help or ""
+        untold = action.default in (None, argparse.SUPPRESS, "") or isinstance(action.default, bool | list)
+        return words if untold or "default" in words else f"{words} (default: %(default)s)"
 
 
 class _Version(argparse.Action):

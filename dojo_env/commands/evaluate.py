@@ -21,7 +21,13 @@ _COLUMNS = (
 
 def add_evaluate(commands: Commands) -> None:
     """Add the command to the parser."""
-    evaluate = add_command(commands, "evaluate", _evaluate, "measure trained policies")
+    evaluate = add_command(
+        commands,
+        "evaluate",
+        _evaluate,
+        "measure trained policies",
+        example="dojo-env evaluate runs/bev --under night rain --seeds 5",
+    )
     evaluate.add_argument(
         "policies", nargs="+", type=Path, metavar="POLICY", help="folders of dojo-env train"
     )
