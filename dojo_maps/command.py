@@ -10,7 +10,6 @@ import contextlib
 import io
 import logging
 import os
-import signal
 import sys
 import warnings
 from collections.abc import Callable, Sequence
@@ -24,6 +23,8 @@ from dojo_maps.option_files import take_file
 
 Run = Callable[[argparse.Namespace], int]
 _STANDARD_OUTPUT = "standard output"
+_BROKEN_PIPE = 141
+"""128 and the number of SIGPIPE, which Windows does not have."""
 _LEVELS = ("debug", "info", "warning", "error")
 _LONGEST = 900
 """Characters of a line about a failure."""
@@ -136,7 +137,7 @@ def _try(build_parser: Callable[[], argparse.ArgumentParser], arguments: Sequenc
         return 4, "not enough memory; give it a smaller input"
     except OSError as error:
         if isinstance(error, BrokenPipeError) and error.filename == _STANDARD_OUTPUT:
-            return 128 + signal.SIGPIPE, ""  # Who reads has seen enough, as in `| head`.
+            return _BROKEN_PIPE, ""  # Who reads has seen enough, as in `| head`.
         where = f"{error.filename}: {error.strerror}" if error.filename and error.strerror else ""
         return 4, where or str(error) or type(error).__name__
     except Exception as error:  # noqa: BLE001 - a user gets one line, whatever happens

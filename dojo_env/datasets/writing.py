@@ -75,7 +75,8 @@ def write_dataset(
     missing = [job for job in plan.jobs if not (folder / PARTS / job.name).is_dir()]
     _check_room(folder, settings, sum(job.pictures for job in missing))
     done = settings.pictures - sum(job.pictures for job in missing)
-    count = jobs if jobs is not None else len(os.sched_getaffinity(0))
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    count = cores if jobs is None else jobs
     for job in _run(folder, settings, missing, count, ray):
         done += job.pictures
         on_stage(f"{done:,} of {settings.pictures:,} pictures")
