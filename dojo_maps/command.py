@@ -78,7 +78,7 @@ Commands: TypeAlias = "argparse._SubParsersAction[Parser]"
 
 
 def add_command(
-    commands: Commands, name: str, run: Run, summary: str, *, example: str
+    commands: Commands, name: str, run: Run, summary: str, *, example: str = ""
 ) -> argparse.ArgumentParser:
     """Add a command with what all of them take.
 
@@ -87,7 +87,7 @@ def add_command(
         name: of the command.
         run: carries it out and returns its exit status; it imports what it needs, first of all.
         summary: what it does, in a line.
-        example: a command line, for its help.
+        example: a command line, for its help; those of both packages have one.
 
     Returns:
         Its parser, for its own arguments.
@@ -96,7 +96,7 @@ def add_command(
         name,
         help=summary,
         description=f"{summary[0].upper()}{summary[1:]}.",
-        epilog=f"example: {example}",
+        epilog=f"example: {example}" if example else None,
         formatter_class=_Help,
     )
     parser.add_argument("--quiet", action="store_true", help="no progress on standard error")

@@ -13,8 +13,8 @@ from dojo_maps.errors import UsageError
 from dojo_maps.inspection import inspect, write_reports
 from dojo_maps.repair import fixing
 from dojo_maps.repair.cost import measure_cost
+from dojo_maps.sources import overpass
 from dojo_maps.sources.osm import is_osm
-from dojo_maps.sources.overpass import SERVER, Area, area_around, download_area, find_place
 from dojo_maps.validation.exclusions import read_exclusions
 from dojo_maps.validation.profiles import PROFILES
 
@@ -103,12 +103,14 @@ def find_extract(
         if radius is not None:
             raise UsageError("--radius goes with --place or --point; a box has its own size")
         west, south, east, north = bbox
-        area, name = Area(west=west, south=south, east=east, north=north), "box"
+        area, name = overpass.Area(west=west, south=south, east=east, north=north), "box"
     else:
-        latitude, longitude = point if point is not None else find_place(str(place))
+        latitude, longitude = point if point is not None else overpass.find_place(str(place))
         name = place or _point_name(latitude, longitude)
-        area = area_around(latitude, longitude, RADIUS if radius is None else radius)
-    found = download_area(area, name=_file_name(name), server=server or SERVER, on_pause=say)
+        area = overpass.area_around(latitude, longitude, RADIUS if radius is None else radius)
+    found = overpass.download_area(
+        area, name=_file_name(name), server=server or overpass.SERVER, on_pause=say
+    )
     say(f"data of {found.date}: {found.path}")
     return str(found.path)
 

@@ -1,8 +1,8 @@
 """What the documents say is so: their links lead somewhere, their commands and code run.
 
-Blocks marked `python` and `console` are run, page by page, in a folder of the page's own; a block with a
-title is a file there. What a `console` block shows must appear in the output, where `...` stands for anything.
-Blocks marked `py` and `sh` need a network, minutes or a browser: their imports and options must exist.
+Blocks marked `python` and `console` are run, page by page, in a folder of their own; a block with a title is
+a file there. What a `console` block shows must appear in the output, where `...` stands for anything. Blocks
+marked `py` and `sh` need a network, minutes or a browser: their imports and options must exist.
 """
 
 import ast

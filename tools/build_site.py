@@ -16,6 +16,7 @@ from types import ModuleType
 
 import dojo_env
 import dojo_maps
+from dojo_maps.input_files import read_bytes
 
 ROOT = Path(__file__).resolve().parents[1]
 PACKAGES = (dojo_maps, dojo_env)
@@ -70,7 +71,7 @@ def copy_pages(pages: Path) -> None:
             continue
         target.parent.mkdir(parents=True, exist_ok=True)
         if path.suffix == ".md":
-            text = path.read_text(encoding="utf-8").replace("(.github/", "(github/")
+            text = read_bytes(path).decode().replace("(.github/", "(github/")
             target.write_text(text, encoding="utf-8")
         else:
             shutil.copy(path, target)

@@ -5,7 +5,6 @@ since they differ from system to system).
 """
 
 import argparse
-import json
 import re
 import sys
 from collections.abc import Callable, Mapping
@@ -16,6 +15,10 @@ from typing import Any
 
 from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
+
+from dojo_maps.input_files import read_bytes
+from dojo_maps.safe_json import read_json
+from dojo_maps.whole_file import write_text
 
 ROOT = Path(__file__).resolve().parents[1]
 RESULTS = ROOT / "tools" / "results"
@@ -126,7 +129,7 @@ def _cells(line: str) -> list[str]:
 
 @cache
 def _read(path: Path) -> Any:
-    return json.loads(path.read_text(encoding="utf-8"))
+    return read_json(path)
 
 
 def _list_brought(name: str, known: frozenset[str] = frozenset()) -> frozenset[str]:
@@ -153,8 +156,8 @@ def main() -> int:
     parser.add_argument("--dependencies", action="store_true", help="also measure what is installed")
     names = ("rows", "light") + (("dependencies",) if parser.parse_args().dependencies else ())
     for document in DOCUMENTS:
-        text = document.read_text(encoding="utf-8")
-        document.write_text(insert_figures(text, names), encoding="utf-8")
+        text = read_bytes(document).decode()
+        write_text(document, insert_figures(text, names))
         print(document.relative_to(ROOT))
     return 0
 
