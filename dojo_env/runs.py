@@ -9,6 +9,7 @@ import numpy as np
 
 from dojo_env.config import build_config
 from dojo_env.controllers import Controller, make_controller
+from dojo_env.errors import ConfigError
 from dojo_env.keywords import Settings
 from dojo_env.metrics import SIX
 from dojo_env.recording import Recording, read_recording
@@ -50,6 +51,10 @@ def run_controller(
     """
     acting = make_controller(controller) if isinstance(controller, str) else controller
     config = build_config(**{"show_links": video is not None, **keywords, **acting.settings})
+    first = config.seed or 0
+    chosen = range(first, first + seeds) if isinstance(seeds, int) else seeds
+    if not chosen or min(chosen) < 0:
+        raise ConfigError(f"seeds={seeds!r}: expected how many, at least 1, or a list of numbers from 0")
     figures = []
     with ExitStack() as stack:
         film = stack.enter_context(open_video(video)) if video is not None else None
@@ -62,8 +67,7 @@ def run_controller(
             )
             show = FilmShow(*views, title, film, on_stage=on_stage)
             world.watch(show.add)
-        first = config.seed or 0
-        for seed in range(first, first + seeds) if isinstance(seeds, int) else seeds:
+        for seed in chosen:
             if show is not None:
                 show.begin(seed)
             infos, found = world.run(acting, seed)

@@ -173,9 +173,14 @@ def find_scenario(value: str | Path | Scenario, *, routes: Files | None = None) 
     if is_there(path) and is_other_project_s(path):
         return _read_folder(path)
     if is_there(path):
+        if not (path / DESCRIPTION).is_file() and not path.name.endswith(NETWORKS):
+            raise ConfigError(
+                f"{path}: no scenario; expected a .sumocfg, a bundle of dojo-maps, or a folder of RESCO's or "
+                "LibSignal's"
+            )
         raise ConfigError(
-            f"{path}: a map alone has no demand; dojo-maps demand writes some, and routes= or --routes names "
-            "route files"
+            f"{path}: a map alone has no demand; write some with dojo-maps demand {path}, or name route "
+            "files with routes= or --routes"
         )
     known = ", ".join(PACKAGED)
     raise ConfigError(f"scenario {str(value)!r} is not known; give a .sumocfg, a Scenario, or one of {known}")

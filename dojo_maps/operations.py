@@ -102,6 +102,8 @@ def find_extract(
     if bbox is not None:
         if radius is not None:
             raise UsageError("--radius goes with --place or --point; a box has its own size")
+        if len(bbox) != 4:
+            raise UsageError(f"bbox={tuple(bbox)}: expected west, south, east and north, in degrees")
         west, south, east, north = bbox
         area, name = overpass.Area(west=west, south=south, east=east, north=north), "box"
     else:
