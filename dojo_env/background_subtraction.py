@@ -22,9 +22,6 @@ class BackgroundSubtraction(gymnasium.ObservationWrapper[Any, Any, Any]):
 
     The background is 128; 32 grey values are one deviation of the whole picture so far. What was half as
     bright, or half as plain, looks the same. Pictures keep their names, shapes (h, w, 3) and type uint8.
-
-    Raises:
-        ConfigError: the environment's observations are no pictures.
     """
 
     def __init__(self, env: gymnasium.Env[Any, Any]) -> None:
@@ -34,7 +31,7 @@ class BackgroundSubtraction(gymnasium.ObservationWrapper[Any, Any, Any]):
             env: whose observations are pictures (h, w, 3) uint8, or a dict of these.
 
         Raises:
-            ConfigError: they are not.
+            ConfigError: the environment's observations are no pictures.
         """
         super().__init__(env)
         space = env.observation_space
