@@ -1,5 +1,6 @@
 """Run a controller for whole episodes and collect their figures."""
 
+import pickle
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack, closing
 from pathlib import Path
@@ -31,7 +32,7 @@ def run_controller(
     """Run an episode per seed.
 
     They run in a process of their own, so that it does not matter what ran before, and a crash of SUMO does
-    not take this one along.
+    not take this one along. A controller that a script or a notebook defines itself runs in this process.
 
     Args:
         controller: its name, or one that is there already.
@@ -58,7 +59,7 @@ def run_controller(
     figures = []
     with ExitStack() as stack:
         film = stack.enter_context(open_video(video)) if video is not None else None
-        world = stack.enter_context(closing(open_world(config, own_process=True)))
+        world = stack.enter_context(closing(open_world(config, own_process=_is_known_elsewhere(acting))))
         show = None
         if film is not None:
             title = f"{config.scenario.name}, {acting}"
@@ -76,6 +77,14 @@ def run_controller(
             on_episode(found)
             figures.append(found)
     return figures
+
+
+def _is_known_elsewhere(controller: Controller) -> bool:
+    """Tell whether another process can import all that a controller is made of."""
+    try:
+        return b"__main__" not in pickle.dumps(controller)
+    except (pickle.PicklingError, AttributeError, TypeError):
+        return False
 
 
 def record(
