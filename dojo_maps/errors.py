@@ -74,6 +74,7 @@ _EXTRAS = {
     "onnxruntime": "detectors",
     "av": "h264",
     "argcomplete": "completion",
+    "wandb": "wandb",
 }
 """Packages that come with an extra of this project's, by the name that they are imported by."""
 

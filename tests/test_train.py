@@ -75,6 +75,17 @@ def test_interrupted_run_goes_on_to_the_same_result(kind: str, tmp_path: Path) -
     assert parts.count("validation") == 3
 
 
+def test_figures_are_logged_where_it_is_wished(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip("wandb")
+    monkeypatch.setenv("WANDB_MODE", "offline")
+    done = train(*QUICK["ppo"], *ONE, "--tensorboard", "--wandb", "streets", "--out", tmp_path / "run")
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.split() == [str(tmp_path / "run")]
+    for files_of in ("events.out.tfevents.*", "wandb/offline-run-*/*.wandb"):
+        (told,) = (tmp_path / "run").glob(files_of)
+        assert b"validation/travel_time_all" in told.read_bytes()
+
+
 def test_later_weights_count_more_in_the_average() -> None:
     layer = torch.nn.Linear(1, 1, bias=False)
     average = models.average_weights(layer)

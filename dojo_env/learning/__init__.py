@@ -21,6 +21,7 @@ def train(
     *,
     resume: bool = False,
     tensorboard: bool = False,
+    wandb: str | None = None,
     tell: Callable[[str], None] = say,
 ) -> "PolicyController":
     """Train a policy with Stable-Baselines3; the folder keeps the best one, the curve and a checkpoint.
@@ -30,6 +31,7 @@ def train(
         folder: where all of it goes.
         resume: go on from the folder's checkpoint, to the same result.
         tensorboard: write its event files, too.
+        wandb: a project of Weights & Biases that figures are logged to, too.
         tell: takes lines of how far it is; on standard error, unless said otherwise.
 
     Returns:
@@ -46,5 +48,5 @@ def train(
         from dojo_env.learning import learner
     except ModuleNotFoundError as error:
         raise explain_missing(error) or error from error
-    learner.train(training, Path(folder), resume=resume, tensorboard=tensorboard, tell=tell)
+    learner.train(training, Path(folder), resume=resume, tensorboard=tensorboard, wandb=wandb, tell=tell)
     return PolicyController(Path(folder))
