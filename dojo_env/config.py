@@ -230,14 +230,13 @@ class EnvConfig:
     """Everything an environment is made from.
 
     Attributes:
-        observation: a name, a dict of named sensors, or an object that observes; see `observations`.
-        reward_fn: a name, a callable, a dict of names and weights, or a dict with one of these per signal.
-
         scenario: what is simulated.
         episode: when it begins and ends, and what is written.
         signals: how signals are controlled.
         traffic: how SUMO runs.
         sensing: how cameras and lidars see.
+        observation: a name, a dict of named sensors, or an object that observes; see `observations`.
+        reward_fn: a name, a callable, a dict of names and weights, or a dict with one of these per signal.
     """
 
     scenario: Scenario

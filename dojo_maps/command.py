@@ -95,7 +95,7 @@ def add_command(
     parser = commands.add_parser(
         name,
         help=summary,
-        description=f"{summary[0].upper()}{summary[1:]}.",
+        description=f"{summary[:1].upper()}{summary[1:]}.",
         epilog=f"example: {example}" if example else None,
         formatter_class=_Help,
     )

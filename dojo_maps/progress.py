@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 _LOG = logging.getLogger("dojo_maps.progress")
-_SHARE = re.compile(r"\b([\d,]+) of ([\d,]+)\b")
+_SHARE = re.compile(r"\b(\d[\d,]*) of (\d[\d,]*)")
 _PATIENCE = 2.0
 """Seconds before anything is said."""
 
