@@ -3,8 +3,11 @@
 Stable-Baselines3 on one machine, Ray RLlib on many: both train the same networks and write the same files.
 """
 
-from collections.abc import Callable
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
+from types import ModuleType
 from typing import TYPE_CHECKING
 
 from dojo_maps.errors import explain_missing
@@ -48,5 +51,20 @@ def train(
         from dojo_env.learning import learner
     except ModuleNotFoundError as error:
         raise explain_missing(error) or error from error
-    learner.train(training, Path(folder), resume=resume, tensorboard=tensorboard, wandb=wandb, tell=tell)
+    with _script_unread():
+        learner.train(training, Path(folder), resume=resume, tensorboard=tensorboard, wandb=wandb, tell=tell)
     return PolicyController(Path(folder))
+
+
+@contextmanager
+def _script_unread() -> Iterator[None]:
+    """Keep the processes of a training from reading the script that began it, of which they need nothing.
+
+    So a script needs no guard against being read twice.
+    """
+    script = sys.modules["__main__"]
+    sys.modules["__main__"] = ModuleType("__main__")
+    try:
+        yield
+    finally:
+        sys.modules["__main__"] = script
