@@ -9,6 +9,7 @@ from typing import Any
 from gymnasium import spaces
 from stable_baselines3 import A2C, DQN, PPO
 from stable_baselines3.common.base_class import BaseAlgorithm
+from stable_baselines3.common.logger import Logger
 from stable_baselines3.common.policies import BasePolicy
 from stable_baselines3.common.torch_layers import BaseFeaturesExtractor
 from torch.optim.swa_utils import AveragedModel
@@ -65,7 +66,7 @@ def build_model(training: Training, environments: Any) -> Any:
             known["replay_buffer_class"] = NStepDictReplayBuffer
             known["replay_buffer_kwargs"] = {"n_steps": known.pop("n_steps"), "gamma": known["gamma"]}
     classes: Mapping[str, Any] = {**CLASSES, **_SEEING} if training.parallel_updates else CLASSES
-    return classes[training.algorithm](
+    model = classes[training.algorithm](
         policy,
         environments,
         seed=training.seed,
@@ -74,6 +75,8 @@ def build_model(training: Training, environments: Any) -> Any:
         learning_rate=partial(_fall, rate),
         **known,
     )
+    model.set_logger(Logger(None, []))  # The default one makes a folder among the system's temporary files.
+    return model
 
 
 def _check_memory(steps: int, observed: spaces.Space[Any]) -> None:
