@@ -22,13 +22,17 @@ class BackgroundSubtraction(gymnasium.ObservationWrapper[Any, Any, Any]):
 
     The background is 128; 32 grey values are one deviation of the whole picture so far. What was half as
     bright, or half as plain, looks the same. Pictures keep their names, shapes (h, w, 3) and type uint8.
-
-    Raises:
-        ConfigError: the environment's observations are no pictures.
     """
 
     def __init__(self, env: gymnasium.Env[Any, Any]) -> None:
-        """Put the subtraction between environment and agent."""
+        """Put the subtraction between environment and agent.
+
+        Args:
+            env: whose observations are pictures (h, w, 3) uint8, or a dict of these.
+
+        Raises:
+            ConfigError: the environment's observations are no pictures.
+        """
         super().__init__(env)
         space = env.observation_space
         self._parts = dict(space.spaces) if isinstance(space, spaces.Dict) else {"": space}
@@ -43,7 +47,14 @@ class BackgroundSubtraction(gymnasium.ObservationWrapper[Any, Any, Any]):
         return super().reset(seed=seed, options=options)
 
     def observation(self, observation: Any) -> Any:
-        """Subtract from a picture, or from each of several."""
+        """Subtract from a picture, or from each of several.
+
+        Args:
+            observation: the environment's.
+
+        Returns:
+            The same shapes, uint8, 128 where nothing has changed.
+        """
         if isinstance(observation, Mapping):
             return {name: self._known[name].subtract(picture) for name, picture in observation.items()}
         return self._known[""].subtract(observation)

@@ -1,7 +1,6 @@
 """Where things are kept that can be made again: converted maps, compiled kernels."""
 
 import contextlib
-import fcntl
 import hashlib
 from collections.abc import Callable, Iterator
 from functools import cache
@@ -11,6 +10,7 @@ import dojo_maps
 import dojo_maps.cache
 from dojo_env.errors import ConfigError, ScenarioError
 from dojo_maps.errors import UsageError
+from dojo_maps.file_locks import lock
 from dojo_maps.input_files import sha256_of
 
 
@@ -66,7 +66,7 @@ def convert_once(source: Path, *, on_stage: Callable[[str], None] = lambda _stag
 @contextlib.contextmanager
 def _locked(path: Path) -> Iterator[None]:
     with path.open("w") as handle:
-        fcntl.flock(handle, fcntl.LOCK_EX)
+        lock(handle.fileno())
         yield
 
 

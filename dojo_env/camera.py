@@ -161,13 +161,24 @@ def _distort(level: Floats, distortion: tuple[float, ...]) -> Floats:
 
 
 def write_cameras(cameras: Iterable[Camera], path: Path | str) -> None:
-    """Save cameras as JSON, whole or not at all."""
+    """Save cameras as JSON, whole or not at all.
+
+    Args:
+        cameras: each with a name of its own.
+        path: of the file, JSON.
+    """
     value = {"format": "dojo-cameras", "version": 1, "cameras": [asdict(camera) for camera in cameras]}
     write_json(Path(path), value)
 
 
 def read_cameras(path: Path | str) -> tuple[Camera, ...]:
     """Read cameras back.
+
+    Args:
+        path: of a file that `write_cameras` or `dojo-env cameras -o` wrote.
+
+    Returns:
+        The cameras.
 
     Raises:
         CameraError: the file is missing, not JSON, or does not hold cameras.

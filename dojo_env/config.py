@@ -6,13 +6,14 @@ import operator
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from pathlib import Path
-from typing import Any
+from typing import Any, Unpack
 
 from dojo_env.camera import Camera
 from dojo_env.camera_presets import find_preset
 from dojo_env.conditions import LOOKS, Conditions, sample_conditions
 from dojo_env.errors import ConfigError
 from dojo_env.imaging import Imaging, settle_imaging
+from dojo_env.keywords import Settings
 from dojo_env.outages import CameraOutage
 from dojo_env.scenario import Scenario, find_scenario, with_files
 from dojo_env.sumo_settings import SumoSettings, settle
@@ -110,6 +111,10 @@ class SignalConfig:
         if self.max_red is not None:
             _refuse_below("max_red", self.max_red, self.min_green)
         self._settle_max_green()
+        if isinstance(self.ts_ids, str):
+            raise ConfigError(
+                f"ts_ids={self.ts_ids!r}: expected a list of ids; write ts_ids=[{self.ts_ids!r}]"
+            )
         if self.ts_ids is not None:
             object.__setattr__(self, "ts_ids", tuple(self.ts_ids))
         if self.program != "network" and not self.fixed_ts:
@@ -238,6 +243,11 @@ class EnvConfig:
     """Everything an environment is made from.
 
     Attributes:
+        scenario: what is simulated.
+        episode: when it begins and ends, and what is written.
+        signals: how signals are controlled.
+        traffic: how SUMO runs.
+        sensing: how cameras and lidars see.
         observation: a name, a dict of named sensors, or an object that observes; see `observations`.
         reward_fn: a name, a callable, a dict of names and weights, or a dict with one of these per signal.
     """
@@ -271,6 +281,22 @@ class EnvConfig:
         )
         object.__setattr__(self, "sumo", settled)
 
+    def __repr__(self) -> str:
+        """Tell the scenario, and which settings are not the usual ones."""
+        groups = (getattr(self, name) for name in _GROUPS)
+        unusual = [
+            f"{f.name}={getattr(group, f.name)!r}"
+            for group in groups
+            for f in fields(group)
+            if getattr(group, f.name) != getattr(type(group)(), f.name)
+        ]
+        told = [
+            repr(self.scenario.name),
+            f"observation={self.observation!r}",
+            f"reward_fn={self.reward_fn!r}",
+        ]
+        return f"EnvConfig({', '.join(told + unusual)})"
+
     @property
     def seed(self) -> int | None:
         """The seed of episodes for which `reset` is given none; None where each draws its own."""
@@ -295,26 +321,23 @@ _SUMO_RL = ("single_agent", "add_system_info", "add_per_agent_info", "virtual_di
 _OTHERS = ("scenario", "net_file", "route_file", "routes", "observation", "observation_class", "reward_fn")
 
 
-def build_config(
-    *,
-    scenario: str | Path | Scenario | None = None,
-    net_file: str | Path | None = None,
-    route_file: Any = None,
-    routes: Any = None,
-    **keywords: Any,
-) -> EnvConfig:
+def build_config(**settings: Unpack[Settings]) -> EnvConfig:
     """Sort keywords into the groups they belong to; a group itself may be given under its name, too.
 
     Args:
-        scenario: what to simulate, by name or path; with routes of its own, or such as are named here.
-        net_file: a network in place of the scenario's.
-        route_file: route files in place of the scenario's, as one path, several, or SUMO's list with commas.
-        routes: the same, by the name that a `Scenario` has for it.
-        keywords: settings.
+        settings: `scenario` says what to simulate, by name or path, with routes of its own, or such as
+            `routes` names; `net_file` is a network in place of the scenario's. See `Settings`.
+
+    Returns:
+        All of them, in their groups.
 
     Raises:
         ConfigError: a keyword is unknown, a value cannot work, or two contradict each other.
     """
+    keywords: dict[str, Any] = dict(settings)
+    scenario, net_file, route_file, routes = (
+        keywords.pop(name, None) for name in ("scenario", "net_file", "route_file", "routes")
+    )
     if routes is not None and route_file is not None:
         raise ConfigError("routes and route_file are two names of the same; leave one out")
     route_file = routes if route_file is None else route_file

@@ -1,6 +1,6 @@
 """The Gymnasium environment: one signal, one agent."""
 
-from typing import Any
+from typing import Any, Unpack
 
 import gymnasium
 import numpy as np
@@ -8,6 +8,7 @@ import numpy as np
 from dojo_env.config import EnvConfig, build_config
 from dojo_env.errors import ConfigError, SimulationBusyError
 from dojo_env.instant import Instant
+from dojo_env.keywords import Settings
 from dojo_env.watching.viewer import Viewer
 from dojo_env.world import Beginning, World
 from dojo_env.world_process import open_world
@@ -27,7 +28,7 @@ class TrafficSignalEnv(gymnasium.Env[Any, Any]):
         render_mode: str | None = None,
         render_port: int = 0,
         own_process: bool = False,
-        **keywords: Any,
+        **keywords: Unpack[Settings],
     ) -> None:
         """Open the map.
 
@@ -36,7 +37,7 @@ class TrafficSignalEnv(gymnasium.Env[Any, Any]):
             render_mode: `rgb_array`, or `human` for a live page on the loopback address, or None.
             render_port: of that page; 0 takes any that is free.
             own_process: run the simulation in a process of its own, so that several fit into this one.
-            keywords: settings by their names in `config`'s groups.
+            keywords: see `Settings`.
 
         Raises:
             ConfigError: a setting cannot work, or the scenario has several signals and none is named.
@@ -45,7 +46,7 @@ class TrafficSignalEnv(gymnasium.Env[Any, Any]):
             raise ConfigError(f"render_mode={render_mode!r}: expected one of {self.metadata['render_modes']}")
         self.render_mode = render_mode
         self._made_with = {"render_mode": render_mode, "render_port": render_port, "own_process": own_process}
-        self.config = one_config(config, keywords)
+        self.config = one_config(config, dict(keywords))
         self.world: World = open_world(self.config, own_process=own_process)
         if len(self.world.signals) != 1:
             names = ", ".join(self.world.signals)
@@ -64,6 +65,16 @@ class TrafficSignalEnv(gymnasium.Env[Any, Any]):
         """Begin an episode; without a seed, one follows from the seed before.
 
         It moves into a process of its own where another environment of this one runs.
+
+        Args:
+            seed: of all that is random in the episode.
+            options: none are known.
+
+        Returns:
+            The observation, and figures by name.
+
+        Raises:
+            SimulationError: SUMO refuses the scenario.
         """
         super().reset(seed=seed, options=options)
         chosen = choose_seed(seed, self.config, self.np_random)
@@ -72,13 +83,28 @@ class TrafficSignalEnv(gymnasium.Env[Any, Any]):
         return observations[self.signal], info
 
     def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:
-        """Act, and simulate until the next decision; an episode is only ever truncated, at its end."""
+        """Act, and simulate until the next decision; an episode is only ever truncated, at its end.
+
+        Args:
+            action: of `action_space`; which phase, or as `action_mode` says.
+
+        Returns:
+            The observation, the reward, False, whether the episode has ended, and figures by name.
+
+        Raises:
+            EpisodeOverError: no episode is running.
+            SimulationError: SUMO stopped; `reset` begins anew.
+        """
         observations, rewards, ended, info = self.world.step({self.signal: read_action(action)})
         self._viewer.follow(self.world.draw, ended=ended)
         return observations[self.signal], rewards[self.signal], False, ended, info
 
     def render(self) -> Any:
-        """Draw the views with the phase and the figures: (h, w, 3) uint8 with `rgb_array`, else nothing."""
+        """Draw the views with the phase and the figures: (h, w, 3) uint8 with `rgb_array`, else nothing.
+
+        Returns:
+            (h, w, 3) uint8, or None.
+        """
         return self._viewer.render(self.world.draw)
 
     @property
@@ -87,15 +113,30 @@ class TrafficSignalEnv(gymnasium.Env[Any, Any]):
         return self.world.instant
 
     def metrics(self) -> dict[str, Any]:
-        """Compute the figures of the episode so far; `travel_time` and so on."""
+        """Compute the figures of the episode so far; `travel_time` and so on.
+
+        Returns:
+            Figures by name: seconds, vehicles, vehicles an hour and g/s; see the guide to controllers.
+        """
         return self.world.metrics()
 
     def save(self) -> dict[str, Any]:
-        """Save the full state of the episode, as plain values."""
+        """Save the full state of the episode, as plain values.
+
+        Returns:
+            The seed and every action.
+        """
         return self.world.save()
 
     def restore(self, state: dict[str, Any]) -> tuple[Any, dict[str, Any]]:
-        """Go to a saved state; returns its observation and figures."""
+        """Go to a saved state; returns its observation and figures.
+
+        Args:
+            state: what `save` gave.
+
+        Returns:
+            Its observation, and figures by name.
+        """
         observations, info = self.world.restore(state)
         return observations[self.signal], info
 

@@ -92,6 +92,9 @@ class Instant:
         Args:
             time: seconds.
             signals: each signal that is controlled, by id.
+
+        Returns:
+            The instant.
         """
         count, halting = (
             sum(int(getattr(view.lanes, name)) for view in signals.values())
@@ -125,6 +128,9 @@ class Instant:
         Args:
             lane: any lane of the network.
 
+        Returns:
+            Their ids.
+
         Raises:
             StaleInstantError: the lane was not asked for before SUMO moved on.
         """
@@ -152,6 +158,9 @@ class Instant:
         Args:
             signal: one of those that agents control.
 
+        Returns:
+            Who is there.
+
         Raises:
             StaleInstantError: it was not asked for before SUMO moved on.
         """
@@ -166,6 +175,9 @@ class Instant:
         Args:
             signal: one of those that agents control.
 
+        Returns:
+            The indices of the links.
+
         Raises:
             StaleInstantError: it was not asked for before SUMO moved on.
         """
@@ -177,7 +189,10 @@ class Instant:
         return tuple(link for link, crossing in walks if crossing in self._crossings)
 
     def measure_all(self) -> "Instant":
-        """Measure at once all that can be asked for; returns itself.
+        """Measure at once all that can be asked for.
+
+        Returns:
+            Itself.
 
         Raises:
             StaleInstantError: SUMO has moved on, and something is missing.

@@ -1,7 +1,7 @@
 """The PettingZoo environment: every signal an agent, all acting at once."""
 
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, Unpack
 
 import numpy as np
 from gymnasium import spaces
@@ -11,6 +11,7 @@ from dojo_env.config import EnvConfig
 from dojo_env.env import begin_episode, choose_seed, make_again, one_config, open_viewer, read_action
 from dojo_env.errors import ConfigError, EpisodeOverError
 from dojo_env.instant import Instant
+from dojo_env.keywords import Settings
 from dojo_env.local_world import SIGNAL_FIGURES
 from dojo_env.world import World
 from dojo_env.world_process import open_world
@@ -36,9 +37,16 @@ class TrafficSignalsEnv(ParallelEnv):  # type: ignore[misc]
         render_mode: str | None = None,
         render_port: int = 0,
         own_process: bool = False,
-        **keywords: Any,
+        **keywords: Unpack[Settings],
     ) -> None:
-        """Open the map; the arguments are those of `TrafficSignalEnv`.
+        """Open the map.
+
+        Args:
+            config: all settings at once, instead of keywords.
+            render_mode: `rgb_array`, or `human` for a live page on the loopback address, or None.
+            render_port: of that page; 0 takes any that is free.
+            own_process: run the simulation in a process of its own, so that several fit into this one.
+            keywords: see `Settings`.
 
         Raises:
             ConfigError: a setting cannot work.
@@ -47,7 +55,7 @@ class TrafficSignalsEnv(ParallelEnv):  # type: ignore[misc]
             raise ConfigError(f"render_mode={render_mode!r}: expected one of {self.metadata['render_modes']}")
         self.render_mode = render_mode
         self._made_with = {"render_mode": render_mode, "render_port": render_port, "own_process": own_process}
-        self.config = one_config(config, keywords)
+        self.config = one_config(config, dict(keywords))
         self.world: World = open_world(self.config, own_process=own_process)
         self.possible_agents = list(self.world.signals)
         self.agents: list[str] = []
@@ -56,11 +64,25 @@ class TrafficSignalsEnv(ParallelEnv):  # type: ignore[misc]
         self._viewer = open_viewer(self.world, self.config, render_mode, render_port)
 
     def observation_space(self, agent: str) -> spaces.Space[Any]:
-        """Give an agent's observation space."""
+        """Give an agent's observation space.
+
+        Args:
+            agent: the signal's id.
+
+        Returns:
+            The space.
+        """
         return self._spaces[agent][0]
 
     def action_space(self, agent: str) -> spaces.Discrete:
-        """Give an agent's action space."""
+        """Give an agent's action space.
+
+        Args:
+            agent: the signal's id.
+
+        Returns:
+            The space.
+        """
         return self._spaces[agent][1]
 
     def reset(
@@ -69,6 +91,16 @@ class TrafficSignalsEnv(ParallelEnv):  # type: ignore[misc]
         """Begin an episode; without a seed, one follows from the seed before.
 
         It moves into a process of its own where another environment of this one runs.
+
+        Args:
+            seed: of all that is random in the episode.
+            options: none are known.
+
+        Returns:
+            Observations, and figures by name, each by agent.
+
+        Raises:
+            SimulationError: SUMO refuses the scenario.
         """
         if seed is not None:
             self._generator = np.random.default_rng(seed)
@@ -82,6 +114,13 @@ class TrafficSignalsEnv(ParallelEnv):  # type: ignore[misc]
         self, actions: Mapping[str, Any]
     ) -> tuple[dict[str, Any], dict[str, float], dict[str, bool], dict[str, bool], dict[str, dict[str, Any]]]:
         """Act, and simulate until the next decision; a signal without an action keeps its phase.
+
+        Args:
+            actions: by agent.
+
+        Returns:
+            Observations, rewards, whether each has terminated (none ever does), whether each is
+            truncated, and figures by name; each by agent.
 
         Raises:
             EpisodeOverError: no episode is running.
@@ -109,21 +148,40 @@ class TrafficSignalsEnv(ParallelEnv):  # type: ignore[misc]
         return self.world.instant
 
     def metrics(self) -> dict[str, Any]:
-        """Compute the figures of the episode so far."""
+        """Compute the figures of the episode so far.
+
+        Returns:
+            Figures by name, of the whole network.
+        """
         return self.world.metrics()
 
     def save(self) -> dict[str, Any]:
-        """Save the full state of the episode, as plain values."""
+        """Save the full state of the episode, as plain values.
+
+        Returns:
+            The seed and every action.
+        """
         return self.world.save()
 
     def restore(self, state: dict[str, Any]) -> tuple[dict[str, Any], dict[str, dict[str, Any]]]:
-        """Go to a saved state; returns its observations and figures."""
+        """Go to a saved state; returns its observations and figures.
+
+        Args:
+            state: what `save` gave.
+
+        Returns:
+            Its observations, and figures by name, each by agent.
+        """
         observations, info = self.world.restore(state)
         self.agents = list(self.possible_agents)
         return observations, self._infos(info)
 
     def render(self) -> Any:
-        """Draw the view above every signal with its phase and the figures; see `TrafficSignalEnv`."""
+        """Draw the view above every signal with its phase and the figures; see `TrafficSignalEnv`.
+
+        Returns:
+            (h, w, 3) uint8, or None.
+        """
         return self._viewer.render(self.world.draw)
 
     def close(self) -> None:
@@ -145,6 +203,29 @@ class TrafficSignalsEnv(ParallelEnv):  # type: ignore[misc]
         }
 
 
-def parallel_env(**keywords: Any) -> TrafficSignalsEnv:
-    """Make an environment with an agent per signal."""
-    return TrafficSignalsEnv(**keywords)
+def parallel_env(
+    config: EnvConfig | None = None,
+    *,
+    render_mode: str | None = None,
+    render_port: int = 0,
+    own_process: bool = False,
+    **keywords: Unpack[Settings],
+) -> TrafficSignalsEnv:
+    """Make a PettingZoo environment with an agent per signal.
+
+    Args:
+        config: all settings at once, instead of keywords.
+        render_mode: `rgb_array`, or `human` for a live page on the loopback address, or None.
+        render_port: of that page; 0 takes any that is free.
+        own_process: run the simulation in a process of its own, so that several fit into this one.
+        keywords: see `Settings`.
+
+    Returns:
+        The environment; `reset` begins its first episode.
+
+    Raises:
+        ConfigError: a setting cannot work.
+    """
+    return TrafficSignalsEnv(
+        config, render_mode=render_mode, render_port=render_port, own_process=own_process, **keywords
+    )

@@ -120,6 +120,10 @@ class Recording(Sequence[Snapshot]):
     def __init__(self, arrays: dict[str, NDArray[Any]], path: Path) -> None:
         """Check that the arrays fit each other.
 
+        Args:
+            arrays: of the file, by name.
+            path: of the file.
+
         Raises:
             RecordingError: they do not.
         """
@@ -135,7 +139,17 @@ class Recording(Sequence[Snapshot]):
 
     @classmethod
     def open(cls, path: Path | str) -> "Recording":
-        """Read a recording; see `read_recording`."""
+        """Read a recording; see `read_recording`.
+
+        Args:
+            path: of the file, such as out_ep1.npz.
+
+        Returns:
+            The recording.
+
+        Raises:
+            RecordingError: the file is missing or damaged.
+        """
         return read_recording(path)
 
     @property

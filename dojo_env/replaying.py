@@ -3,11 +3,12 @@
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Unpack
 
 from dojo_env.camera import Camera
 from dojo_env.config import SensingConfig
 from dojo_env.errors import ConfigError, RecordingError
+from dojo_env.keywords import DrawingSettings
 from dojo_env.recording import Recording
 from dojo_env.scenario import PACKAGED, Scenario, open_map, packaged_scenario
 from dojo_env.sensors.eyes import Eyes
@@ -43,7 +44,7 @@ def replay(
     outputs: Sequence[str] = ("rgb",),
     every: int = 1,
     map: str | Path | None = None,  # noqa: A002 - as in `Scenario`
-    **sensing: Any,
+    **sensing: Unpack[DrawingSettings],
 ) -> Iterator[Replayed]:
     """Look at a recorded episode again; under the episode's own conditions, pictures have its own bytes.
 
@@ -55,6 +56,9 @@ def replay(
         every: seconds from one instant to the next.
         map: the episode's map; see `find_map`.
         sensing: as an environment takes them: `conditions`, `width`, `height`, `renderer` and so on.
+
+    Yields:
+        Each instant, and what was seen of it.
 
     Raises:
         RecordingError: the map is not the one of the recording, or cannot be found.

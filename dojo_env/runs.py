@@ -1,15 +1,19 @@
 """Run a controller for whole episodes and collect their figures."""
 
+import pickle
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack, closing
 from pathlib import Path
-from typing import Any
+from typing import Any, Unpack
 
 import numpy as np
 
 from dojo_env.config import build_config
 from dojo_env.controllers import Controller, make_controller
+from dojo_env.errors import ConfigError
+from dojo_env.keywords import Settings
 from dojo_env.metrics import SIX
+from dojo_env.recording import Recording, read_recording
 from dojo_env.watch import FilmShow, choose_looks, open_views
 from dojo_env.watching.video import open_video
 from dojo_env.world_process import open_world
@@ -23,12 +27,12 @@ def run_controller(
     on_episode: Callable[[dict[str, Any]], None] = lambda _figures: None,
     on_stage: Callable[[str], None] = lambda _stage: None,
     video: Path | None = None,
-    **keywords: Any,
+    **keywords: Unpack[Settings],
 ) -> list[dict[str, Any]]:
-    """Run an episode per seed; returns the figures of each.
+    """Run an episode per seed.
 
     They run in a process of their own, so that it does not matter what ran before, and a crash of SUMO does
-    not take this one along.
+    not take this one along. A controller that a script or a notebook defines itself runs in this process.
 
     Args:
         controller: its name, or one that is there already.
@@ -37,7 +41,10 @@ def run_controller(
         on_episode: is then told its figures.
         on_stage: is told now and then how far the video is.
         video: a file that shows all episodes, one after the other, second by second.
-        keywords: settings of the environment.
+        keywords: see `Settings`.
+
+    Returns:
+        The figures of each episode, as `metrics()` has them, and its `seed`.
 
     Raises:
         ConfigError: the controller or a setting is unknown, or the video cannot be written.
@@ -45,10 +52,14 @@ def run_controller(
     """
     acting = make_controller(controller) if isinstance(controller, str) else controller
     config = build_config(**{"show_links": video is not None, **keywords, **acting.settings})
+    first = config.seed or 0
+    chosen = range(first, first + seeds) if isinstance(seeds, int) else seeds
+    if not chosen or min(chosen) < 0:
+        raise ConfigError(f"seeds={seeds!r}: expected how many, at least 1, or a list of numbers from 0")
     figures = []
     with ExitStack() as stack:
         film = stack.enter_context(open_video(video)) if video is not None else None
-        world = stack.enter_context(closing(open_world(config, own_process=True)))
+        world = stack.enter_context(closing(open_world(config, own_process=_is_known_elsewhere(acting))))
         show = None
         if film is not None:
             title = f"{config.scenario.name}, {acting}"
@@ -57,8 +68,7 @@ def run_controller(
             )
             show = FilmShow(*views, title, film, on_stage=on_stage)
             world.watch(show.add)
-        first = config.seed or 0
-        for seed in range(first, first + seeds) if isinstance(seeds, int) else seeds:
+        for seed in chosen:
             if show is not None:
                 show.begin(seed)
             infos, found = world.run(acting, seed)
@@ -67,6 +77,42 @@ def run_controller(
             on_episode(found)
             figures.append(found)
     return figures
+
+
+def _is_known_elsewhere(controller: Controller) -> bool:
+    """Tell whether another process can import all that a controller is made of."""
+    try:
+        return b"__main__" not in pickle.dumps(controller)
+    except (pickle.PicklingError, AttributeError, TypeError):
+        return False
+
+
+def record(
+    stem: str | Path,
+    controller: str | Controller = "actuated",
+    *,
+    seed: int = 0,
+    **keywords: Unpack[Settings],
+) -> Recording:
+    """Run an episode and record every second of it, to be seen again with `replay`.
+
+    Args:
+        stem: the recording is `STEM_ep1.npz`.
+        controller: its name, or one that is there already.
+        seed: of the episode.
+        keywords: see `Settings`.
+
+    Returns:
+        The recording.
+
+    Raises:
+        ConfigError: the controller or a setting is unknown.
+        SimulationError: SUMO refuses the scenario, or stopped.
+        WriteError: the file cannot be written.
+    """
+    keywords["record_name"] = str(stem)
+    run_controller(controller, [seed], **keywords)
+    return read_recording(f"{stem}_ep1.npz")
 
 
 FIGURES = (
@@ -80,7 +126,14 @@ JAMMED = 0.05
 
 
 def summarize(figures: Sequence[dict[str, Any]]) -> dict[str, dict[str, float]]:
-    """Give mean, standard deviation and median over episodes of every figure that is a number."""
+    """Give mean, standard deviation and median over episodes of every figure that is a number.
+
+    Args:
+        figures: of the episodes, as `run_controller` gives them.
+
+    Returns:
+        By the figure's name: `mean`, `std` and `median`.
+    """
     return {
         name: {
             "mean": float(np.mean([f[name] for f in figures])),

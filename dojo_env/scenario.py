@@ -97,6 +97,9 @@ class Scenario:
 
         Args:
             outputs: whether its outputs do.
+
+        Returns:
+            One line, or none.
         """
         names = (*self.left_out, *(() if outputs else self.outputs))
         if self.config is None or not names:
@@ -161,6 +164,9 @@ def find_scenario(value: str | Path | Scenario, *, routes: Files | None = None) 
             hyphen, and the name of a packaged pattern, as in `cologne1-surges`.
         routes: files to drive in place of its own; a bundle or a network alone will do then.
 
+    Returns:
+        The scenario.
+
     Raises:
         ConfigError: there is none of that name, or the path alone names no demand.
     """
@@ -194,9 +200,14 @@ def _read_scenario(path: Path) -> Scenario:
     if is_there(path) and is_other_project_s(path):
         return _read_folder(path)
     if is_there(path):
+        if not (path / DESCRIPTION).is_file() and not path.name.endswith(NETWORKS):
+            raise ConfigError(
+                f"{path}: no scenario; expected a .sumocfg, a bundle of dojo-maps, or a folder of RESCO's or "
+                "LibSignal's"
+            )
         raise ConfigError(
-            f"{path}: a map alone has no demand; dojo-maps demand writes some, and routes= or --routes names "
-            "route files"
+            f"{path}: a map alone has no demand; write some with dojo-maps demand {path}, or name route "
+            "files with routes= or --routes"
         )
     known = ", ".join(PACKAGED)
     raise ConfigError(f"scenario {str(path)!r} is not known; give a .sumocfg, a Scenario, or one of {known}")

@@ -127,6 +127,12 @@ class Snapshot:
         """Make a snapshot of all its values, known to be right and of the right types, without checks.
 
         For who has read SUMO itself, at every decision.
+
+        Args:
+            values: every field.
+
+        Returns:
+            The snapshot.
         """
         made = object.__new__(cls)
         made.__setstate__(values)
@@ -146,7 +152,14 @@ class Snapshot:
         object.__setattr__(self, "signals", MappingProxyType(self.signals))
 
     def joined(self, others: "Snapshot") -> "Snapshot":
-        """Give the same instant with others among the road users."""
+        """Give the same instant with others among the road users.
+
+        Args:
+            others: road users, none of which is here already.
+
+        Returns:
+            The snapshot of all.
+        """
         values = self.__getstate__()
         added: dict[str, Any] = {
             name: np.concatenate([values[name], getattr(others, name)]) for name, _, _ in _COLUMNS

@@ -5,12 +5,13 @@ import webbrowser
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import closing
 from pathlib import Path
-from typing import Any, Self
+from typing import Any, Self, Unpack
 
 from dojo_env.camera import read_cameras
 from dojo_env.config import EnvConfig, SignalConfig, build_config
 from dojo_env.controllers import Controller, make_controller
 from dojo_env.errors import ConfigError
+from dojo_env.keywords import Settings
 from dojo_env.managers.map import MapManager
 from dojo_env.metadrive import export_recording
 from dojo_env.recording import Recording, read_recording
@@ -155,7 +156,7 @@ def watch(
     seed: int = 0,
     port: int = 0,
     browser: bool = True,
-    **keywords: Any,
+    **keywords: Unpack[Settings],
 ) -> None:
     """Show an episode live, until interrupted.
 

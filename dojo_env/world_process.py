@@ -51,8 +51,8 @@ _SEEN = "seen"
 _UNPICKLABLE = (pickle.PicklingError, AttributeError, TypeError)
 _GO_ON = "call reset to begin another episode"
 _GUARD = (
-    "the simulation's process has died at its start; a script whose functions an environment in a process of "
-    'its own needs opens it under `if __name__ == "__main__":`'
+    "the simulation's process has died at its start. It reads the script again, for a function of yours: put "
+    'that into a module, or all other lines of the script under `if __name__ == "__main__":`'
 )
 
 

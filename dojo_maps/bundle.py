@@ -49,7 +49,12 @@ _OURS = {
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Bundle:
-    """A converted map on disk; a notebook shows its overview and a line about it."""
+    """A converted map on disk; a notebook shows its overview and a line about it.
+
+    Attributes:
+        folder: that holds it.
+        road_map: the description, as map.json has it.
+    """
 
     folder: Path
     road_map: RoadMap
@@ -61,6 +66,10 @@ class Bundle:
         if overview.is_file():
             shown["image/png"] = read_bytes(overview)
         return shown
+
+    def __repr__(self) -> str:
+        """Tell where it is and how much it holds."""
+        return f"Bundle({str(self.folder)!r}, {self.road_map!r})"
 
     @property
     def network(self) -> Path:
@@ -75,6 +84,9 @@ class Bundle:
     def read_meshes(self) -> "tuple[Mesh, ...]":
         """Read the meshes of the scene: metres, x east, y north, z up, around the map's origin.
 
+        Returns:
+            One per layer of the scene; their faces tell the ids that they belong to.
+
         Raises:
             DescriptionError: the scene is missing or broken.
         """
@@ -86,6 +98,12 @@ class Bundle:
 def read_bundle(folder: Path | str) -> Bundle:
     """Read a bundle's description, to look at it.
 
+    Args:
+        folder: of the bundle.
+
+    Returns:
+        The bundle, its description as map.json has it.
+
     Raises:
         DescriptionError: the folder is not a bundle, or its map.json is not a valid description.
     """
@@ -95,6 +113,12 @@ def read_bundle(folder: Path | str) -> Bundle:
 
 def open_bundle(folder: Path | str) -> Bundle:
     """Read a bundle to act on it: its parts fit each other, and what its network says comes from the network.
+
+    Args:
+        folder: of the bundle.
+
+    Returns:
+        The bundle, its description as its network has it.
 
     Raises:
         DescriptionError: the folder is not a bundle, a part of it is missing, or two contradict each other.

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from dojo_maps.cli_area import add_area_options, find_source, join_signed
+from dojo_maps.cli_area import add_area_options, join_signed
 from dojo_maps.cli_demand import add_demand, read_volume
 from dojo_maps.command import Parser, add_command, run_command
 from dojo_maps.progress import Progress
@@ -26,15 +26,22 @@ def main(arguments: Sequence[str] | None = None) -> int:
     Args:
         arguments: None for the process's own.
     """
-    return run_command("dojo-maps", _parser, join_signed(sys.argv[1:] if arguments is None else arguments))
+    return run_command(
+        "dojo-maps", build_parser, join_signed(sys.argv[1:] if arguments is None else arguments)
+    )
 
 
-def _parser() -> argparse.ArgumentParser:
+def build_parser() -> argparse.ArgumentParser:
+    """Declare the commands and what each takes."""
     parser = Parser(prog="dojo-maps", description="Road maps for vision-based traffic signal control.")
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
 
     convert = add_command(
-        commands, "convert", _convert, "turn a SUMO network, OpenStreetMap data or OpenDRIVE into a bundle"
+        commands,
+        "convert",
+        _convert,
+        "turn a SUMO network, OpenStreetMap data or OpenDRIVE into a bundle",
+        example="dojo-maps convert cologne1 -o cologne1.dojo --export geojson",
     )
     convert.add_argument(
         "source",
@@ -48,7 +55,13 @@ def _parser() -> argparse.ArgumentParser:
     )
     _add_bundle_options(convert)
 
-    import_osm = add_command(commands, "import-osm", _import_osm, "build a bundle from OpenStreetMap data")
+    import_osm = add_command(
+        commands,
+        "import-osm",
+        _import_osm,
+        "build a bundle from OpenStreetMap data",
+        example="dojo-maps import-osm --point 60.1699,24.9385 --radius 150 -o junction.dojo",
+    )
     add_area_options(import_osm)
     import_osm.add_argument(
         "--demand",
@@ -60,11 +73,23 @@ def _parser() -> argparse.ArgumentParser:
 
     add_demand(commands)
 
-    keep = add_command(commands, "keep", _keep, "keep what was changed in netedit for the next import")
+    keep = add_command(
+        commands,
+        "keep",
+        _keep,
+        "keep what was changed in netedit for the next import",
+        example="dojo-maps keep junction.dojo fixed.net.xml",
+    )
     keep.add_argument("bundle", metavar="BUNDLE", type=Path)
     keep.add_argument("edited", metavar="NET", type=Path, help="the bundle's network as netedit saved it")
 
-    view = add_command(commands, "view", _view, "show a bundle's 3D scene in the browser")
+    view = add_command(
+        commands,
+        "view",
+        _view,
+        "show a bundle's 3D scene in the browser",
+        example="dojo-maps view cologne1.dojo",
+    )
     view.add_argument("bundle", metavar="BUNDLE", type=Path)
     view.add_argument(
         "--recording",
@@ -76,7 +101,13 @@ def _parser() -> argparse.ArgumentParser:
         "-o", "--output", metavar="FILE", type=Path, help="write the page here and open nothing"
     )
 
-    validate = add_command(commands, "validate", _validate, "check a network or a bundle")
+    validate = add_command(
+        commands,
+        "validate",
+        _validate,
+        "check a network or a bundle",
+        example="dojo-maps validate cologne1 --html report.html",
+    )
     validate.add_argument(
         "source", metavar="NET_OR_BUNDLE", help="a network, a packaged scenario or a bundle"
     )
@@ -87,7 +118,13 @@ def _parser() -> argparse.ArgumentParser:
     validate.add_argument("--exclude", metavar="FILE", type=Path, help="known issues to leave out, as JSON")
     validate.add_argument("--strict", action="store_true", help="exit with 1 on warnings, too")
 
-    fix = add_command(commands, "fix", _fix, "repair a network where that is safe")
+    fix = add_command(
+        commands,
+        "fix",
+        _fix,
+        "repair a network where that is safe",
+        example="dojo-maps fix arterial4x4 -o mended.net.xml --patch patch",
+    )
     fix.add_argument("source", metavar="NET_OR_BUNDLE", help="a network, a packaged scenario or a bundle")
     fix.add_argument("-o", "--output", metavar="NET", type=Path, help="the network to write")
     fix.add_argument(
@@ -97,7 +134,7 @@ def _parser() -> argparse.ArgumentParser:
     fix.add_argument("--patch", metavar="FOLDER", type=Path, help="write the patch here, as plain XML files")
     fix.add_argument("--json", metavar="FILE", type=Path, help="write what was done, and what it cost, here")
 
-    add_command(commands, "checks", _list_checks, "list the checks")
+    add_command(commands, "checks", _list_checks, "list the checks", example="dojo-maps checks")
     return parser
 
 
@@ -220,11 +257,21 @@ def _fix(options: argparse.Namespace) -> int:
 
 
 def _import_osm(options: argparse.Namespace) -> int:
+    from dojo_maps.operations import find_extract
+
     def say(message: str) -> None:
         if not options.quiet:
             print(f"dojo-maps: {message}", file=sys.stderr)
 
-    options.source = find_source(options, say)
+    options.source = find_extract(
+        options.source,
+        place=options.place,
+        point=options.point,
+        bbox=options.bbox,
+        radius=options.radius,
+        server=options.overpass_url,
+        say=say,
+    )
     options.enrich_net = False
     return _convert(options)
 

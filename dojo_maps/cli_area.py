@@ -4,7 +4,6 @@ import argparse
 import re
 from collections.abc import Callable, Sequence
 
-_RADIUS = 200.0
 _SIGNED = ("--point", "--bbox")
 """Options whose value may begin with a minus."""
 
@@ -19,7 +18,7 @@ def add_area_options(parser: argparse.ArgumentParser) -> None:
     area.add_argument("--point", metavar="LAT,LON", type=_numbers(2), help="download around a point, degrees")
     area.add_argument("--bbox", metavar="W,S,E,N", type=_numbers(4), help="download a box, degrees")
     parser.add_argument(
-        "--radius", metavar="M", type=float, help=f"metres around the place or point (default: {_RADIUS:g})"
+        "--radius", metavar="M", type=float, help="metres around the place or point (default: 200)"
     )
     parser.add_argument("--overpass-url", metavar="URL", help="the Overpass server to download from")
 
@@ -33,51 +32,6 @@ def join_signed(arguments: Sequence[str]) -> list[str]:
         else:
             joined.append(argument)
     return joined
-
-
-def find_source(options: argparse.Namespace, say: Callable[[str], None]) -> str:
-    """Give the file to import; download the area first where one was named instead.
-
-    Raises:
-        UsageError: the options do not go together, or name no area.
-        SourceError: the area cannot be downloaded.
-    """
-    from dojo_maps.errors import UsageError
-    from dojo_maps.sources.osm import is_osm
-    from dojo_maps.sources.overpass import SERVER, Area, area_around, download_area, find_place
-
-    if options.source is not None:
-        unused = [name for name in ("radius", "overpass_url") if getattr(options, name) is not None]
-        if unused:
-            raise UsageError(f"--{unused[0].replace('_', '-')} says how to download, but a file is given")
-        if not is_osm(options.source):
-            raise UsageError(
-                f"{options.source}: not named as OpenStreetMap data is (.osm, .osm.gz, .osm.pbf)"
-            )
-        return str(options.source)
-    if options.bbox is not None:
-        if options.radius is not None:
-            raise UsageError("--radius goes with --place or --point; a box has its own size")
-        west, south, east, north = options.bbox
-        area, name = Area(west=west, south=south, east=east, north=north), "box"
-    else:
-        latitude, longitude = options.point if options.place is None else find_place(options.place)
-        name = options.place or _point_name(latitude, longitude)
-        radius = _RADIUS if options.radius is None else options.radius
-        area = area_around(latitude, longitude, radius)
-    found = download_area(area, name=_file_name(name), server=options.overpass_url or SERVER, on_pause=say)
-    say(f"data of {found.date}: {found.path}")
-    return str(found.path)
-
-
-def _point_name(latitude: float, longitude: float) -> str:
-    north, east = "SN"[latitude >= 0], "WE"[longitude >= 0]
-    return f"{abs(latitude):.5f}{north}-{abs(longitude):.5f}{east}"
-
-
-def _file_name(name: str) -> str:
-    """Make a file's name of a place's: letters and digits of any script, the rest becomes hyphens."""
-    return re.sub(r"[^\w.]+|_+", "-", name.lower()).strip("-.")[:60] or "area"
 
 
 def _numbers(count: int) -> Callable[[str], tuple[float, ...]]:

@@ -19,7 +19,13 @@ _MOST_SHOWN = 40
 
 def add_demand(commands: Commands) -> None:
     """Add the command to the parser."""
-    demand = add_command(commands, "demand", _demand, "write traffic for a bundle or a SUMO network")
+    demand = add_command(
+        commands,
+        "demand",
+        _demand,
+        "write traffic for a bundle or a SUMO network",
+        example="dojo-maps demand cologne1.dojo --volume 900 --seed 1",
+    )
     demand.add_argument(
         "source", metavar="NET_OR_BUNDLE", help="a bundle, a SUMO network or a packaged scenario"
     )

@@ -8,8 +8,8 @@ import argparse
 import atexit
 import contextlib
 import io
+import logging
 import os
-import signal
 import sys
 import warnings
 from collections.abc import Callable, Sequence
@@ -17,11 +17,15 @@ from pathlib import Path
 from typing import Any, NoReturn, TypeAlias
 
 from dojo_maps import interruption
-from dojo_maps.errors import DojoError, UsageError
+from dojo_maps.errors import DojoError, UsageError, explain_missing
+from dojo_maps.lazy_names import DISTRIBUTION, read_version
+from dojo_maps.option_files import take_file
 
 Run = Callable[[argparse.Namespace], int]
-_DISTRIBUTION = "traffic-dojo"
 _STANDARD_OUTPUT = "standard output"
+_BROKEN_PIPE = 141
+"""128 and the number of SIGPIPE, which Windows does not have."""
+_LEVELS = ("debug", "info", "warning", "error")
 _LONGEST = 900
 """Characters of a line about a failure."""
 
@@ -55,6 +59,11 @@ class Parser(argparse.ArgumentParser):
         super().__init__(**options)
         self.add_argument("--version", action=_Version, nargs=0, help="show the version and exit")
 
+    def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
+        """Parse arguments, and what `--config` names beneath them."""
+        take_file(self, args or ())
+        return super().parse_known_args(args, namespace)
+
     def error(self, message: str) -> NoReturn:
         """Refuse the arguments.
 
@@ -68,7 +77,9 @@ Commands: TypeAlias = "argparse._SubParsersAction[Parser]"
 """What `add_subparsers` makes."""
 
 
-def add_command(commands: Commands, name: str, run: Run, summary: str) -> argparse.ArgumentParser:
+def add_command(
+    commands: Commands, name: str, run: Run, summary: str, *, example: str = ""
+) -> argparse.ArgumentParser:
     """Add a command with what all of them take.
 
     Args:
@@ -76,25 +87,41 @@ def add_command(commands: Commands, name: str, run: Run, summary: str) -> argpar
         name: of the command.
         run: carries it out and returns its exit status; it imports what it needs, first of all.
         summary: what it does, in a line.
+        example: a command line, for its help; those of both packages have one.
 
     Returns:
         Its parser, for its own arguments.
     """
-    parser = commands.add_parser(name, help=summary)
+    parser = commands.add_parser(
+        name,
+        help=summary,
+        description=f"{summary[:1].upper()}{summary[1:]}.",
+        epilog=f"example: {example}" if example else None,
+        formatter_class=_Help,
+    )
     parser.add_argument("--quiet", action="store_true", help="no progress on standard error")
+    parser.add_argument(
+        "--log-level",
+        choices=_LEVELS,
+        help="also write the program's log on standard error, from this level on (default: none)",
+    )
+    parser.add_argument("--config", metavar="FILE.toml", help="take options from this file, by their names")
     parser.set_defaults(run=run)
     return parser
 
 
+class _Help(argparse.HelpFormatter):
+    """Tells defaults where the words of an option do not."""
+
+    def _get_help_string(self, action: argparse.Action) -> str | None:
+        words = action.help or ""
+        untold = action.default in (None, argparse.SUPPRESS, "") or isinstance(action.default, bool | list)
+        return words if untold or "default" in words else f"{words} (default: %(default)s)"
+
+
 class _Version(argparse.Action):
     def __call__(self, parser: argparse.ArgumentParser, *_: object) -> NoReturn:
-        from importlib import metadata  # noqa: PLC0415 - it takes longer than reading the arguments
-
-        try:
-            version = metadata.version(_DISTRIBUTION)
-        except metadata.PackageNotFoundError:
-            version = "(not installed)"
-        print(f"{_DISTRIBUTION} {version}")  # noqa: T201
+        print(f"{DISTRIBUTION} {read_version()}")  # noqa: T201
         parser.exit()
 
 
@@ -110,7 +137,7 @@ def _try(build_parser: Callable[[], argparse.ArgumentParser], arguments: Sequenc
         return 4, "not enough memory; give it a smaller input"
     except OSError as error:
         if isinstance(error, BrokenPipeError) and error.filename == _STANDARD_OUTPUT:
-            return 128 + signal.SIGPIPE, ""  # Who reads has seen enough, as in `| head`.
+            return _BROKEN_PIPE, ""  # Who reads has seen enough, as in `| head`.
         where = f"{error.filename}: {error.strerror}" if error.filename and error.strerror else ""
         return 4, where or str(error) or type(error).__name__
     except Exception as error:  # noqa: BLE001 - a user gets one line, whatever happens
@@ -124,15 +151,36 @@ def _try(build_parser: Callable[[], argparse.ArgumentParser], arguments: Sequenc
 
 def _call(build_parser: Callable[[], argparse.ArgumentParser], arguments: Sequence[str]) -> int:
     try:
-        options = build_parser().parse_args(arguments)
+        parser = build_parser()
+        if "_ARGCOMPLETE" in os.environ:
+            import argcomplete  # noqa: PLC0415 - only the shell's completion needs it
+
+            argcomplete.autocomplete(parser)
+        options = parser.parse_args(arguments)
+        _open_log(options)
         if interruption.present is not None:
             interruption.present.work_in(options.run)
         status: int = options.run(options)
+    except ModuleNotFoundError as error:
+        raise explain_missing(error) or error from error
     except SystemExit as end:
         if isinstance(end.code, str):
             raise DojoError(end.code) from None
         return int(end.code or 0)
     return status
+
+
+def _open_log(options: argparse.Namespace) -> None:
+    """Show what the packages log; programs that call them listen to `dojo_maps` and `dojo_env` themselves."""
+    if getattr(options, "log_level", None) is None:
+        return
+    handler = logging.StreamHandler()
+    handler.setFormatter(logging.Formatter("%(asctime)s %(levelname)s %(name)s: %(message)s"))
+    handler.addFilter(lambda record: not getattr(record, "is_shown", False))
+    for name in ("dojo_maps", "dojo_env"):
+        log = logging.getLogger(name)
+        log.addHandler(handler)
+        log.setLevel(options.log_level.upper())
 
 
 def _end_process(

@@ -341,7 +341,24 @@ def hung_lamp(post: Prop) -> Points:
 class RoadMap:
     """Everything known of a map. Lists keep the order of the source; ids are unique within a list.
 
-    Its `repr` counts what it holds.
+    Attributes:
+        name: the file's, without its suffixes, or the packaged scenario's.
+        source: the file that it was made from.
+        projection: how positions relate to the earth.
+        origin: x and y, metres, around which scene.glb is drawn.
+        bounds: lower left and upper right corner, metres.
+        left_hand: traffic keeps to the left.
+        roads: every normal edge of the network.
+        lanes: of the roads, ids as in the network.
+        connections: from lane to lane, each once.
+        junctions: with the ground that they cover.
+        sidewalks: the network's, and generated ones.
+        crossings: the network's, and generated ones.
+        walking_areas: where sidewalks and crossings meet.
+        signals: with their links, programs and heads.
+        stop_lines: one for each lane that has to stop.
+        props: buildings, trees, poles, islands and whatever else stands beside the road.
+        walks: from pavement to pavement, over crossings.
     """
 
     name: str
@@ -363,7 +380,6 @@ class RoadMap:
     walks: tuple[Walk, ...] = ()
 
     def __repr__(self) -> str:
+        """Tell its name and how much there is."""
         counts = ("roads", "lanes", "junctions", "crossings", "signals")
-        return (
-            f"<RoadMap {self.name!r}: {', '.join(f'{len(getattr(self, each))} {each}' for each in counts)}>"
-        )
+        return f"RoadMap({self.name!r}, {', '.join(f'{len(getattr(self, what))} {what}' for what in counts)})"

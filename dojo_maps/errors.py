@@ -22,7 +22,13 @@ class SourceError(DojoError):
     exit_status = 3
 
     def __init__(self, path: object, problem: str, element: str | None = None) -> None:
-        """Name the input and, where one is at fault, the element in it."""
+        """Name the input and, where one is at fault, the element in it.
+
+        Args:
+            path: of the input.
+            problem: what is wrong with it, and what to do.
+            element: what of it is at fault; None for the whole.
+        """
         super().__init__(str(path), problem, element)  # All that pickle needs to make it again.
         self.path = str(path)
         self.element = element
@@ -56,3 +62,33 @@ class ExportError(DojoError):
 
 class ToolMissingError(DojoError):
     """A program or package that this step needs is not installed."""
+
+
+_EXTRAS = {
+    "torch": "learn",
+    "stable_baselines3": "learn",
+    "tensorboard": "learn",
+    "matplotlib": "learn",
+    "ray": "distributed",
+    "onnx": "encoders",
+    "onnxruntime": "detectors",
+    "av": "h264",
+    "argcomplete": "completion",
+    "wandb": "wandb",
+}
+"""Packages that come with an extra of this project's, by the name that they are imported by."""
+
+
+def explain_missing(error: ModuleNotFoundError) -> ToolMissingError | None:
+    """Tell how to install what an import lacks; None where it is nothing optional of ours.
+
+    Args:
+        error: the import's.
+
+    Returns:
+        The error to raise in its place.
+    """
+    module = (error.name or "").partition(".")[0]
+    if module not in _EXTRAS:
+        return None
+    return ToolMissingError(f"{module} is not installed: pip install 'traffic-dojo[{_EXTRAS[module]}]'")

@@ -151,7 +151,8 @@ def sha256_of(path: Path, *, most: int = MAX_BYTES, error: ErrorClass = SourceEr
 
 
 def _open_at_once(path: str, flags: int) -> int:
-    return os.open(path, flags | os.O_NONBLOCK | os.O_NOCTTY)
+    at_once = getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_NOCTTY", 0)  # Windows has no pipes by path.
+    return os.open(path, flags | at_once)
 
 
 def _unpacked(file: io.BufferedReader, path: Path, error: ErrorClass) -> Iterator[bytes]:

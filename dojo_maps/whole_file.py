@@ -8,7 +8,6 @@ is removed by the next that writes there.
 import atexit
 import csv
 import ctypes
-import fcntl
 import json
 import os
 import shutil
@@ -20,6 +19,7 @@ from pathlib import Path
 from typing import Any
 
 from dojo_maps.errors import UsageError, WriteError
+from dojo_maps.file_locks import lock as take_lock
 from dojo_maps.interruption import held
 
 SUFFIX = ".dojo-tmp"
@@ -185,7 +185,7 @@ def _make_locked(parent: Path, name: str) -> Path:
         with suppress(FileNotFoundError):  # Somebody took it for one that was left.
             lock = _open_folder(work)
             with suppress(OSError):  # Where nothing can be locked, nobody removes what was left.
-                fcntl.flock(lock, fcntl.LOCK_EX)
+                take_lock(lock)
             if work.exists():
                 _locks[work] = lock
                 return work
@@ -214,7 +214,7 @@ def _remove_left(parent: Path) -> None:
         with suppress(OSError):  # Another user's.
             handle = _open_folder(left)
             try:
-                fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                take_lock(handle, wait=False)
                 shutil.rmtree(left, ignore_errors=True)
             finally:
                 os.close(handle)

@@ -190,7 +190,7 @@ def test_an_own_process_reads_a_script_only_where_it_needs_it(tmp_path: Path) ->
         )
         assert done.stdout.count("read") == 1 + needs
         assert done.returncode == needs
-        assert ('opens it under `if __name__ == "__main__":`' in done.stderr) == needs
+        assert ('under `if __name__ == "__main__":`' in done.stderr) == needs
 
 
 def test_an_own_process_refuses_what_it_cannot_get(make: Make) -> None:

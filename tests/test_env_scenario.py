@@ -101,8 +101,10 @@ def test_signals_of_railways_are_left_to_sumo(tmp_path: Path) -> None:
 
 
 def test_a_map_alone_is_no_scenario(tmp_path: Path) -> None:
-    with pytest.raises(ConfigError, match="routes"):
+    with pytest.raises(ConfigError, match="no scenario; expected"):
         find_scenario(tmp_path)
+    with pytest.raises(ConfigError, match="write some with dojo-maps demand"):
+        find_scenario(packaged_scenario("two-way").map)
     with pytest.raises(ConfigError, match="before it begins"):
         Scenario(map=tmp_path, begin=10, end=5)
 

@@ -31,6 +31,7 @@ EXPLAINED = {
     "dojo_env/calibration/points.py": {"reader"},
     "dojo_env/vehicle_models.py": {"loads"},
     "dojo_maps/demand/patterns.py": {"loads"},
+    "dojo_maps/option_files.py": {"loads"},
     "dojo_maps/repair/net_text.py": {"ParserCreate"},
     "dojo_maps/sources/line_numbers.py": {"ParserCreate"},
     "dojo_maps/sources/net_tree.py": {"fromstring"},

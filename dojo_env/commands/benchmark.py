@@ -15,7 +15,11 @@ _RESUME = "dojo-env: benchmark: interrupted; the same command goes on from the l
 def add_benchmark(commands: Commands) -> None:
     """Add the command to the parser."""
     benchmark = add_command(
-        commands, "benchmark", _benchmark, "run rows of the benchmark's table, and write what came out"
+        commands,
+        "benchmark",
+        _benchmark,
+        "run rows of the benchmark's table, and write what came out",
+        example="dojo-env benchmark --rows MaxPressure PPO-F --scenarios two-way",
     )
     benchmark.add_argument(
         "--rows",

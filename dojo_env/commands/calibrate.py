@@ -17,7 +17,13 @@ _DISTANCES = (20.0, 50.0)
 
 def add_calibrate(commands: Commands) -> None:
     """Add the command to the parser."""
-    calibrate = add_command(commands, "calibrate", _calibrate, "find the camera that took a photograph")
+    calibrate = add_command(
+        commands,
+        "calibrate",
+        _calibrate,
+        "find the camera that took a photograph",
+        example="dojo-env calibrate street.jpg --map junction.dojo --points points.csv --overlay over.png",
+    )
     calibrate.add_argument("image", nargs="?", type=Path, metavar="IMAGE", help="a JPEG or PNG")
     calibrate.add_argument("--map", metavar="MAP", help="a bundle, a network or a packaged scenario")
     calibrate.add_argument(

@@ -12,7 +12,13 @@ from dojo_maps.command import Commands, add_command
 
 def add_cameras(commands: Commands) -> None:
     """Add the command to the parser."""
-    cameras = add_command(commands, "cameras", _cameras, "list cameras, and what they see of the lanes")
+    cameras = add_command(
+        commands,
+        "cameras",
+        _cameras,
+        "list cameras, and what they see of the lanes",
+        example="dojo-env cameras cologne1 --preset usual",
+    )
     cameras.add_argument("scenario", help="a packaged scenario, a .sumocfg, a bundle or a network")
     cameras.add_argument("--signals", nargs="+", metavar="ID", help="the signals to look at (default: all)")
     which = cameras.add_mutually_exclusive_group()

@@ -11,7 +11,13 @@ from dojo_maps.progress import Progress
 
 def add_dataset(commands: Commands) -> None:
     """Add the command to the parser."""
-    make = add_command(commands, "dataset", _dataset, "write a data set of labelled pictures")
+    make = add_command(
+        commands,
+        "dataset",
+        _dataset,
+        "write a data set of labelled pictures",
+        example="dojo-env dataset cologne1 cologne3 -n 10000 --format coco -o cologne.coco",
+    )
     make.add_argument(
         "scenarios", nargs="+", metavar="SCENARIO", help="packaged scenarios, or .sumocfg files"
     )

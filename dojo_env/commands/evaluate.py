@@ -24,7 +24,13 @@ _COLUMNS = (
 
 def add_evaluate(commands: Commands) -> None:
     """Add the command to the parser."""
-    evaluate = add_command(commands, "evaluate", _evaluate, "measure policies and controllers")
+    evaluate = add_command(
+        commands,
+        "evaluate",
+        _evaluate,
+        "measure policies and controllers",
+        example="dojo-env evaluate runs/bev --under night rain --seeds 5",
+    )
     evaluate.add_argument(
         "policies",
         nargs="+",

@@ -8,7 +8,13 @@ from dojo_maps.command import Commands, add_command
 
 def add_prove(commands: Commands) -> None:
     """Add the command to the parser."""
-    prove = add_command(commands, "prove", _prove, "prove that no actions make a map's signals unsafe")
+    prove = add_command(
+        commands,
+        "prove",
+        _prove,
+        "prove that no actions make a map's signals unsafe",
+        example="dojo-env prove cologne1 --all-red 1",
+    )
     prove.add_argument("scenario", help="a packaged scenario, a .sumocfg, a bundle or a network")
     prove.add_argument("--signals", nargs="+", metavar="ID", help="the signals to look at (default: all)")
     prove.add_argument("--yellow", type=read_yellow, default=2, metavar="S", help='seconds, or "speed"')

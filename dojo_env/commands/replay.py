@@ -11,7 +11,13 @@ from dojo_maps.progress import Progress
 
 def add_replay(commands: Commands) -> None:
     """Add the command to the parser."""
-    replay = add_command(commands, "replay", _replay, "look at a recorded episode again, without SUMO")
+    replay = add_command(
+        commands,
+        "replay",
+        _replay,
+        "look at a recorded episode again, without SUMO",
+        example="dojo-env replay out_ep1.npz --conditions night --video night.mp4",
+    )
     replay.add_argument("recording", type=Path, metavar="RECORDING", help="a file that run --record wrote")
     replay.add_argument(
         "--map", metavar="BUNDLE", help="the map that it was made on, where that is not a packaged scenario's"

@@ -24,7 +24,13 @@ _MISSED = 0.02
 
 def add_run(commands: Commands) -> None:
     """Add the command to the parser."""
-    run = add_command(commands, "run", _run, "run a controller and print its figures")
+    run = add_command(
+        commands,
+        "run",
+        _run,
+        "run a controller and print its figures",
+        example="dojo-env run --scenario cologne1 --controller max-pressure --seeds 5 --json out.json",
+    )
     run.add_argument("--scenario", required=True, help="a packaged scenario such as cologne1, or a .sumocfg")
     add_routes_option(run)
     run.add_argument(

@@ -8,7 +8,13 @@ from dojo_maps.command import Commands, add_command
 
 def add_scenarios(commands: Commands) -> None:
     """Add the command to the parser."""
-    listed = add_command(commands, "scenarios", _list_scenarios, "list the packaged scenarios, or signals")
+    listed = add_command(
+        commands,
+        "scenarios",
+        _list_scenarios,
+        "list the packaged scenarios, or signals",
+        example="dojo-env scenarios cologne3",
+    )
     listed.add_argument(
         "scenarios", nargs="*", metavar="SCENARIO", help="show the signals of these, phase by phase"
     )

@@ -22,7 +22,13 @@ def add_train(commands: Commands) -> None:
     """Add the command to the parser."""
     from dojo_env.learning.settings import AGENTS, ALGORITHMS, CONDITIONS, NETWORKS, OBSERVATIONS
 
-    train = add_command(commands, "train", _train, "train a policy to set the signals")
+    train = add_command(
+        commands,
+        "train",
+        _train,
+        "train a policy to set the signals",
+        example="dojo-env train --scenario cologne1 --algorithm ppo --observation bev --out runs/bev",
+    )
     train.add_argument(
         "--scenario", metavar="NAME", help="a packaged scenario, or a file (default: cologne1)"
     )

@@ -14,7 +14,13 @@ from dojo_maps.command import Commands, add_command
 
 def add_watch(commands: Commands) -> None:
     """Add the command to the parser."""
-    watch = add_command(commands, "watch", _watch, "show an episode live in the browser")
+    watch = add_command(
+        commands,
+        "watch",
+        _watch,
+        "show an episode live in the browser",
+        example="dojo-env watch --scenario cologne1 --controller max-pressure --conditions dusk",
+    )
     watch.add_argument(
         "--scenario", default="cologne1", metavar="NAME", help="a packaged scenario, or a .sumocfg"
     )

@@ -32,6 +32,7 @@ def add_watch_video(commands: Commands) -> None:
         "watch-video",
         _watch_video,
         "count the lanes of a film, and tell what a controller would do",
+        example="dojo-env watch-video film.mp4 --regions lanes.json --detector detector.onnx",
     )
     watch.add_argument(
         "film",

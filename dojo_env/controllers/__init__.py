@@ -35,6 +35,12 @@ CONTROLLERS = tuple(_MAKERS)
 def make_controller(name: str) -> Controller:
     """Make a controller by its name.
 
+    Args:
+        name: one of `CONTROLLERS`.
+
+    Returns:
+        The controller, which serves any number of episodes.
+
     Raises:
         ConfigError: there is none of that name.
     """

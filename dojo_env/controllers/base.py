@@ -19,7 +19,11 @@ class Controller:
     name = ""
 
     def __init__(self, settings: Mapping[str, Any] | None = None) -> None:
-        """Note the settings."""
+        """Note the settings.
+
+        Args:
+            settings: keywords that the environment needs for it; see `Settings`.
+        """
         self.settings = dict(settings or {})
 
     def __str__(self) -> str:
@@ -27,18 +31,45 @@ class Controller:
         return self.name or type(self).__name__
 
     def reset(self, seed: int) -> None:
-        """Begin an episode."""
+        """Begin an episode.
+
+        Args:
+            seed: of the episode.
+        """
 
     def meet(self, known: Mapping[str, tuple[spaces.Space[Any], spaces.Discrete]]) -> None:
-        """Take each signal's observation and action space, before an episode's first decision."""
+        """Take each signal's observation and action space, before an episode's first decision.
+
+        Args:
+            known: by the signal's id.
+        """
 
     def see(self, observations: Mapping[str, Any]) -> None:
-        """Take what each signal observes, before `act` at every decision."""
+        """Take what each signal observes, before `act` at every decision.
+
+        Args:
+            observations: by the signal's id.
+        """
 
     def choose(self, signal: str, instant: Instant) -> int:
-        """Choose a phase; without a change, the present one."""
+        """Choose a phase; without a change, the present one.
+
+        Args:
+            signal: its id.
+            instant: the decision.
+
+        Returns:
+            The phase's number; the signal changes to it under the constraints that hold for all.
+        """
         return instant.signals[signal].phase
 
     def act(self, instant: Instant) -> dict[str, int]:
-        """Choose for every signal."""
+        """Choose for every signal.
+
+        Args:
+            instant: the decision.
+
+        Returns:
+            A phase's number for each signal.
+        """
         return {signal: self.choose(signal, instant) for signal in instant.signals}

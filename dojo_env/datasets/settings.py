@@ -141,11 +141,19 @@ class DatasetSettings:
         return tuple(name for name, share in zip(SPLITS, self.split, strict=False) if share > 0)
 
     def describe(self) -> dict[str, Any]:
-        """Give everything as JSON takes it."""
+        """Give everything as JSON takes it.
+
+        Returns:
+            The fields by name.
+        """
         return {name: list(v) if isinstance(v, tuple) else v for name, v in asdict(self).items()}
 
     def command(self) -> str:
-        """Write the command that makes such a data set."""
+        """Write the command that makes such a data set.
+
+        Returns:
+            The command in a line.
+        """
         words = ["dojo-env dataset", *self.scenarios, f"-n {self.pictures}"]
         usual = DatasetSettings(scenarios=self.scenarios, pictures=self.pictures, format=self.format)
         for each in fields(self):

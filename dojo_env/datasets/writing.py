@@ -10,7 +10,7 @@ import shutil
 from collections.abc import Callable, Iterator, Mapping
 from importlib import metadata
 from pathlib import Path
-from typing import Any
+from typing import Any, Unpack
 
 from dojo_env.datasets.cameras import check_cameras
 from dojo_env.datasets.card import add_counts, write_card
@@ -20,6 +20,7 @@ from dojo_env.datasets.parts import COUNTS, LABELS, TREE, make_part, scenario_co
 from dojo_env.datasets.settings import DatasetSettings, Job, Plan
 from dojo_env.datasets.workers import run_calls
 from dojo_env.errors import ConfigError, DatasetError
+from dojo_env.keywords import DatasetKeywords
 from dojo_env.scenario import open_map
 from dojo_maps.errors import WriteError
 from dojo_maps.input_files import opened, sha256_of
@@ -42,7 +43,7 @@ def write_dataset(
     jobs: int | None = None,
     ray: str | None = None,
     on_stage: Callable[[str], None] = lambda _stage: None,
-    **keywords: Any,
+    **keywords: Unpack[DatasetKeywords],
 ) -> dict[str, Any]:
     """Write a data set, or go on with one of the same settings that was interrupted.
 
@@ -74,7 +75,8 @@ def write_dataset(
     missing = [job for job in plan.jobs if not (folder / PARTS / job.name).is_dir()]
     _check_room(folder, settings, sum(job.pictures for job in missing))
     done = settings.pictures - sum(job.pictures for job in missing)
-    count = jobs if jobs is not None else len(os.sched_getaffinity(0))
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    count = cores if jobs is None else jobs
     for job in _run(folder, settings, missing, count, ray):
         done += job.pictures
         on_stage(f"{done:,} of {settings.pictures:,} pictures")

@@ -29,6 +29,9 @@ def load_detector(path: Path | str, **settings: Any) -> DetectorModel:
             `{"format": "dojo-detector", "version": 1, "model": "nanodet.onnx", "least_score": 0.4}`.
         settings: of `DetectorSettings`, before those of the file.
 
+    Returns:
+        The detector.
+
     Raises:
         ConfigError: a setting is unknown, or has a value that cannot work.
         DetectorError: a file is missing, no network, or one of another kind.

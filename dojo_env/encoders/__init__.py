@@ -30,6 +30,9 @@ def load_encoder(name: str) -> Encoder:
         name: one of `ENCODERS`, `open_clip:MODEL:WEIGHTS` where the weights are a tag or a local path, or the
             path of an `.onnx` file.
 
+    Returns:
+        The encoder.
+
     Raises:
         ConfigError: there is none of that name, or a package is missing.
         EncoderError: the file is missing, no network, or one of another kind.

@@ -47,6 +47,12 @@ class Site:
     def find_camera(self, wanted: Camera | str) -> Camera:
         """Take a camera as it is, or find one of the signal's by its name.
 
+        Args:
+            wanted: a camera, or a name such as `bev` or `approach_0`.
+
+        Returns:
+            The camera.
+
         Raises:
             ConfigError: the signal has no such camera.
         """
@@ -99,7 +105,14 @@ class Sensor(Protocol):
         return
 
     def observe(self, look: Look) -> Any:
-        """Look, noise included. Called in the order of time; what it returns is not changed later."""
+        """Look, noise included. Called in the order of time; what it returns is not changed later.
+
+        Args:
+            look: what there is to see.
+
+        Returns:
+            A value for `deliver`; by default one of `space`.
+        """
         ...
 
     def deliver(self, looks: Sequence[Any], view: SignalView) -> Any:
@@ -126,6 +139,12 @@ class SensorSettings(Protocol):
 
     def mount(self, site: Site) -> Sensor:
         """Put the sensor up.
+
+        Args:
+            site: the signal, and where the sensor hangs.
+
+        Returns:
+            The sensor at work.
 
         Raises:
             ConfigError: it cannot work there.

@@ -34,7 +34,7 @@ class DemandOptions:
     """What traffic to write.
 
     Attributes:
-        volume: vehicles per hour in all, bicycles aside; None for as many as use 60 % of the scarcest lanes'
+        volume: vehicles per hour in all, bicycles aside; None for as many as use 50 % of the scarcest lanes'
             capacity.
         bicycles: per hour in all; None for some where they have lanes of their own.
         walkers: people on foot per hour in all; None for some on each crossing.

@@ -54,6 +54,9 @@ def list_files(source: Path) -> list[Path]:
     Args:
         source: a network, an extract, or a folder or a configuration of CityFlow's.
 
+    Returns:
+        Their paths.
+
     Raises:
         SourceError: a file cannot be read, or names another that is not there.
     """
