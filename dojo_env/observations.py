@@ -9,6 +9,8 @@ from numpy.typing import NDArray
 
 from dojo_env.errors import ConfigError, refuse_other_arguments
 from dojo_env.instant import Instant
+from dojo_env.lane_features import read_features
+from dojo_env.network_observations import Movements, Neighbours
 from dojo_env.phase_features import CONSTRAINTS, PHASE_FEATURES, PhaseReader
 from dojo_env.sensors.base import SensorSettings
 from dojo_env.sensors.eyes import Eyes
@@ -62,10 +64,7 @@ class Features:
 
     def observe(self, signal: str, instant: Instant) -> NDArray[np.float32]:
         """Measure the lanes as they are."""
-        view = instant.signals[signal]
-        phases = [0.0] * len(view.plan.phases)
-        phases[view.phase] = 1.0
-        return np.array([*phases, view.may_change, *view.lanes.shares], dtype=np.float32)
+        return read_features(instant.signals[signal])
 
 
 class Phases:
@@ -103,7 +102,12 @@ class Phases:
         return {"phases": phases, "mask": mask, "constraints": reader.constraints(instant.signals[signal])}
 
 
-OBSERVERS: dict[str, ObserverFactory] = {"features": Features, "phases": Phases}
+OBSERVERS: dict[str, ObserverFactory] = {
+    "features": Features,
+    "phases": Phases,
+    "movements": Movements,
+    "neighbours": Neighbours,
+}
 """Observers by name, beside those of `sensor_observations`."""
 _SEEING = ("bev", "multi_view", "detector", "lane-strips")
 

@@ -7,13 +7,13 @@ import os
 import random
 import signal
 import subprocess
-import sys
 from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
+import forked
 import networks
 import pytest
 from oracle import ExpectedMap, read_expected
@@ -24,19 +24,27 @@ REPOSITORY = Path(__file__).resolve().parents[1]
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
 NO_GENERATED = "--no-generated"
-_LONG = ("test_train", "test_learned_rows", "test_benchmark", "test_robustness", "test_env_encoders")
+_FIRST = (
+    "test_ray", "test_train", "test_learned_rows", "test_benchmark", "test_robustness", "test_env_encoders",
+)  # fmt: skip
 """Files of the tests that train policies or load encoders."""
+_LAST = (
+    "test_calibration", "test_camera", "test_datasets", "test_detectors", "test_env_", "test_event",
+    "test_films", "test_imaging", "test_rendering", "test_sensor",
+)  # fmt: skip
+"""Files of the tests that draw: when they begin, one worker has compiled the kernels for all."""
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--whole", action="store_true", help="every case of the long suites, on every network")
-    parser.addoption("--fuzz", type=int, default=12, help="how many damaged copies of a network to convert")
+    parser.addoption("--fuzz", type=int, default=6, help="how many damaged copies of a network to convert")
     parser.addoption("--interruptions", type=int, default=4, help="how many commands to interrupt at random")
 
 
 def pytest_configure(config: pytest.Config) -> None:
     config.addinivalue_line(
-        "markers", "sampled(count): without --whole, only so many of a test's cases run, chosen by a seed"
+        "markers",
+        "sampled(count): without --whole, only so many of a test's cases run, chosen by a seed; with 0, none",
     )
 
 
@@ -57,14 +65,14 @@ def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     """Leave out what is sampled away, and begin with what takes longest.
 
-    So no worker is left alone with it in the end.
+    So no worker is left alone with it in the end. What draws comes last.
     """
     left_out = set() if config.getoption("--whole") else _choose_left_out(items)
     if left_out:
         config.hook.pytest_deselected(items=[item for item in items if item in left_out])
     items[:] = sorted(
         (item for item in items if item not in left_out),
-        key=lambda item: not item.path.stem.startswith(_LONG),
+        key=lambda item: 0 if item.path.stem.startswith(_FIRST) else 1 + item.path.stem.startswith(_LAST),
     )
 
 
@@ -130,18 +138,11 @@ def command_environment(**changes: str) -> dict[str, str]:
     return {**os.environ, "PYTHONPATH": os.pathsep.join(paths), **changes}
 
 
-def dojo_maps(*arguments: object, timeout: float = 300, **options: Any) -> subprocess.CompletedProcess[str]:
+def dojo_maps(
+    *arguments: object, cwd: Path | None = None, env: dict[str, str] | None = None, timeout: float = 300
+) -> subprocess.CompletedProcess[str]:
     """Run the real command line."""
-    options.setdefault("env", command_environment())
-    return subprocess.run(
-        [sys.executable, "-m", "dojo_maps.cli", *map(str, arguments)],
-        capture_output=True,
-        text=True,
-        encoding="utf-8",
-        timeout=timeout,
-        check=False,
-        **options,
-    )
+    return forked.run([*map(str, arguments)], cwd=cwd, env=env or command_environment(), timeout=timeout)
 
 
 @contextlib.contextmanager
@@ -166,6 +167,7 @@ def environment_cache(shared_folder: Path) -> Iterator[Path]:
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("DOJO_CACHE", str(shared_folder / "cache"))
         patch.setenv("NUMBA_CACHE_DIR", str(REPOSITORY / ".pytest_cache" / "kernels"))
+        patch.setenv("SB3_LOGDIR", str(shared_folder / "logs"))  # else a folder in /tmp for each model
         yield shared_folder / "cache"
 
 

@@ -49,6 +49,7 @@ def test_bad_input_is_one_line_and_a_status(tmp_path: Path) -> None:
         assert len(done.stderr.strip().splitlines()) == 1, done.stderr
 
 
+@pytest.mark.sampled(0)
 def test_all_that_does_not_learn_has_a_short_name(tmp_path: Path) -> None:
     done = benchmark("--rows", "controllers", "--scenarios", "two-way", "--seeds", 1, "--seconds", 10,
                      "--results", tmp_path)  # fmt: skip
@@ -71,6 +72,7 @@ def wait_for_end_of_group(group: int) -> None:
             time.sleep(0.1)
 
 
+@pytest.mark.sampled(0)
 def test_rows_end_with_a_benchmark_that_is_killed(tmp_path: Path) -> None:
     pytest.importorskip("stable_baselines3")
     running = start_row(tmp_path)

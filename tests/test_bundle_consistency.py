@@ -1,5 +1,6 @@
 """A bundle is opened whole: whatever map.json says against its network is refused, or has no effect."""
 
+import copy
 import json
 import shutil
 from collections.abc import Callable, Iterator
@@ -87,7 +88,7 @@ def places(value: Any, place: tuple[Any, ...] = ()) -> Iterator[tuple[Any, ...]]
 
 
 def altered(value: Value, place: tuple[Any, ...], new: Any) -> Value:
-    changed: Value = json.loads(json.dumps(value))
+    changed = {**value, place[0]: copy.deepcopy(value[place[0]])}
     inner: Any = changed
     for key in place[:-1]:
         inner = inner[key]

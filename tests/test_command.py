@@ -104,7 +104,7 @@ def test_wrong_usage_is_one_line(package: str, arguments: str, tmp_path: Path) -
     check_one_line(run_shell(f"$PYTHON -m {package} {arguments}", tmp_path), 2, "--help")
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize("closed", [">&-", "2>&-", ">&- 2>&-", "<&-", "<&- >&- 2>&-"])
 def test_commands_work_with_closed_streams(
     closed: str, tmp_path: Path, network_path: Callable[[str], Path]

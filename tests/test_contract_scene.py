@@ -25,7 +25,7 @@ from scene_reader import (
 )
 from shapely import LineString
 
-pytestmark = pytest.mark.sampled(7)
+pytestmark = pytest.mark.sampled(5)
 
 KERB_LIMIT = 0.25
 LIFT_LEAST, LIFT_MOST = 0.005, 0.05
@@ -242,7 +242,7 @@ def test_pavement_and_islands_are_closed_once_equal_corners_are_joined(conversio
     check_closed_when_stored(conversion.scene)
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize("flags", [(), ("--enrich-net",)], ids=["as_it_is", "enriched"])
 @pytest.mark.parametrize("seed", range(networks.GENERATED_SAMPLE))
 def test_pavement_and_islands_of_a_generated_network_are_closed(

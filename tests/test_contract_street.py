@@ -14,7 +14,7 @@ from scene_reader import GROUND, PAINT
 from shapely import LineString, MultiPoint, Point, Polygon, box
 from shapely.affinity import scale, translate
 
-pytestmark = pytest.mark.sampled(7)
+pytestmark = pytest.mark.sampled(5)
 
 POLE_RADIUS = 0.07
 RESCO_WITHOUT_SIDEWALKS = ("bare", "village", "left_hand_bare", "cologne1")

@@ -37,7 +37,7 @@ def test_convert_is_the_same_for_any_number_of_threads(tmp_path: Path) -> None:
     folders = []
     for jobs in (1, 3):
         options = dojo_maps.ConvertOptions(jobs=jobs)
-        folders.append(dojo_maps.convert("cologne8", tmp_path / f"{jobs}.dojo", options)[0].folder)
+        folders.append(dojo_maps.convert("cologne3", tmp_path / f"{jobs}.dojo", options)[0].folder)
     for name in ("scene.glb", "map.json", "overview.png"):
         assert (folders[0] / name).read_bytes() == (folders[1] / name).read_bytes()
 
@@ -118,9 +118,9 @@ def test_commands_start_without_loading_what_they_do_not_run() -> None:
 
 
 def test_convert_writes_results_to_standard_output_only(tmp_path: Path) -> None:
-    command = [sys.executable, "-m", "dojo_maps.cli", "convert", "cologne8", "-o", str(tmp_path / "x.dojo")]
+    command = [sys.executable, "-m", "dojo_maps.cli", "convert", "cologne1", "-o", str(tmp_path / "x.dojo")]
     done = subprocess.run(command, capture_output=True, text=True, check=True)
-    assert "149 roads, 157 lanes" in done.stdout
+    assert "10 roads, 19 lanes" in done.stdout
     assert done.stderr == ""
 
 

@@ -38,6 +38,7 @@ def cameras(scene):
     return [camera for camera in placed if camera.name != BEV]
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize(
     ("change", "kinds"),
     [({}, (Kind.CAR,)), ({"roll_deg": 8.0, "pitch_deg": -20.0}, (Kind.CAR,)),
@@ -194,6 +195,7 @@ def test_the_observation_is_the_features_as_far_as_cameras_see(drive):
     assert np.mean(off) < 0.03
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize("name", ["max-pressure", "max-pressure-paper", "webster"])
 def test_controllers_act_on_what_is_measured(name, drive):
     world = drive(seconds=30)

@@ -22,6 +22,8 @@ from dojo_maps.meshes.surroundings import surrounding_meshes
 from dojo_maps.sources.files import find_network
 from dojo_maps.sources.sumo_net import read_network
 
+pytestmark = pytest.mark.sampled(2)
+
 CAMERA_HEIGHT, CAMERA_AHEAD = 10.0, 8.0
 
 

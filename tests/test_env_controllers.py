@@ -83,7 +83,7 @@ def flows(network: Path) -> Iterator[str]:
         )
 
 
-@pytest.mark.sampled(9)
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize("controller", OWN)
 @pytest.mark.parametrize("shape", SHAPES)
 def test_every_link_with_demand_is_served(
@@ -96,7 +96,7 @@ def test_every_link_with_demand_is_served(
     assert not figures["violations"]
 
 
-@pytest.mark.sampled(4)
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("controller", OWN)
 @pytest.mark.parametrize("scenario", PACKAGED)
 def test_nobody_waits_longer_than_the_longest_red(scenario: str, controller: str) -> None:

@@ -251,6 +251,7 @@ def test_observations_without_pictures_are_refused(observation: Any) -> None:
     env.close()
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize(("observation", "views"), [("bev", 1), ("multi_view", 4)])
 def test_pictures_of_all_environments_are_one_batch(observation: str, views: int) -> None:
     from dojo_env.encoders.vectorised import EncodedVecEnv  # noqa: PLC0415
@@ -273,11 +274,10 @@ def test_pictures_of_all_environments_are_one_batch(observation: str, views: int
     encoded.close()
 
 
-def test_policy_learns_from_encoded_environments_in_processes() -> None:
+def test_policy_learns_from_encoded_environments() -> None:
     from dojo_env.encoders.vectorised import EncodedVecEnv  # noqa: PLC0415
 
-    build = partial(TrafficSignalEnv, observation="bev", **SMALL)
-    pool = vec_env.SubprocVecEnv([build, build], start_method="spawn")
+    pool = vec_env.DummyVecEnv([partial(TrafficSignalEnv, observation="bev", **SMALL)])
     envs = EncodedVecEnv(pool, load_encoder(EFFICIENTNET))
     learner = stable_baselines3.PPO(
         "MlpPolicy", envs, n_steps=8, batch_size=8, n_epochs=1, device="cpu", seed=1

@@ -204,6 +204,7 @@ def test_traci_gives_the_same_as_libsumo(make: Make) -> None:
     )
 
 
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize("reward", [
     "diff-waiting-time", "average-speed", "queue", "pressure", "co2", "delay", "throughput",
     {"queue": 0.5, "co2": 1.0}, {"t": "pressure"}, lambda _signal, _before, now: now.time,

@@ -13,6 +13,7 @@ import dojo_env
 from dojo_env.errors import ConfigError, EpisodeOverError
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize("scenario", ["cologne3", "grid4x4", "two-way"])
 def test_pettingzoo_accepts_the_environment(scenario: str) -> None:
     env = dojo_env.parallel_env(scenario=scenario, num_seconds=200)
@@ -63,6 +64,7 @@ def test_actions_of_strangers_are_refused() -> None:
     env.close()
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize("scenario", ["cologne8", "ingolstadt7", "arterial4x4"])
 def test_random_actions_break_no_rule_on_whole_networks(scenario: str) -> None:
     env = dojo_env.parallel_env(

@@ -45,7 +45,7 @@ def make():
         env.close()
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize(
     ("scenario", "observation"),
     [("two-way", "bev"), ("ingolstadt1", "multi_view"), ("two-way", "detector"), ("ingolstadt1", NAMED)],

@@ -72,6 +72,7 @@ CONFIGS = st.builds(
 )
 
 
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize("name", [*NETWORKS, *(f"{name}+" for name in ENRICHED)])
 @settings(max_examples=8, deadline=None, derandomize=True)
 @given(config=CONFIGS, seed=st.integers(0, 1000))
@@ -96,6 +97,7 @@ GREEDY = (
 )  # fmt: skip
 
 
+@pytest.mark.sampled(5)
 @pytest.mark.parametrize("name", GREEDY)
 @pytest.mark.parametrize("phases", ["program", "computed"])
 def test_greedy_requests_never_break_a_rule(name: str, phases: str) -> None:

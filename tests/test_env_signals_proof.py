@@ -43,13 +43,14 @@ def prove_all(found: list[SignalPlan], **settings: object) -> int:
     return states
 
 
+@pytest.mark.sampled(6)
 @pytest.mark.parametrize("name", [TWO_WAY if name == "two-way" else name for name in PACKAGED])
 @pytest.mark.parametrize("phases", ["program", "computed"])
 def test_packaged_scenarios_are_proved(name: str, phases: str) -> None:
     assert prove_all(plans(name, SignalConfig(phases=phases)), phases=phases) > 100
 
 
-@pytest.mark.sampled(8)
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize("name", WITH_CROSSINGS)
 @pytest.mark.parametrize("settings", SETTINGS)
 def test_maps_with_crossings_are_proved(name: str, settings: dict[str, object]) -> None:
@@ -58,6 +59,7 @@ def test_maps_with_crossings_are_proved(name: str, settings: dict[str, object]) 
     assert prove_all(found, **settings) > 100
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("name", ["six_legs", "left_hand", "mixed_lanes", "two_programs", "walkers_signal"])
 def test_built_networks_are_proved(name: str, network_path: Callable[[str], Path]) -> None:
     path = network_path(name)

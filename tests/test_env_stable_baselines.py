@@ -1,7 +1,6 @@
 """Stable-Baselines3, where it is installed: its checker on every observation, its process pool, a learner."""
 
 from functools import partial
-from typing import Any
 
 import numpy as np
 import pytest
@@ -15,6 +14,7 @@ stable_baselines3 = pytest.importorskip("stable_baselines3")
 OBSERVATIONS = ["features", "bev", "multi_view", "detector"]
 
 
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize("scenario", ["two-way", "cologne1", "ingolstadt1"])
 @pytest.mark.parametrize("observation", OBSERVATIONS)
 def test_checker_accepts_every_observation(scenario: str, observation: str) -> None:
@@ -31,17 +31,14 @@ def test_named_sensors_are_accepted() -> None:
 
 
 def test_environments_run_in_processes_and_a_policy_learns_from_them() -> None:
-    def make(**keywords: Any) -> vec_env.SubprocVecEnv:
-        build = partial(TrafficSignalEnv, scenario="two-way", num_seconds=100, **keywords)
-        return vec_env.SubprocVecEnv([build, build], start_method="spawn")
-
-    envs = make(observation="multi_view", height=64, width=64)
+    build = partial(
+        TrafficSignalEnv, scenario="two-way", num_seconds=100, observation="multi_view", height=64, width=64
+    )
+    envs = vec_env.SubprocVecEnv([build, build], start_method="spawn")
     seen = envs.reset()
     assert {image.shape for image in seen.values()} == {(2, 64, 64, 3)}
-    envs.close()
-    envs = make()
     learner = stable_baselines3.PPO(
-        "MlpPolicy", envs, n_steps=16, batch_size=16, n_epochs=1, seed=1, device="cpu"
+        "MultiInputPolicy", envs, n_steps=16, batch_size=16, n_epochs=1, seed=1, device="cpu"
     )
     before = [parameter.detach().clone() for parameter in learner.policy.parameters()]
     learner.learn(32)

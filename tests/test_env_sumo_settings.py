@@ -141,6 +141,7 @@ def test_a_configurations_seed_is_that_of_the_first_episode(
     assert departed[None] == departed[7] != departed[8]
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("step", ["0.1", "0.4", "0.5", "1", "2"])
 def test_trips_are_those_of_sumo_alone_whatever_the_length_of_its_steps(
     write: Callable[[str], Path], tmp_path: Path, step: str
@@ -174,6 +175,7 @@ def test_trips_are_those_of_sumo_alone_whatever_the_length_of_its_steps(
     assert figures["mean_trip_duration"] == pytest.approx(sum(durations) / len(durations), abs=0.005)
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("step", ["0.1", "0.4", "0.5", "2"])
 def test_signals_keep_their_rules_whatever_the_length_of_sumos_steps(
     write: Callable[[str], Path], step: str

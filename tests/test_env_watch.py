@@ -101,6 +101,7 @@ def test_the_page_shows_pauses_steps_and_goes_on(scenario: str, tmp_path: Path) 
         assert page.run("document.documentElement.scrollWidth <= innerWidth")
 
 
+@pytest.mark.sampled(0)
 @needs_browser
 def test_the_page_chooses_among_signals_while_it_is_paused(tmp_path: Path) -> None:
     with watching("watch", "--scenario", "cologne3") as watched, Browser(watched.url, tmp_path) as page:
@@ -184,6 +185,7 @@ def test_wrong_usage_of_watch_is_one_line_and_a_status(
     assert said.count("\n") == 1
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize("scenario", ["two-way", "cologne1", "cologne3"])
 def test_figures_counted_from_snapshots_are_those_of_the_environment(scenario: str) -> None:
     world = LocalWorld(build_config(scenario=scenario, num_seconds=300))

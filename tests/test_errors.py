@@ -11,7 +11,7 @@ import dojo_env
 import dojo_maps
 from dojo_maps.errors import DojoError, SourceError
 
-_OPTIONAL = "dojo_env.encoders"
+_OPTIONAL = ("dojo_env.encoders", "dojo_env.learning.rllib")
 """Modules that need packages of their own."""
 
 

@@ -59,7 +59,7 @@ def _routes(loaded, lanes: dict[str, Lane]) -> set[str]:
     return found
 
 
-@pytest.mark.sampled(8)
+@pytest.mark.sampled(5)
 def test_write_lanelet2_is_read_back_with_the_network_s_connections(network, network_path, tmp_path):
     road_map = _read(network_path(network))
     loaded = _load(_export(road_map, tmp_path / "out"))

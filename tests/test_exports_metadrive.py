@@ -23,6 +23,8 @@ from dojo_maps.serialization import from_json, to_json
 from dojo_maps.sources.files import find_network
 from dojo_maps.sources.sumo_net import read_network
 
+pytestmark = pytest.mark.sampled(3)
+
 _FIRST_LEVEL = {"id", "version", "length", "metadata", "tracks", "dynamic_map_states", "map_features"}
 _LANES = {"LANE_SURFACE_STREET", "LANE_SURFACE_UNSTRUCTURE", "LANE_BIKE_LANE", "LANE_UNKNOWN"}
 _LINES = {"ROAD_LINE_BROKEN_SINGLE_WHITE", "ROAD_LINE_SOLID_SINGLE_WHITE", "ROAD_EDGE_BOUNDARY"}

@@ -62,7 +62,7 @@ def _asam_issues(path: Path) -> list[str]:
     return [f"{one.get('ruleUID')}: {one.get('description')}" for one in _parse(result).iter("Issue")]
 
 
-@pytest.mark.sampled(12)
+@pytest.mark.sampled(6)
 def test_write_opendrive_passes_asam_s_checker(network, network_path, tmp_path):
     road_map = _read(network_path(network))
     assert _asam_issues(_export(draw(road_map)[0], tmp_path / "out")) == []

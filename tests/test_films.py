@@ -188,6 +188,7 @@ def serving(plan, phase):
     return {lane for link, lane, _ in plan.links if plan.phases[phase][link] == "G"}
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("policy", ["max-pressure", "queue-pressure", "sotl", "max-pressure-paper"])
 def test_controllers_give_green_to_the_queue(bundle, policy):
     advisor = Advisor(bundle, policy, lanes_of(bundle))

@@ -5,7 +5,6 @@ import json
 import re
 import subprocess
 import sys
-import time
 import xml.etree.ElementTree as ET
 from collections import Counter, defaultdict
 from pathlib import Path
@@ -31,10 +30,8 @@ CONTROLLERS = {
 
 
 @pytest.fixture(scope="module")
-def city(tmp_path_factory: pytest.TempPathFactory) -> tuple[Bundle, dict[str, Any], float]:
-    start = time.monotonic()
-    bundle, report = convert(str(helsinki()), tmp_path_factory.mktemp("city") / "city.dojo")
-    return bundle, report, time.monotonic() - start
+def city(tmp_path_factory: pytest.TempPathFactory) -> tuple[Bundle, dict[str, Any]]:
+    return convert(str(helsinki()), tmp_path_factory.mktemp("city") / "city.dojo")
 
 
 @pytest.fixture(scope="module", params=sorted(DRAWINGS))
@@ -45,8 +42,8 @@ def drawn(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFacto
     return request.param, bundle, report
 
 
-def test_city_keeps_what_is_mapped(city: tuple[Bundle, dict[str, Any], float]) -> None:
-    _, report, seconds = city
+def test_city_keeps_what_is_mapped(city: tuple[Bundle, dict[str, Any]]) -> None:
+    _, report = city
     quality = report["osm"]
     assert report["counts"]["error"] == 0
     assert quality["crossings"]["of"] > 300
@@ -56,15 +53,14 @@ def test_city_keeps_what_is_mapped(city: tuple[Bundle, dict[str, Any], float]) -
     assert quality["sidewalk_metres"]["share"] >= 0.95
     assert quality["road_metres"]["all"]["share"] >= 0.99
     assert quality["edges_under_5_m"] == 0
-    assert seconds < 60
 
 
-def test_city_has_no_dead_end_inside(city: tuple[Bundle, dict[str, Any], float]) -> None:
+def test_city_has_no_dead_end_inside(city: tuple[Bundle, dict[str, Any]]) -> None:
     check_no_dead_ends(city[0])
 
 
-def test_city_losses_name_their_elements(city: tuple[Bundle, dict[str, Any], float]) -> None:
-    _, report, _ = city
+def test_city_losses_name_their_elements(city: tuple[Bundle, dict[str, Any]]) -> None:
+    _, report = city
     losses = [issue for issue in report["issues"] if issue["check"] == "osm.missing_crossing"]
     quality = report["osm"]["crossings"]
     assert len(losses) == quality["of"] - quality["kept"]
@@ -75,10 +71,10 @@ def test_city_losses_name_their_elements(city: tuple[Bundle, dict[str, Any], flo
         assert 60.1 < issue["lonlat"][1] < 60.2
 
 
-def test_city_positions_lie_where_the_extract_says(city: tuple[Bundle, dict[str, Any], float]) -> None:
+def test_city_positions_lie_where_the_extract_says(city: tuple[Bundle, dict[str, Any]]) -> None:
     """Crossings that are nodes of the extract, projected by pyproj alone."""
     pyproj = pytest.importorskip("pyproj")
-    bundle, report, _ = city
+    bundle, report = city
     data = read_osm(helsinki())
     projection = bundle.road_map.projection
     project = pyproj.Proj(projection.proj)
@@ -93,18 +89,18 @@ def test_city_positions_lie_where_the_extract_says(city: tuple[Bundle, dict[str,
 
 
 @pytest.mark.sampled(0)
-def test_city_is_the_same_every_time(city: tuple[Bundle, dict[str, Any], float], tmp_path: Path) -> None:
-    bundle, _, _ = city
+def test_city_is_the_same_every_time(city: tuple[Bundle, dict[str, Any]], tmp_path: Path) -> None:
+    bundle, _ = city
     again, _ = convert(str(helsinki()), tmp_path / "city.dojo")
     for file in ("network.net.xml", "map.json", "scene.glb", "report.json", "overview.png"):
         assert (again.folder / file).read_bytes() == (bundle.folder / file).read_bytes()
 
 
-def test_city_signals_never_show_conflicting_greens(city: tuple[Bundle, dict[str, Any], float]) -> None:
+def test_city_signals_never_show_conflicting_greens(city: tuple[Bundle, dict[str, Any]]) -> None:
     check_programs(city[0].network)
 
 
-def test_city_leaves_walkers_time_to_cross(city: tuple[Bundle, dict[str, Any], float]) -> None:
+def test_city_leaves_walkers_time_to_cross(city: tuple[Bundle, dict[str, Any]]) -> None:
     """From the end of a crossing's green to the next unyielding green across it: its length at 1.2 m/s."""
     road_map = city[0].road_map
     rows = {way.link: (way, j) for j in road_map.junctions for way in j.right_of_way}
@@ -136,7 +132,7 @@ def _seconds_to_green(phases: tuple[Phase, ...], start: int, links: set[int]) ->
     return float("inf")
 
 
-def test_city_runs_in_sumo_without_a_word(city: tuple[Bundle, dict[str, Any], float], tmp_path: Path) -> None:
+def test_city_runs_in_sumo_without_a_word(city: tuple[Bundle, dict[str, Any]], tmp_path: Path) -> None:
     sumo = Path(sys.executable).with_name("sumo")
     done = subprocess.run(
         [str(sumo), "-n", str(city[0].network), "-e", "300", "--no-step-log"],
@@ -146,7 +142,7 @@ def test_city_runs_in_sumo_without_a_word(city: tuple[Bundle, dict[str, Any], fl
     assert done.stderr == ""
 
 
-@pytest.mark.sampled(8)
+@pytest.mark.sampled(5)
 def test_drawn_junction_is_whole(drawn: tuple[str, Bundle, dict[str, Any]]) -> None:
     name, bundle, report = drawn
     quality = report["osm"]
@@ -176,6 +172,7 @@ def cut(lon: float, lat: float, path: Path) -> Path:
     return path
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize(
     ("lon", "lat"), [(24.94276, 60.17053), (24.93874, 60.16987), (24.94218, 60.16758), (24.94996, 60.17821)]
 )
@@ -397,6 +394,7 @@ ODD = {
 }  # fmt: skip
 
 
+@pytest.mark.sampled(6)
 @pytest.mark.parametrize(("elements", "status"), ODD.values(), ids=ODD.keys())
 def test_import_of_odd_data_is_a_bundle_or_one_error(
     elements: str, status: int, tmp_path: Path, capsys: pytest.CaptureFixture[str]

@@ -59,6 +59,7 @@ def test_planted_defects_are_repaired(request: pytest.FixtureRequest) -> None:
     assert tally[True] >= LEAST_REPAIRED * tally.total(), "\n".join(left)
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize(
     "kind", ["cut_state", "misname_via", "dangle_connection", "drop_request", "duplicate_edge"]
 )

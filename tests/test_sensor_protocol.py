@@ -159,6 +159,7 @@ def test_pictures_come_as_often_and_as_late_as_asked(make):
         np.testing.assert_array_equal(seen[k]["rare"], seen[k - k % 2]["now"])
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("observation", ["detector", Detector(), {"d": "detector"}, {"d": Detector()}])
 def test_detector_in_any_way(make, observation):
     env = make(observation)

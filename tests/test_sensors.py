@@ -221,6 +221,7 @@ def test_conditions_out_of_range_are_refused(name):
         Conditions(**{name: LIMITS[name][1] + 1})
 
 
+@pytest.mark.sampled(8)
 @pytest.mark.parametrize("hour", np.linspace(0, 24, 9).tolist())
 @pytest.mark.parametrize("weather", [{}, {"overcast": 1.0}, {"rain": 1.0}, {"fog": 0.05}])
 def test_every_hour_and_weather_gives_a_picture_that_can_be_seen(scene, hour, weather):

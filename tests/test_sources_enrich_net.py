@@ -24,8 +24,8 @@ from dojo_maps.sources.pedestrian_links import TransplantError
 from dojo_maps.sources.pedestrian_timing import Foe, TimedPhase, Walk, compute_greens, traffic_letter
 
 RESCO = (
-    "cologne1", "cologne3", "cologne8", "ingolstadt1", "ingolstadt7", "ingolstadt21", "grid4x4",
-    "arterial4x4",
+    "cologne3", "cologne8", "grid4x4", "cologne1", "ingolstadt1", "ingolstadt7", "arterial4x4",
+    "ingolstadt21",
 )  # fmt: skip
 CROSSINGS = {
     "cologne1": 6, "cologne3": 37, "cologne8": 121, "ingolstadt1": 10, "ingolstadt7": 75, "ingolstadt21": 660,
@@ -43,6 +43,7 @@ def enriched(name: str):
     return parse(data), parse(result), report, result
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("name", RESCO)
 def test_enrich_network_keeps_every_vehicle_letter_of_every_second(name):
     old, new, report, _ = enriched(name)
@@ -59,6 +60,7 @@ def test_enrich_network_keeps_every_vehicle_letter_of_every_second(name):
     assert len(report["crossings_added"]) == CROSSINGS[name]
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("name", RESCO)
 def test_enrich_network_keeps_every_connection_and_its_letter(name):
     old, new, report, _ = enriched(name)
@@ -72,6 +74,7 @@ def test_enrich_network_keeps_every_connection_and_its_letter(name):
     assert added == set(report["sidewalks_added"])
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("name", RESCO)
 def test_enrich_network_reports_every_changed_length(name):
     old, new, report, _ = enriched(name)
@@ -84,6 +87,7 @@ def test_enrich_network_reports_every_changed_length(name):
     assert {entry["lane"]: (entry["before"], entry["after"]) for entry in report["lengths"]} == changed
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("name", RESCO)
 def test_enrich_network_never_shows_a_walker_green_against_traffic(name):
     _, new, report, _ = enriched(name)
@@ -106,6 +110,7 @@ def test_enrich_network_never_shows_a_walker_green_against_traffic(name):
     assert greens == sum(time > 0 for time in times) > 0
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("name", RESCO)
 def test_enrich_network_leaves_time_to_walk_across_before_the_next_conflicting_green(name):
     _, new, _, _ = enriched(name)
@@ -128,6 +133,7 @@ def test_enrich_network_leaves_time_to_walk_across_before_the_next_conflicting_g
                     assert not moves, f"{crossing}: traffic {later} s after the walk ended"
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("name", RESCO)
 def test_enrich_network_makes_networks_that_sumo_loads_without_new_complaints(name, tmp_path):
     _, _, _, result = enriched(name)

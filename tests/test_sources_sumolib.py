@@ -13,7 +13,7 @@ from dojo_maps.description import RoadMap
 from dojo_maps.sources.permissions import VEHICLE_CLASSES
 from dojo_maps.sources.sumo_net import read_network
 
-pytestmark = pytest.mark.sampled(12)
+pytestmark = pytest.mark.sampled(6)
 
 Both = tuple[RoadMap, Any]
 

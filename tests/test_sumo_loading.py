@@ -51,6 +51,7 @@ def states(report: dict[str, Any]) -> dict[str, str]:
     return {check["id"]: check["status"] for check in report["checks"]}
 
 
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize("kind", REFUSED)
 def test_network_that_sumo_refuses_has_an_error_that_quotes_sumo(kind: str, tmp_path: Path) -> None:
     pattern, instead, fault = REFUSED[kind]
@@ -137,7 +138,7 @@ def test_sumo_ends_with_the_context() -> None:
 
 
 def test_repair_that_sumo_would_refuse_is_given_up(monkeypatch: pytest.MonkeyPatch) -> None:
-    path, _ = find_network("arterial4x4")
+    path, _ = find_network("two-way")
     data, check = read_bytes(path), "signals.yellow_short"
     lengthen = REPAIRS[check]
 

@@ -2,10 +2,9 @@
 
 import csv
 import gc
+import multiprocessing
 import os
 import signal
-import subprocess
-import sys
 from contextlib import closing
 from functools import partial
 from pathlib import Path
@@ -14,12 +13,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 from commands import run_env, start_env, wait_for_file
-from conftest import command_environment
 from gymnasium import spaces
 
 from dojo_env.cli import build_parser, main
 from dojo_env.commands.train import choose_folder, read_pairs, read_training
 from dojo_env.errors import ConfigError
+from dojo_env.learning.episode_processes import LOADED_ONCE
 from dojo_env.learning.settings import Training
 
 if TYPE_CHECKING:
@@ -33,11 +32,11 @@ files = pytest.importorskip("dojo_env.learning.checkpoints")
 tensors = pytest.importorskip("dojo_env.learning.tensor_files")
 
 QUICK = {
-    "ppo": ["--scenario", "two-way", "--algorithm", "ppo", "--set", "n_steps=24", "batch_size=24"],
-    "threads": ["--scenario", "two-way", "--algorithm", "ppo", "--observation", "bev",
-                "--set", "n_steps=24", "batch_size=24"],
     "bev": ["--scenario", "two-way", "--algorithm", "dqn", "--observation", "bev", "--size", "36x48",
             "--background-subtraction", "--set", "learning_starts=40", "n_steps=3"],
+    "threads": ["--scenario", "two-way", "--algorithm", "ppo", "--observation", "bev",
+                "--set", "n_steps=24", "batch_size=24"],
+    "ppo": ["--scenario", "two-way", "--algorithm", "ppo", "--set", "n_steps=24", "batch_size=24"],
     "encoded": ["--scenario", "two-way", "--algorithm", "a2c", "--observation", "bev", "--size", "84x84",
                 "--encoder", "efficientnet-lite0", "--averaged-weights"],
 }  # fmt: skip
@@ -73,6 +72,17 @@ def test_interrupted_run_goes_on_to_the_same_result(kind: str, tmp_path: Path) -
     with (whole / "curve.csv").open() as file:
         parts = [row["part"] for row in csv.DictReader(file)]
     assert parts.count("validation") == 3
+
+
+def test_figures_are_logged_where_it_is_wished(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip("wandb")
+    monkeypatch.setenv("WANDB_MODE", "offline")
+    done = train(*QUICK["ppo"], *ONE, "--tensorboard", "--wandb", "streets", "--out", tmp_path / "run")
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.split() == [str(tmp_path / "run")]
+    for files_of in ("events.out.tfevents.*", "wandb/offline-run-*/*.wandb"):
+        (told,) = (tmp_path / "run").glob(files_of)
+        assert b"validation/travel_time_all" in told.read_bytes()
 
 
 def test_later_weights_count_more_in_the_average() -> None:
@@ -147,7 +157,7 @@ def test_processes_end_wherever_a_step_was_interrupted(answered: int) -> None:
 
 
 def test_an_episode_is_the_same_in_a_run_that_goes_on() -> None:
-    training = Training(algorithm="a2c", processes=1)
+    training = Training(algorithm="a2c", processes=1, seconds=300)
 
     def run_from(begin: int) -> list[list[float]]:
         with closing(environments.open_environments(training, done=begin * training.decisions)) as running:
@@ -167,22 +177,12 @@ def act_at_random(running: "VecEnv", number: int) -> list[float]:
 
 
 def test_processes_start_with_what_takes_long_to_import() -> None:
-    script = """
-import multiprocessing
-from dojo_env.learning.environments import open_environments
-from dojo_env.learning.episode_processes import LOADED_ONCE
-from dojo_env.learning.settings import Training
-
-if __name__ == "__main__":
-    open_environments(Training(algorithm="a2c", processes=1, seconds=60)).close()
+    environments.open_environments(Training(algorithm="a2c", processes=1, seconds=60)).close()
     child = f"import sys; sys.exit(len(set({LOADED_ONCE}) - set(sys.modules)))"
     process = multiprocessing.get_context("forkserver").Process(target=exec, args=(child,))
     process.start()
     process.join()
-    raise SystemExit(process.exitcode)
-"""
-    done = subprocess.run([sys.executable, "-c", script], check=False, env=command_environment())
-    assert done.returncode == 0
+    assert process.exitcode == 0
 
 
 def test_bad_arguments_are_one_line_before_any_work(

@@ -9,20 +9,35 @@ import pytest
 from test_train import interrupt, train
 
 import dojo_env
+from dojo_env.lane_features import place_features
 
 torch = pytest.importorskip("torch")
 pytest.importorskip("stable_baselines3")
 agents = pytest.importorskip("dojo_env.learning.joint_signals")
 
-SIZE = ["--scenario", "cologne3", "--processes", "1", "--seconds", "120", "--steps", "72", "--every", "1",
-        "--set", "n_steps=24", "batch_size=24"]  # fmt: skip
+SIZE = [
+    *("--scenario", "cologne3", "--processes", "1"),
+    *("--seconds", "120", "--steps", "72", "--every", "1"),
+]
+PPO, DQN = (
+    ["--set", "n_steps=24", "batch_size=24"],
+    ["--set", "learning_starts=30", "batch_size=24"],
+)
+KINDS = {
+    "shared": ["--agents", "shared", *PPO],
+    "independent": ["--agents", "independent", *PPO],
+    "independent FRAP": ["--agents", "independent", "--observation", "movements", "--network", "frap", *PPO],
+    "MPLight": ["--row", "MPLight", *DQN],
+    "CoLight": ["--row", "CoLight", *DQN],
+    "MAPPO": ["--row", "MAPPO", *PPO],
+}
 
 
 @pytest.mark.sampled(1)
-@pytest.mark.parametrize("kind", ["shared", "independent"])
+@pytest.mark.parametrize("kind", KINDS)
 def test_interrupted_run_goes_on_to_the_same_result(kind: str, tmp_path: Path) -> None:
     whole, cut = tmp_path / "whole", tmp_path / "cut"
-    arguments = [*SIZE, "--agents", kind]
+    arguments = [*SIZE, *KINDS[kind]]
     done = train(*arguments, "--out", whole)
     assert done.returncode == 0, done.stderr
     interrupt(cut, *arguments)
@@ -34,7 +49,7 @@ def test_interrupted_run_goes_on_to_the_same_result(kind: str, tmp_path: Path) -
 
 
 def test_features_of_unequal_signals_have_their_places() -> None:
-    small, large = agents.place_features([3, 4], [3 + 1 + 2 * 5, 4 + 1 + 2 * 8])
+    small, large = place_features([3, 4], [5, 8])
     assert large.tolist() == list(range(4 + 1 + 2 * 8))
     assert small.tolist() == [0, 1, 2, 4, *range(5, 10), *range(13, 18)]
 

@@ -116,6 +116,7 @@ def test_torch_and_numpy_score_alike(weights: dict[str, np.ndarray]) -> None:
         assert np.isinf(scores[row, count:].detach().numpy()).all()
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize("scenario", ["cologne1", "ingolstadt1"])
 def test_the_policy_that_ships_serves_whoever_comes(scenario: str) -> None:
     done = run_env("run", "--scenario", scenario, "--controller", "learned", "--seconds", 600)
@@ -126,6 +127,18 @@ def test_the_policy_that_ships_serves_whoever_comes(scenario: str) -> None:
     assert "safety violations                  0" in done.stdout
 
 
+def test_a_policy_is_trained_and_serves_another_junction(tmp_path: Path) -> None:
+    pytest.importorskip("torch")
+    folder = tmp_path / "run"
+    done = run_env("train", *SMALL, "rounds=1", "--out", folder)
+    assert done.returncode == 0, done.stderr
+    assert "4 junctions of 2 scenarios" in done.stderr
+    assert set(read_weights(folder / "policy.npz")) == set(WEIGHTS)
+    done = run_env("run", "--scenario", "cologne1", "--controller", folder, "--seconds", 60)
+    assert done.returncode == 0, done.stderr
+
+
+@pytest.mark.sampled(0)
 def test_training_goes_on_to_the_same_result_however_many_processes(tmp_path: Path) -> None:
     pytest.importorskip("torch")
     whole, cut = tmp_path / "whole", tmp_path / "cut"
@@ -143,8 +156,6 @@ def test_training_goes_on_to_the_same_result_however_many_processes(tmp_path: Pa
     assert all(np.array_equal(a[name], b[name]) for name in WEIGHTS)
     with (whole / "curve.csv").open() as file:
         assert [row["round"] for row in csv.DictReader(file)] == ["1", "2"]
-    done = run_env("run", "--scenario", "cologne1", "--controller", whole, "--seconds", 60)
-    assert done.returncode == 0, done.stderr
 
 
 def test_bad_arguments_are_one_line(tmp_path: Path) -> None:

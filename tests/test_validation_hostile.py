@@ -15,7 +15,7 @@ from dojo_maps.errors import SourceError
 from dojo_maps.sources.sumo_net import read_network
 from dojo_maps.validation.runner import run_checks
 
-pytestmark = pytest.mark.sampled(6)
+pytestmark = pytest.mark.sampled(4)
 
 SECONDS, MEMORY = 60.0, 3 << 30
 MILLION = 1_000_000
@@ -34,6 +34,7 @@ def check_ends_fairly(data: bytes) -> None:
     assert not crashed
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize("name", ["cologne1", "RiLSA1-rilsa1", "fkk_in-ingolstadt"])
 def test_validate_ends_fairly_on_a_network_damaged_at_random(
     name: str, request: pytest.FixtureRequest
@@ -53,6 +54,7 @@ def test_validate_ends_fairly_on_shapes_that_are_endless_or_large(name: str) -> 
     check_ends_fairly({**ENDLESS, **LARGE}[name]())
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize("step", [0.001, 0.1, 10.0])
 def test_validate_takes_or_refuses_a_million_positions_in_a_lane(step: float, tmp_path: Path) -> None:
     path = tmp_path / "long.net.xml"

@@ -145,6 +145,7 @@ def test_planted_defects_are_found_where_they_are(request: pytest.FixtureRequest
     assert len(failures) <= (1 - LEAST_FOUND) * count, "\n".join(failures)
 
 
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize("name", NETWORKS)
 def test_report_stays_the_same_when_nothing_is_planted(name: str) -> None:
     root, base = _base(name)

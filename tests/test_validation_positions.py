@@ -22,6 +22,7 @@ def inspected(name: str) -> tuple[RoadMap, dict[str, Any]]:
     return road_map, run_checks(road_map, None, known)
 
 
+@pytest.mark.sampled(16)
 @pytest.mark.parametrize("name", networks.installed_networks())
 def test_issues_lie_at_the_element_at_fault(name: str, request: pytest.FixtureRequest) -> None:
     if name in networks.SLOW and not request.config.getoption("--whole"):

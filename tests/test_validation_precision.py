@@ -30,6 +30,7 @@ def report_of(name: str) -> dict[str, Any]:
     return run_checks(road_map, None, known)
 
 
+@pytest.mark.sampled(16)
 @pytest.mark.parametrize("name", networks.installed_networks())
 def test_errors_are_the_known_defects(name: str, request: pytest.FixtureRequest) -> None:
     if name in networks.SLOW and not request.config.getoption("--whole"):

@@ -2,6 +2,7 @@
 
 import argparse
 import dataclasses
+import importlib.util
 import json
 import os
 from collections.abc import Mapping, Sequence
@@ -19,7 +20,7 @@ _RESUME = "dojo-env: train: interrupted; the same command with --resume goes on 
 
 def add_train(commands: Commands) -> None:
     """Add the command to the parser."""
-    from dojo_env.learning.settings import AGENTS, ALGORITHMS, CONDITIONS, OBSERVATIONS, PATCHES
+    from dojo_env.learning.settings import AGENTS, ALGORITHMS, CONDITIONS, NETWORKS, OBSERVATIONS, PATCHES
 
     train = add_command(commands, "train", _train, "train a policy to set the signals")
     train.add_argument(
@@ -71,12 +72,14 @@ def add_train(commands: Commands) -> None:
     )
     train.add_argument("--conditions", choices=list(CONDITIONS), help="light and weather (default: day)")
     train.add_argument("--agents", choices=AGENTS, help="how several signals learn (default: single)")
+    train.add_argument("--network", choices=list(NETWORKS), help="the policy's structure (default: usual)")
     train.add_argument(
         "--set", nargs="+", dest="hyperparameters", metavar="NAME=VALUE", help="the algorithm's own settings"
     )
     train.add_argument("--out", type=Path, metavar="FOLDER", help="(default: in runs, by what is learned)")
     train.add_argument("--resume", action="store_true", help="go on from the folder's checkpoint")
     train.add_argument("--tensorboard", action="store_true", help="write its event files, too")
+    train.add_argument("--wandb", metavar="PROJECT", help="log figures to a project of Weights & Biases, too")
     add_ray_option(train, "simulate on the nodes of a Ray cluster, and learn here")
 
 
@@ -92,11 +95,11 @@ def _train_row(options: argparse.Namespace) -> int:
     from dojo_env.learning.settings import check_folder
     from dojo_env.learning.settings import read_training as read_training_file
 
-    training = read_training(options)
+    training, logs = read_training(options), _choose_logs(options)
     folder = choose_folder(options.out, training)
     tell = say_nothing if options.quiet else say
     if options.ray:
-        _check_for_ray(training, tensorboard=options.tensorboard)
+        _check_for_ray(training, logs=options.tensorboard or options.wandb is not None)
     tell(f"{folder}: {training.algorithm} learns {training.scenario} from {training.observation}")
     check_scenario(training)
     check_folder(training, folder, read_training_file, resume=options.resume)
@@ -112,9 +115,20 @@ def _train_row(options: argparse.Namespace) -> int:
         with open_cluster(options.ray, training.processes):
             learner.train(training, folder, resume=options.resume, tell=tell)
     else:
-        train(training, folder, resume=options.resume, tensorboard=options.tensorboard, tell=tell)
+        train(training, folder, resume=options.resume, **logs, tell=tell)
     print(folder)
     return 0
+
+
+def _choose_logs(options: argparse.Namespace) -> dict[str, Any]:
+    """Tell where figures are logged.
+
+    Raises:
+        ConfigError: Weights & Biases is not installed.
+    """
+    if options.wandb is not None and importlib.util.find_spec("wandb") is None:
+        raise ConfigError('--wandb needs its package: pip install "traffic-dojo[wandb]"')
+    return {"tensorboard": options.tensorboard, "wandb": options.wandb}
 
 
 def _train_universal(options: argparse.Namespace) -> int:
@@ -125,6 +139,7 @@ def _train_universal(options: argparse.Namespace) -> int:
 
     given = {"longest": options.seconds, "every": options.every}
     training = read_any_junction(options, tuple(PACKAGED), UniversalTraining, given)
+    logs = _choose_logs(options)
     folder = options.out or Path("runs", f"universal-seed{training.seed}")
     tell = say_nothing if options.quiet else say
     check_folder(training, folder, read_settings, resume=options.resume)
@@ -135,7 +150,7 @@ def _train_universal(options: argparse.Namespace) -> int:
     interruption.explain(_RESUME)
     count = options.processes or os.cpu_count() or 1
     with open_nodes(options.ray, count) if options.ray else open_processes(count) as run_all:
-        train(training, folder, run_all, resume=options.resume, tell=tell)
+        train(training, folder, run_all, resume=options.resume, **logs, tell=tell)
     print(folder)
     return 0
 
@@ -178,7 +193,7 @@ def read_any_junction(
     """
     others = ("scenario", "row", "algorithm", "observation", "encoder", "steps", "reward", "size", "agents",
               "conditions", "patches", "shared_views", "background_subtraction", "averaged_weights",
-              "min_green")  # fmt: skip
+              "min_green", "network")  # fmt: skip
     if wrong := [name for name in others if getattr(options, name) is not None]:
         raise ConfigError(
             f"--{wrong[0].replace('_', '-')} is for one scenario; leave it out, or --junctions and --vision"
@@ -227,7 +242,7 @@ def choose_folder(out: Path | None, training: Any) -> Path:
     return out or Path("runs", "-".join([*parts, f"seed{training.seed}"]))
 
 
-def _check_for_ray(training: Any, *, tensorboard: bool) -> None:
+def _check_for_ray(training: Any, *, logs: bool) -> None:
     """Refuse what RLlib does not do here.
 
     Raises:
@@ -239,8 +254,10 @@ def _check_for_ray(training: Any, *, tensorboard: bool) -> None:
         )
     if training.agents != "single":
         raise ConfigError(f"--ray: agents={training.agents!r}: RLlib trains one signal here; leave --ray out")
-    if training.averaged_weights or tensorboard:
-        raise ConfigError("--ray: no averaged weights and no TensorBoard there; leave one or the other out")
+    if training.averaged_weights or logs:
+        raise ConfigError(
+            "--ray: no averaged weights, no TensorBoard, no Weights & Biases there; leave it out"
+        )
 
 
 def _read_size(text: str) -> tuple[int, int]:

@@ -9,11 +9,16 @@ from typing import Any
 from gymnasium import spaces
 from stable_baselines3 import A2C, DQN, PPO
 from stable_baselines3.common.base_class import BaseAlgorithm
+from stable_baselines3.common.logger import Logger
 from stable_baselines3.common.policies import BasePolicy
+from stable_baselines3.common.torch_layers import BaseFeaturesExtractor
 from torch.optim.swa_utils import AveragedModel
 
 from dojo_env.errors import ConfigError
+from dojo_env.learning.colight import NeighbourAttention
+from dojo_env.learning.frap import FrapActorCritic, FrapDQN, PhasePairs
 from dojo_env.learning.independent_learners import Independent, Policies
+from dojo_env.learning.mappo import CentralCritic, OwnAndEveryone
 from dojo_env.learning.networks import EncodedNet, ViewNet
 from dojo_env.learning.replay_buffer import NStepDictReplayBuffer
 from dojo_env.learning.settings import Training
@@ -22,6 +27,22 @@ from dojo_env.learning.updates import BesideDQN, TwoThreadPPO
 CLASSES: dict[str, type[BaseAlgorithm]] = {"ppo": PPO, "a2c": A2C, "dqn": DQN}
 _SEEING = {"ppo": TwoThreadPPO, "dqn": BesideDQN}
 """What stands in for them where updates take long."""
+_EXTRACTORS: dict[str, type[BaseFeaturesExtractor]] = {
+    "images": ViewNet,
+    "encoder": EncodedNet,
+    "frap": PhasePairs,
+    "colight": NeighbourAttention,
+    "mappo": OwnAndEveryone,
+}
+"""What reads observations that need more than layers."""
+_POLICIES: dict[tuple[str, str], type[BasePolicy]] = {
+    ("frap", "ppo"): FrapActorCritic,
+    ("frap", "a2c"): FrapActorCritic,
+    ("frap", "dqn"): FrapDQN,
+    ("mappo", "ppo"): CentralCritic,
+    ("mappo", "a2c"): CentralCritic,
+}
+"""Policies with heads of their own, by network and algorithm."""
 
 
 def build_model(training: Training, environments: Any) -> Any:
@@ -36,7 +57,7 @@ def build_model(training: Training, environments: Any) -> Any:
     """
     if training.agents == "independent":
         return Independent(training, environments, build_model)
-    name, settings = describe_policy(training, environments.observation_space)
+    policy, settings = describe_policy(training, environments.observation_space)
     known = dict(training.hyperparameters)
     rate = known.pop("learning_rate")
     if training.algorithm == "dqn":
@@ -45,8 +66,8 @@ def build_model(training: Training, environments: Any) -> Any:
             known["replay_buffer_class"] = NStepDictReplayBuffer
             known["replay_buffer_kwargs"] = {"n_steps": known.pop("n_steps"), "gamma": known["gamma"]}
     classes: Mapping[str, Any] = {**CLASSES, **_SEEING} if training.parallel_updates else CLASSES
-    return classes[training.algorithm](
-        name,
+    model = classes[training.algorithm](
+        policy,
         environments,
         seed=training.seed,
         device="auto" if training.sees else "cpu",
@@ -54,6 +75,8 @@ def build_model(training: Training, environments: Any) -> Any:
         learning_rate=partial(_fall, rate),
         **known,
     )
+    model.set_logger(Logger(None, []))  # The default one makes a folder among the system's temporary files.
+    return model
 
 
 def _check_memory(steps: int, observed: spaces.Space[Any]) -> None:
@@ -75,8 +98,8 @@ def _fall(rate: float, left: float) -> float:
 
 def build_policy(training: Training, observed: spaces.Space[Any], actions: spaces.Space[Any]) -> BasePolicy:
     """Build the same policy without its algorithm, for another learner; images are (3, h, w) here."""
-    name, settings = describe_policy(training, observed)
-    return CLASSES[training.algorithm].policy_aliases[name](observed, actions, lambda _: 0.0, **settings)
+    policy, settings = describe_policy(training, observed)
+    return policy(observed, actions, lambda _: 0.0, **settings)
 
 
 def build_policies(
@@ -103,19 +126,30 @@ def average_weights(policy: BasePolicy | Policies) -> AveragedModel:
     return AveragedModel(policy, avg_fn=lambda mean, last, count: mean.lerp(last, 5 / (count + 5)))
 
 
-def describe_policy(training: Training, observed: spaces.Space[Any]) -> tuple[str, dict[str, Any]]:
-    """Tell the policy's name in Stable-Baselines3, and its settings."""
+def describe_policy(
+    training: Training, observed: spaces.Space[Any]
+) -> tuple[type[BasePolicy], dict[str, Any]]:
+    """Tell the policy's class, and its settings."""
     settings: dict[str, Any] = {"net_arch": [128] if training.sees else [128, 128]}
     if training.sees:
         settings["normalize_images"] = False  # The network does, pixel by pixel.
-        settings["features_extractor_class"] = ViewNet
         settings["features_extractor_kwargs"] = {
             "shared": training.shared_views,
             "patches": training.patches,
         }
         if training.algorithm == "dqn" and training.parallel_updates:
             settings["optimizer_kwargs"] = {"fused": True}  # A tenth of an update's time.
-    elif training.encoder != "none":
-        settings["features_extractor_class"] = EncodedNet
+    extractor = _EXTRACTORS.get(_name_network(training))
+    if extractor is not None:
+        settings["features_extractor_class"] = extractor
     several = isinstance(observed, spaces.Dict)
-    return "MultiInputPolicy" if several else "CnnPolicy" if training.sees else "MlpPolicy", settings
+    alias = "MultiInputPolicy" if several else "CnnPolicy" if training.sees else "MlpPolicy"
+    usual = CLASSES[training.algorithm].policy_aliases[alias]
+    return _POLICIES.get((training.network, training.algorithm), usual), settings
+
+
+def _name_network(training: Training) -> str:
+    """Tell what reads the observations."""
+    if training.network != "usual":
+        return training.network
+    return "images" if training.sees else "encoder" if training.encoder != "none" else "usual"

@@ -8,6 +8,7 @@ step of all. So the order of everything random is fixed, and the same seed gives
 import threading
 from collections.abc import Callable, Iterable
 from dataclasses import replace
+from operator import itemgetter
 from typing import Any, cast
 
 import numpy as np
@@ -20,7 +21,7 @@ from stable_baselines3.common.logger import Logger
 from stable_baselines3.common.policies import BasePolicy
 from stable_baselines3.common.vec_env import VecEnv, VecEnvWrapper
 
-from dojo_env.learning.joint_signals import AgentsVecEnv
+from dojo_env.learning.joint_signals import AgentsVecEnv, change_each
 from dojo_env.learning.settings import Training
 
 _SEEDS_APART = 1_000
@@ -97,8 +98,8 @@ class Seat(VecEnvWrapper):
         infos = [dict(info) for info in infos[self._who :: self._agents]]
         return self._own(seen), self._own(rewards), self._own(ended), infos
 
-    def _own(self, values: NDArray[Any]) -> NDArray[Any]:
-        return values[self._who :: self._agents].copy()
+    def _own(self, values: Any) -> Any:
+        return change_each(lambda part: part[self._who :: self._agents].copy(), values)
 
 
 class _Meeting(BaseCallback):
@@ -120,9 +121,9 @@ class _Meeting(BaseCallback):
 class Policies(torch.nn.ModuleList):
     """A policy per signal, each of which acts for its own."""
 
-    def predict(self, seen: NDArray[Any], *, deterministic: bool) -> tuple[NDArray[Any], None]:
+    def predict(self, seen: Any, *, deterministic: bool) -> tuple[NDArray[Any], None]:
         """Act for every signal: all of the first environment, then all of the second."""
-        parts = [seen[who :: len(self)] for who in range(len(self))]
+        parts = [change_each(itemgetter(slice(who, None, len(self))), seen) for who in range(len(self))]
         acted = [
             policy.predict(part, deterministic=deterministic)[0]
             for policy, part in zip(cast(Iterable[BasePolicy], self), parts, strict=True)

@@ -2,11 +2,13 @@
 
 Signals differ in numbers of phases and lanes, so what they see and do is brought to one size. Features are
 padded with zeros block by block, so that a place always means the same, and say at their end whose they are
-(parameter sharing with agent indication; Terry et al., arXiv:2005.13625). An action beyond a signal's last
+(parameter sharing with agent indication; Terry et al., arXiv:2005.13625). Other observations are of one size
+as they come. An action beyond a signal's last
 phase counts on from its first: so every action is one of its phases, always the same, and none needs a mask.
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
+from operator import itemgetter
 from typing import Any
 
 import gymnasium
@@ -15,14 +17,18 @@ from gymnasium import spaces
 from numpy.typing import NDArray
 from stable_baselines3.common.vec_env import VecEnv, VecEnvWrapper
 
+from dojo_env.lane_features import place_features
 from dojo_env.parallel import TrafficSignalsEnv
+
+_IMAGE = 3
+"""Axes of an image."""
 
 
 class Stack:
     """What several signals observe, brought to one size: a row each.
 
     Attributes:
-        observation_space: of all rows.
+        observation_space: of all rows; a dict of such where a signal observes one.
         action_space: a phase of each signal.
     """
 
@@ -30,25 +36,27 @@ class Stack:
         """Take each signal's observation and action space."""
         self._agents = tuple(known)
         phases = [int(action.n) for _, action in known.values()]
-        shapes = [observed.shape or () for observed, _ in known.values()]
+        observed: list[Any] = [space for space, _ in known.values()]
         self.action_space = spaces.MultiDiscrete(phases)
-        self._places = [] if len(shapes[0]) == 3 else place_features(phases, [size for (size,) in shapes])
-        self.observation_space: spaces.Box
-        if self._places:
-            width = 1 + max(int(places[-1]) for places in self._places) + len(self._agents)
-            self.observation_space = spaces.Box(0.0, 1.0, (len(phases), width), np.float32)
-        else:
-            self.observation_space = spaces.Box(0, 255, (len(phases), *shapes[0]), np.uint8)
+        self._places: list[NDArray[np.int64]] = []
+        self.observation_space: spaces.Space[Any]
+        if isinstance(observed[0], spaces.Dict) or len(observed[0].shape) == _IMAGE:
+            self.observation_space = _repeat(observed[0], len(phases))
+            return
+        lanes = [(space.shape[0] - 1 - count) // 2 for count, space in zip(phases, observed, strict=True)]
+        self._places = place_features(phases, lanes)
+        width = max(phases) + 1 + 2 * max(lanes) + len(self._agents)
+        self.observation_space = spaces.Box(0.0, 1.0, (len(phases), width), np.float32)
 
     @property
-    def row_space(self) -> spaces.Box:
+    def row_space(self) -> spaces.Space[Any]:
         """What one signal observes, in a row."""
         return take_row(self.observation_space)
 
-    def stack(self, seen: Mapping[str, Any]) -> NDArray[Any]:
+    def stack(self, seen: Mapping[str, Any]) -> Any:
         """Put the signals' observations into rows, (signals, ...)."""
         if not self._places:
-            return np.stack([seen[agent] for agent in self._agents])
+            return _join([seen[agent] for agent in self._agents])
         stacked = np.zeros(self.observation_space.shape or (), np.float32)
         for row, (agent, places) in enumerate(zip(self._agents, self._places, strict=True)):
             stacked[row, places] = seen[agent]
@@ -61,8 +69,28 @@ class Stack:
         return {agent: int(phase) for agent, phase in zip(self._agents, phases, strict=True)}
 
 
-def take_row(space: Any) -> spaces.Box:
-    """Describe a row of a box of rows."""
+def change_each(change: Callable[[Any], Any], value: Any) -> Any:
+    """Change an array, or each of a dict of arrays."""
+    return {name: change(part) for name, part in value.items()} if isinstance(value, dict) else change(value)
+
+
+def _join(rows: Sequence[Any]) -> Any:
+    if isinstance(rows[0], dict):
+        return {name: np.stack([row[name] for row in rows]) for name in rows[0]}
+    return np.stack(rows)
+
+
+def _repeat(space: Any, count: int) -> spaces.Space[Any]:
+    """Describe as many observations as there are signals, all of one size."""
+    if isinstance(space, spaces.Dict):
+        return spaces.Dict({name: _repeat(part, count) for name, part in space.items()})
+    return spaces.Box(space.low.min(), space.high.max(), (count, *space.shape), space.dtype)
+
+
+def take_row(space: Any) -> spaces.Space[Any]:
+    """Describe a row of a box of rows, or of each of a dict."""
+    if isinstance(space, spaces.Dict):
+        return spaces.Dict({name: take_row(part) for name, part in space.items()})
     return spaces.Box(0, space.high.max(), space.shape[1:], space.dtype)
 
 
@@ -76,12 +104,12 @@ class JointEnv(gymnasium.Env[Any, Any]):
         self.observation_space = self._stack.observation_space
         self.action_space = self._stack.action_space
 
-    def reset(self, *, seed: int | None = None, **_options: Any) -> tuple[NDArray[Any], dict[str, Any]]:
+    def reset(self, *, seed: int | None = None, **_options: Any) -> tuple[Any, dict[str, Any]]:
         """Begin an episode."""
         seen, infos = self._env.reset(seed=seed)
         return self._stack.stack(seen), infos[self._agents[0]]
 
-    def step(self, action: NDArray[Any]) -> tuple[NDArray[Any], Any, bool, bool, dict[str, Any]]:
+    def step(self, action: NDArray[Any]) -> tuple[Any, Any, bool, bool, dict[str, Any]]:
         """Act."""
         seen, rewards, _, ended, infos = self._env.step(self._stack.name_actions(action))
         first = self._agents[0]
@@ -95,16 +123,6 @@ class JointEnv(gymnasium.Env[Any, Any]):
     def close(self) -> None:
         """End the simulation."""
         self._env.close()
-
-
-def place_features(phases: list[int], sizes: list[int]) -> list[NDArray[np.int64]]:
-    """Tell where each signal's phases, flag, densities and queues go; blocks are as wide as the widest."""
-    lanes = [(size - 1 - count) // 2 for count, size in zip(phases, sizes, strict=True)]
-    flag, most = max(phases), max(lanes)
-    return [
-        np.concatenate([np.arange(count), [flag], *(flag + 1 + at + np.arange(each) for at in (0, most))])
-        for count, each in zip(phases, lanes, strict=True)
-    ]
 
 
 class AgentsVecEnv(VecEnvWrapper):
@@ -135,9 +153,8 @@ class AgentsVecEnv(VecEnvWrapper):
         seen, rewards, ended, infos = self.venv.step_wait()
         return self._flat(seen), rewards.ravel(), np.repeat(ended, self.agents), self._share(infos)
 
-    def _flat(self, seen: Any) -> NDArray[Any]:
-        rows: NDArray[Any] = seen.reshape(-1, *seen.shape[2:])
-        return rows
+    def _flat(self, seen: Any) -> Any:
+        return change_each(lambda part: part.reshape(-1, *part.shape[2:]), seen)
 
     def _share(self, infos: list[dict[str, Any]]) -> list[dict[str, Any]]:
         shared = []
@@ -145,5 +162,7 @@ class AgentsVecEnv(VecEnvWrapper):
             last = info.pop("terminal_observation", None)
             for agent in range(self.agents):
                 own = {"TimeLimit.truncated": info["TimeLimit.truncated"], **(info if agent == 0 else {})}
-                shared.append(own if last is None else {**own, "terminal_observation": last[agent]})
+                if last is not None:
+                    own["terminal_observation"] = change_each(itemgetter(agent), last)
+                shared.append(own)
         return shared

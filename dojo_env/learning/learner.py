@@ -2,14 +2,14 @@
 
 from collections.abc import Callable
 from contextlib import ExitStack, closing
+from dataclasses import asdict
 from pathlib import Path
-
-from stable_baselines3.common.logger import Logger, TensorBoardOutputFormat
 
 from dojo_env.errors import ConfigError
 from dojo_env.learning.algorithms import average_weights, build_model
 from dojo_env.learning.checkpoints import read_checkpoint, restore_checkpoint
 from dojo_env.learning.environments import VALIDATION_SEEDS, open_environments, open_evaluation
+from dojo_env.learning.figure_logs import open_logger
 from dojo_env.learning.process_setup import prepare_process
 from dojo_env.learning.progress import Progress
 from dojo_env.learning.result_files import read_columns
@@ -53,6 +53,7 @@ def train(
     *,
     resume: bool = False,
     tensorboard: bool = False,
+    wandb: str | None = None,
     tell: Callable[[str], None] = say,
 ) -> None:
     """Train, and keep the best policy, the curve and a checkpoint in the folder.
@@ -62,6 +63,7 @@ def train(
         folder: where all of it goes.
         resume: go on from the folder's checkpoint.
         tensorboard: write its event files, too.
+        wandb: a project of Weights & Biases that figures are logged to.
         tell: takes lines of how far it is; on standard error, unless said otherwise.
 
     Raises:
@@ -78,9 +80,11 @@ def train(
         environments = stack.enter_context(closing(open_environments(training, done=done)))
         validation = stack.enter_context(closing(open_evaluation(training, VALIDATION_SEEDS)))
         model = build_model(training, environments)
+        logger = open_logger(folder, asdict(training), tensorboard=tensorboard, wandb=wandb)
+        stack.callback(logger.close)
+        model.set_logger(logger)
         if not resume:
             prepare_folder(training, folder)  # Not before: all that may be wrong has been opened.
-        model.set_logger(Logger(str(folder), [TensorBoardOutputFormat(str(folder))] if tensorboard else []))
         agents = environments.num_envs // training.processes if training.agents == "shared" else 1
         average = average_weights(model.policy) if training.averaged_weights else None
         progress = Progress(training, folder, validation, agents=agents, average=average, tell=tell)

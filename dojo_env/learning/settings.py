@@ -28,10 +28,12 @@ ALGORITHMS: dict[str, dict[str, Any]] = {
 
 The learning rate is that of the beginning; it falls to 0 at the end, so that the last policies differ little.
 """
-OBSERVATIONS = ("features", "bev", "multi_view", "detector")
+OBSERVATIONS = ("features", "bev", "multi_view", "detector", "movements", "neighbours")
 IMAGES = ("bev", "multi_view")
 PATCHES = ("apart", "overlapping")
 AGENTS = ("single", "shared", "independent")
+NETWORKS = {"usual": None, "frap": "movements", "colight": "neighbours", "mappo": "neighbours"}
+"""The networks that learn, and what those with a structure of their own observe."""
 PACKAGES = ("traffic-dojo", "libsumo", "numpy", "gymnasium", "torch", "stable-baselines3")
 CONDITIONS: dict[str, dict[str, tuple[float, float]]] = {
     "day": {},
@@ -85,6 +87,7 @@ class Training:
         conditions: `day`, or `random` light, weather and lenses per episode.
         agents: `single` for one signal; with several, all may use one `shared` policy, or each learns an
             `independent` one.
+        network: `usual` layers over what is observed, or those of `frap`, `colight` or `mappo`.
         hyperparameters: of the algorithm; what is not given is as in `ALGORITHMS`.
     """
 
@@ -107,6 +110,7 @@ class Training:
     every: int = 3
     conditions: str = "day"
     agents: str = "single"
+    network: str = "usual"
     hyperparameters: Mapping[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -121,6 +125,7 @@ class Training:
             "observation": OBSERVATIONS,
             "conditions": tuple(CONDITIONS),
             "agents": AGENTS,
+            "network": tuple(NETWORKS),
             "patches": PATCHES,
         }
         for name, values in known.items():
@@ -131,12 +136,7 @@ class Training:
                 raise ConfigError(f"{name}={getattr(self, name)}: expected at least 1")
         if not 0 <= self.seed < _SEEDS:
             raise ConfigError(f"seed={self.seed}: expected 0 to {_SEEDS - 1}")
-        for name, unused in (("encoder", "none"), ("background_subtraction", False), ("patches", "apart")):
-            value = getattr(self, name)
-            if value != unused and self.observation not in IMAGES:
-                raise ConfigError(f"{name}={value!r} needs images; observe {' or '.join(IMAGES)}")
-        if self.agents != "single" and self.observation == "multi_view":
-            raise ConfigError("several signals have different numbers of views; observe features or bev")
+        _check_together(self)
         own = _complete(self.algorithm, self.hyperparameters)
         object.__setattr__(self, "hyperparameters", own)
         rollout = "train_freq" if self.algorithm == "dqn" else "n_steps"
@@ -196,6 +196,21 @@ def _check_types(training: Training) -> None:
         kind = Mapping if setting.default is dataclasses.MISSING else type(setting.default)
         if not isinstance(value, kind) or (isinstance(value, bool) and kind is not bool):
             raise ConfigError(f"{setting.name}={value!r}: expected {kind.__name__}")
+
+
+def _check_together(training: Training) -> None:
+    """Refuse settings that do not go together."""
+    for name, unused in (("encoder", "none"), ("background_subtraction", False), ("patches", "apart")):
+        value = getattr(training, name)
+        if value != unused and training.observation not in IMAGES:
+            raise ConfigError(f"{name}={value!r} needs images; observe {' or '.join(IMAGES)}")
+    if training.agents != "single" and training.observation == "multi_view":
+        raise ConfigError("several signals have different numbers of views; observe features or bev")
+    observed = NETWORKS[training.network] or training.observation
+    if training.observation != observed:
+        raise ConfigError(f"network={training.network!r} sees observation={observed!r} alone; give it")
+    if training.network == "mappo" and training.algorithm == "dqn":
+        raise ConfigError("network='mappo' is a critic's; learn by algorithm='ppo' or 'a2c'")
 
 
 def _complete(algorithm: str, given: Mapping[str, Any]) -> dict[str, Any]:

@@ -20,6 +20,7 @@ from dojo_env.outages import find_outage
 from dojo_env.snapshot import Snapshot
 from dojo_env.vehicle_models import settle_models
 from dojo_maps.bundle import Bundle
+from dojo_maps.description import RoadMap
 
 if TYPE_CHECKING:
     from dojo_env.rendering.bullet import BulletWorld
@@ -43,6 +44,11 @@ class Eyes:
         self._good: dict[tuple[object, ...], NDArray[np.uint8]] = {}
         self.conditions = config.conditions if isinstance(config.conditions, Conditions) else Conditions()
         self.imaging = settle_imaging(config.imaging, seed=0)
+
+    @property
+    def road_map(self) -> RoadMap:
+        """The map as it is described."""
+        return self._bundle.road_map
 
     @cached_property
     def scene(self) -> "Scene":

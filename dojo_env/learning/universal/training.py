@@ -5,6 +5,8 @@ result is the same however many processes, or machines of a cluster, simulate th
 """
 
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import closing
+from dataclasses import asdict
 from functools import partial
 from pathlib import Path
 
@@ -16,6 +18,7 @@ from dojo_env.controllers import make_controller
 from dojo_env.controllers.phase_competition import PhaseCompetition
 from dojo_env.errors import SimulationError
 from dojo_env.learning.episode_pools import Mapper
+from dojo_env.learning.figure_logs import open_logger
 from dojo_env.learning.pace import Pace
 from dojo_env.learning.process_setup import prepare_process
 from dojo_env.learning.settings import RunFileError, check_folder
@@ -55,6 +58,8 @@ def train(
     run_all: Mapper,
     *,
     resume: bool = False,
+    tensorboard: bool = False,
+    wandb: str | None = None,
     tell: Callable[[str], None] = say,
 ) -> None:
     """Train, and keep the best weights, the curve and a checkpoint in the folder.
@@ -64,6 +69,8 @@ def train(
         folder: where all of it goes.
         run_all: simulates.
         resume: go on from the folder's checkpoint.
+        tensorboard: write its event files, too.
+        wandb: a project of Weights & Biases that figures are logged to.
         tell: takes lines of how far it is.
 
     Raises:
@@ -79,21 +86,20 @@ def train(
         learner.restore(folder / CHECKPOINT)
     else:
         learner.measure_rival()
-        folder.mkdir(parents=True, exist_ok=True)
-        write_settings(training, folder / SETTINGS)
     pace = Pace(training.rounds, tell, unit="rounds")
-    for number in range(learner.done, training.rounds):
-        learner.learn(number)
-        pace.note(number + 1)
-        if (number + 1) % training.every == 0 or number + 1 == training.rounds:
-            row = learner.validate(number + 1)
-            if row["score"] <= min(each["score"] for each in learner.rows):
-                write_weights(learner.network.export(), folder / POLICY)
-            rounded = ([round(each[name], 4) for name in _COLUMNS] for each in learner.rows)
-            write_table(folder / CURVE, _COLUMNS, rounded)
-            learner.save(folder / CHECKPOINT)
-            beside = ", ".join(f"{name} {row[name] - 1:+.1%}" for name in _FIGURES)
-            pace.say(number + 1, f": beside {RIVAL}, {beside}")
+    with closing(open_logger(folder, asdict(training), tensorboard=tensorboard, wandb=wandb)) as logger:
+        if not resume:
+            write_settings(training, folder / SETTINGS)
+        for number in range(learner.done, training.rounds):
+            learner.learn(number)
+            pace.note(number + 1)
+            if (number + 1) % training.every == 0 or number + 1 == training.rounds:
+                row = learner.keep(number + 1, folder)
+                beside = ", ".join(f"{name} {row[name] - 1:+.1%}" for name in _FIGURES)
+                pace.say(number + 1, f": beside {RIVAL}, {beside}")
+                for name in _FIGURES:
+                    logger.record(f"validation/{name}", row[name])
+                logger.dump(number + 1)
 
 
 class _Learner:
@@ -153,6 +159,16 @@ class _Learner:
         """Measure what learns nothing; a scenario that cannot run is told of before anything is learned."""
         found = self._run_all(partial(_measure, RIVAL), self._validation)
         self._rival = {case.scenario: each for case, each in zip(self._validation, found, strict=True)}
+
+    def keep(self, number: int, folder: Path) -> dict[str, float]:
+        """Validate, and write the curve, a checkpoint, and the weights if they are the best so far."""
+        row = self.validate(number)
+        if row["score"] <= min(each["score"] for each in self.rows):
+            write_weights(self.network.export(), folder / POLICY)
+        rounded = ([round(each[name], 4) for name in _COLUMNS] for each in self.rows)
+        write_table(folder / CURVE, _COLUMNS, rounded)
+        self.save(folder / CHECKPOINT)
+        return row
 
     def validate(self, number: int) -> dict[str, float]:
         """Compare with the rival, by the geometric means of the ratios; each episode has seeds of its own."""

@@ -1,4 +1,7 @@
-"""Training and the benchmark on a real Ray cluster of two nodes, one of which is stopped in the middle."""
+"""Training, the benchmark and data sets on a real Ray cluster of two nodes.
+
+With `--whole` a training is interrupted, and one of the nodes is lost in its middle.
+"""
 
 import csv
 import json
@@ -13,7 +16,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from commands import start_env
+from commands import run_env, start_env
+from test_datasets import digest
 
 pytest.importorskip("stable_baselines3")
 cluster_utils = pytest.importorskip("ray.cluster_utils")
@@ -31,6 +35,9 @@ ROUND = 120
 """Steps of an episode in each of two environments."""
 BENCHMARK = ("benchmark", "--rows", "MaxPressure", "Cycle", "--scenarios", "two-way", "--seeds", 1,
              "--seconds", 300)  # fmt: skip
+DATASET = ("dataset", "cologne1", "-n", 4, "--per-episode", 2, "--split", 1, "--cameras", "bev", "--jobs", 1,
+           "--conditions", "day", "--controllers", "fixed-time", "--seconds", 200,
+           "--no-smooth")  # fmt: skip
 
 
 def run(tool: str, *arguments: object) -> tuple[int, str]:
@@ -82,13 +89,33 @@ def cluster() -> Iterator[Any]:
 
 
 def test_benchmark_gives_the_same_figures_on_a_cluster(cluster: Any, tmp_path: Path) -> None:
-    for folder, more in (("here", ()), ("there", ("--ray", cluster.address))):
-        status, errors = run(*BENCHMARK, "--results", tmp_path / folder, *more)
-        assert status == 0, errors
+    done = run_env(*BENCHMARK, "--results", tmp_path / "here", "--jobs", 1)
+    assert done.returncode == 0, done.stderr
+    status, errors = run(*BENCHMARK, "--results", tmp_path / "there", "--ray", cluster.address)
+    assert status == 0, errors
     for row in ("MaxPressure", "Cycle"):
         a, b = (tmp_path / folder / "two-way" / row for folder in ("here", "there"))
         assert json.loads((a / "figures.json").read_text()) == json.loads((b / "figures.json").read_text())
         assert (a / "series.csv").read_bytes() == (b / "series.csv").read_bytes()
+
+
+@pytest.mark.sampled(0)
+def test_a_data_set_has_the_same_bytes_on_a_cluster(cluster: Any, tmp_path: Path) -> None:
+    done = run_env(*DATASET, "-o", tmp_path / "here")
+    assert done.returncode == 0, done.stderr
+    status, errors = run(*DATASET, "-o", tmp_path / "there", "--ray", cluster.address)
+    assert status == 0, errors
+    assert digest(tmp_path / "there") == digest(tmp_path / "here")
+
+
+def test_a_policy_is_trained_on_a_cluster(cluster: Any, tmp_path: Path) -> None:
+    folder = tmp_path / "run"
+    status, errors = run(*TRAIN, "--steps", ROUND, "--ray", cluster.address, "--out", folder)
+    assert status == 0, errors
+    rows = read_curve(folder)
+    assert (rows[0]["part"], rows[-1]["part"]) == ("training", "validation")
+    assert int(rows[-1]["steps"]) >= ROUND
+    assert torch.load(folder / "policy.pt", weights_only=True)
 
 
 def wait_for_checkpoint(folder: Path, running: subprocess.Popen[str], after: int = 0) -> int:
@@ -100,6 +127,7 @@ def wait_for_checkpoint(folder: Path, running: subprocess.Popen[str], after: int
     return path.stat().st_mtime_ns
 
 
+@pytest.mark.sampled(0)
 def test_training_goes_on_when_it_is_interrupted_and_when_a_node_is_lost(
     cluster: Any, tmp_path: Path
 ) -> None:
@@ -135,12 +163,20 @@ def test_bad_arguments_are_one_line_before_any_work(tmp_path: Path) -> None:
         ("no averaged weights", ("train", *here, "--averaged-weights", *folder)),
         ("nowhere", ("train", *here, "--scenario", "nowhere", *folder)),
         ("no such file", ("train", *here, "--resume", *folder)),
-        ("no Ray cluster answers", ("train", "--ray", "127.0.0.1:1", *folder)),
-        ("no Ray cluster answers", (*BENCHMARK, "--ray", "127.0.0.1:1", "--results", tmp_path)),
     ]
-    for words, (command, *arguments) in wrong:
-        status, errors = run(command, "--quiet", *arguments)
-        assert status == (3 if words == "no such file" else 2), arguments
-        assert words in errors
-        assert len(errors.strip().splitlines()) == 1, errors
+    for words, arguments in wrong:
+        done = run_env(arguments[0], "--quiet", *arguments[1:])
+        assert done.returncode == (3 if words == "no such file" else 2), arguments
+        assert words in done.stderr
+        assert len(done.stderr.strip().splitlines()) == 1, done.stderr
     assert not (tmp_path / "a").exists()
+
+
+@pytest.mark.parametrize("command", [("train", "--out"), (*BENCHMARK, "--results")], ids=lambda c: c[0])
+def test_a_cluster_that_is_not_there_is_one_line(command: tuple[object, ...], tmp_path: Path) -> None:
+    folder = tmp_path / "a"
+    status, errors = run(*command, folder, "--quiet", "--ray", "127.0.0.1:1")
+    assert status == 2
+    assert "no Ray cluster answers" in errors
+    assert len(errors.strip().splitlines()) == 1, errors
+    assert not folder.exists()
