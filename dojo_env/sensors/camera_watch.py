@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 _LEAST_CONTRAST = 2.0
 """Standard deviation of a picture's levels, of 255, below which nothing can be seen in it."""
-_STILL, _STILL_AT_GREEN = 300.0, 15.0
+_STILL, _STILL_AT_GREEN = 300.0, 20.0
 """Seconds without any change that no street has: at all, and while those whom it shows have green."""
 _SAMPLED = 4
 """Of so many rows and columns one is looked at."""

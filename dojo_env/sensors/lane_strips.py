@@ -27,7 +27,7 @@ from dojo_env.sensors.strip_geometry import COLUMNS, ROWS, build_strips, cut_str
 _STANDING, _MOVING, _EMERGENCY = (SEEN.index(name) for name in ("standing", "moving", "emergency"))
 _CAR = 5.0
 """Metres that vehicles are taken to be long."""
-_SEEN = 0.5
+_SEEN = 1.0
 """Standing vehicles of a lane from which on its picture must change at green."""
 _SURE = 0.5
 """The chance of an emergency vehicle, at this decision and at the last one, from which on it counts."""
