@@ -53,13 +53,13 @@ def write_cell(figures: Mapping[str, Mapping[str, float]]) -> str:
 
 
 def fill_rows(table: str) -> str:
-    """Fill in what each row came to on each scenario, a dash where it has not run; published figures stay."""
+    """Fill in what each row came to on each scenario, or that it has not run; published figures stay."""
     kept = [_read(path) for path in sorted(RESULTS.glob("*/*/figures.json"))]
     found = {(each["scenario"], each["row"]): each["figures"] for each in kept}
 
     def cell(row: str, column: str, old: str) -> str:
         if (column, row) not in found:
-            return "–"
+            return "not run"
         _, bracket, published = old.partition(" (")
         return write_cell(found[column, row]) + bracket + published
 
