@@ -9,6 +9,7 @@ from itertools import pairwise
 import cv2
 import numpy as np
 import pytest
+from browser import Browser, needs_browser
 from tiny_networks import build_network
 
 from dojo_env.camera import Camera, write_cameras
@@ -52,6 +53,23 @@ def film(tmp_path):
         for left in places:
             video.add(picture_of((left, 40, left + 60, 80)))
     return tmp_path / "film.mp4"
+
+
+@needs_browser
+@pytest.mark.parametrize("suffix", [".mp4", ".webm"])
+def test_film_plays_in_a_browser(suffix, tmp_path):
+    with open_video(tmp_path / f"film{suffix}") as video:
+        for level in range(0, 250, 50):
+            video.add(np.full((64, 96, 3), level, np.uint8))
+    page = tmp_path / "page.html"
+    page.write_text(f'<video src="film{suffix}" muted></video>')
+    with Browser(page.as_uri(), tmp_path / "profile") as browser:
+        shown = browser.run(
+            "new Promise(done => { const film = document.querySelector('video');"
+            "film.onended = () => done([film.videoWidth, film.videoHeight]);"
+            "film.play().catch(error => done(String(error))); })"
+        )
+    assert shown == [96, 64]
 
 
 def regions_file(path, regions, width=256, height=128):

@@ -79,12 +79,16 @@ class Stream:
         return (coder.encode(frame) + coder.encode(None))[0]
 
 
-def _load() -> Any:
+def find_av() -> Any:
+    """Find PyAV with x264; None where there is none."""
     try:
         import av  # noqa: PLC0415 - an extra
-
-        if "libx264" in av.codecs_available:
-            return av
     except ImportError:
-        pass
-    raise ToolMissingError('h264_kbps needs PyAV with x264: pip install "traffic-dojo[h264]"')
+        return None
+    return av if "libx264" in av.codecs_available else None
+
+
+def _load() -> Any:
+    if (av := find_av()) is None:
+        raise ToolMissingError('h264_kbps needs PyAV with x264: pip install "traffic-dojo[h264]"')
+    return av
