@@ -9,7 +9,9 @@ if TYPE_CHECKING:
     from dojo_env.conditions import Conditions
     from dojo_env.config import EpisodeConfig, SensingConfig, SignalConfig, TrafficConfig
     from dojo_env.imaging import Imaging
+    from dojo_env.outages import CameraOutage
     from dojo_env.scenario import Scenario
+    from dojo_env.timing_plans import TimingPlan
 
 
 class EpisodeSettings(TypedDict, total=False):
@@ -38,6 +40,7 @@ class SignalSettings(TypedDict, total=False):
     phases: str
     fixed_ts: bool
     program: str
+    timing: "TimingPlan | None"
 
 
 class TrafficSettings(TypedDict, total=False):
@@ -56,7 +59,7 @@ class TrafficSettings(TypedDict, total=False):
 
 
 class DrawingSettings(TypedDict, total=False):
-    """The fields of `SensingConfig` but for `cameras`: how cameras and lidars see."""
+    """The fields of `SensingConfig` but for `cameras` and `outages`: how cameras and lidars see."""
 
     conditions: "Conditions | Mapping[str, tuple[float, float]]"
     imaging: "Imaging | Mapping[str, tuple[float, float]] | str"
@@ -71,9 +74,10 @@ class DrawingSettings(TypedDict, total=False):
 
 
 class SensingSettings(DrawingSettings, total=False):
-    """The fields of `SensingConfig`: which cameras there are, and how they see."""
+    """The fields of `SensingConfig`: which cameras there are, how they see, and when they fail."""
 
     cameras: "Mapping[str, Sequence[Camera]] | str"
+    outages: "Sequence[CameraOutage]"
 
 
 class Settings(EpisodeSettings, SignalSettings, TrafficSettings, SensingSettings, total=False):

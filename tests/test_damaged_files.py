@@ -12,7 +12,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from commands import TOOLS
 from conftest import Conversion
 from test_whole_file import write_recording
 
@@ -408,13 +407,6 @@ def test_what_was_kept_before_there_were_checksums_is_read(kept: Path, tmp_path:
     path.write_bytes(good.replace(np.float32(31).tobytes(), np.float32(30).tobytes(), 1))
     with pytest.raises(RunFileError, match="damaged"):
         reader_of("old.pt")(path)
-
-
-def test_policies_that_are_kept_with_the_results_are_read(kept: Path) -> None:
-    policies = sorted((TOOLS / "results").glob("*/*/policy.pt"))
-    assert policies
-    for path in policies:
-        assert reader_of("policy.pt")(path)
 
 
 def test_code_in_a_checkpoint_is_not_run(kept: Path, tmp_path: Path) -> None:

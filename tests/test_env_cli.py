@@ -44,7 +44,7 @@ def test_run_works_with_every_controller(
 
 def test_scenarios_lists_signals_demand_and_licence(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["scenarios"]) == 0
-    lines = {line.split()[0]: line.split() for line in capsys.readouterr().out.splitlines()}
+    lines = {line.split()[0]: line.split() for line in capsys.readouterr().out.splitlines() if line}
     assert lines["cologne1"][1:4] == ["1", "2015", "25200"]
     assert lines["ingolstadt21"][1] == "21"
     assert "GPL-3.0" in lines["ingolstadt21"]

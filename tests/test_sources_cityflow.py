@@ -184,7 +184,7 @@ def test_folders_of_resco_and_libsignal_open_by_path(tmp_path: Path) -> None:
     with pytest.raises(ScenarioError, match="more than one SUMO network"):
         find_scenario(folder)
     assert first_departure(packaged_scenario("ingolstadt1").routes[0]) >= 57600
-    with pytest.raises(ConfigError, match="no demand"):
+    with pytest.raises(ConfigError, match="no scenario"):
         find_scenario(tmp_path)
 
 

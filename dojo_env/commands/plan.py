@@ -17,7 +17,13 @@ _RESUME = "dojo-env: plan: interrupted; the same command goes on from the episod
 
 def add_plan(commands: Commands) -> None:
     """Add the command to the parser."""
-    plan = add_command(commands, "plan", _plan, "search the best signal timing plan of a scenario")
+    plan = add_command(
+        commands,
+        "plan",
+        _plan,
+        "search the best signal timing plan of a scenario",
+        example="dojo-env plan cologne1-surges -o plan.json",
+    )
     plan.add_argument("scenario", help="a packaged scenario such as cologne1, a bundle, or a .sumocfg")
     add_routes_option(plan)
     plan.add_argument(

@@ -129,7 +129,11 @@ class Sensor(Protocol):
         return looks[-1]
 
     def perceive(self) -> "LaneMeasurements | None":
-        """Measure lanes for controllers, from what `deliver` was last given; None if it does not."""
+        """Measure lanes for controllers, from what `deliver` was last given.
+
+        Returns:
+            The lanes as this sensor tells them; None if it tells none.
+        """
         return None
 
 
