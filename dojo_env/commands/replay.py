@@ -16,7 +16,7 @@ def add_replay(commands: Commands) -> None:
         "replay",
         _replay,
         "look at a recorded episode again, without SUMO",
-        example="dojo-env replay out_ep1.npz --conditions night --video night.mp4",
+        example="dojo-env replay out_ep1.npz --conditions night --video night.webm",
     )
     replay.add_argument("recording", type=Path, metavar="RECORDING", help="a file that run --record wrote")
     replay.add_argument(

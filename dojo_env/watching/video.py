@@ -14,7 +14,7 @@ from dojo_env.sensors.h264 import find_av
 from dojo_env.watching.views import Image
 from dojo_maps.errors import ToolMissingError, WriteError
 from dojo_maps.input_files import is_there
-from dojo_maps.progress import quiet_output
+from dojo_maps.progress import quiet_output, say
 from dojo_maps.whole_file import replaced
 
 # What could not be written is told once, by us.
@@ -73,7 +73,10 @@ class Video:
             ToolMissingError: the installed OpenCV cannot write this kind.
         """
         if self._writer is None:
-            av = find_av() if self._path.suffix.lower() == ".mp4" else None
+            is_mp4 = self._path.suffix.lower() == ".mp4"
+            av = find_av() if is_mp4 else None
+            if is_mp4 and av is None:
+                say(f'{self._path.name}: VP9, slowly; pip install "traffic-dojo[h264]", or name it .webm')
             height, width = picture.shape[:2]
             self._writer = (
                 _OpenCV(self._path, self._frame_rate, width, height)
