@@ -1,6 +1,6 @@
 """Training, the benchmark and data sets on a real Ray cluster of two nodes.
 
-With `--whole` a training is interrupted, and one of the nodes is lost in its middle.
+Trainings come with `--whole`: one is interrupted, and one of the nodes is lost in its middle.
 """
 
 import csv
@@ -108,6 +108,7 @@ def test_a_data_set_has_the_same_bytes_on_a_cluster(cluster: Any, tmp_path: Path
     assert digest(tmp_path / "there") == digest(tmp_path / "here")
 
 
+@pytest.mark.sampled(0)
 def test_a_policy_is_trained_on_a_cluster(cluster: Any, tmp_path: Path) -> None:
     folder = tmp_path / "run"
     status, errors = run(*TRAIN, "--steps", ROUND, "--ray", cluster.address, "--out", folder)
