@@ -87,10 +87,14 @@ def build_parser() -> argparse.ArgumentParser:
         commands,
         "view",
         _view,
-        "show a bundle's 3D scene in the browser",
-        example="dojo-maps view cologne1.dojo",
+        "show a map's 3D scene in the browser",
+        example="dojo-maps view cologne1",
     )
-    view.add_argument("bundle", metavar="BUNDLE", type=Path)
+    view.add_argument(
+        "source",
+        metavar="NET_OR_BUNDLE",
+        help="a bundle; networks and packaged names are converted first",
+    )
     view.add_argument(
         "--recording",
         metavar="FILE",
@@ -289,22 +293,29 @@ def _view(options: argparse.Namespace) -> int:
     import webbrowser
 
     from dojo_maps.bundle import REPORT, read_bundle
+    from dojo_maps.conversion import ConvertOptions, convert
     from dojo_maps.errors import DescriptionError
     from dojo_maps.safe_json import read_json
     from dojo_maps.viewer import write_view
 
-    shown = read_bundle(options.bundle)
-    report = shown.folder / REPORT
-    page = (
-        options.output or Path(tempfile.mkdtemp(prefix="dojo-maps-")) / f"{shown.folder.resolve().name}.html"
-    )
-    write_view(
-        shown.road_map,
-        shown.read_meshes(),
-        page,
-        report=read_json(report, error=DescriptionError) if report.is_file() else None,
-        playback=_read_playback(options.recording, shown) if options.recording else None,
-    )
+    with tempfile.TemporaryDirectory() as work:
+        source = Path(options.source)
+        shown = (
+            read_bundle(source)
+            if source.is_dir()
+            else convert(options.source, Path(work) / f"{source.name}.dojo", ConvertOptions())[0]
+        )
+        page = options.output or (
+            Path(tempfile.mkdtemp(prefix="dojo-maps-")) / f"{shown.folder.resolve().stem}.html"
+        )
+        report = shown.folder / REPORT
+        write_view(
+            shown.road_map,
+            shown.read_meshes(),
+            page,
+            report=read_json(report, error=DescriptionError) if report.is_file() else None,
+            playback=_read_playback(options.recording, shown) if options.recording else None,
+        )
     print(page)
     if options.output is None:
         webbrowser.open(page.resolve().as_uri())

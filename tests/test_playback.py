@@ -81,3 +81,11 @@ def test_view_writes_a_page_with_the_recording(bundle, recording, tmp_path, caps
     assert page.stat().st_size > 500_000
     assert main(["view", str(bundle.folder), "--recording", str(tmp_path / "none.npz"), "-o", str(page)]) == 3
     assert "none.npz" in capsys.readouterr().err
+
+
+def test_view_converts_what_is_no_bundle(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    assert main(["view", "two-way", "-o", "page.html"]) == 0
+    assert [path.name for path in tmp_path.iterdir()] == ["page.html"]
+    assert main(["view", "nowhere", "-o", "other.html"]) == 3
+    assert "no such file" in capsys.readouterr().err
