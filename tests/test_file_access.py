@@ -78,7 +78,7 @@ EXPLAINED = {
     "dojo_env/encoders/onnx_file.py": {"load"},
     "dojo_env/rendering/compiling.py": {"read_bytes"},
     "dojo_env/watching/server.py": {"read_text", "loads"},
-    "dojo_env/watching/video.py": {"VideoCapture"},
+    "dojo_env/watching/video.py": {"VideoCapture", "open"},
     "dojo_maps/progress.py": {"open"},
     "tools/picture_findings.py": {"imread"},
 }
