@@ -27,6 +27,9 @@ _STAND = 70.0
 _UNEVEN = 0.13
 _SPRAYS, _SPRAY = 72, 0.2
 """Sprays of leaves of a crown, and their size as a share of its radius."""
+_ROOTED = 0.12
+"""How deep sprays begin in their cluster, as a share of its size."""
+_EPSILON = 1e-9
 _GOLDEN = np.pi * (3.0 - np.sqrt(5.0))
 
 _Clusters = Sequence[tuple[float, float, float, float, float]]
@@ -111,12 +114,34 @@ def _grown(tree: Prop, shift: Floats, part: Part) -> Part:
 @cache
 def _clusters(species: int) -> Part:
     """Make the clusters of a crown: uneven balls of 32 faces."""
-    ball, faces = _ball()
+    _, faces = _ball()
     parts = []
     for k, (*middle, wide, high) in enumerate(_SPECIES[species][1]):
-        uneven = 1.0 + _UNEVEN * np.sin(7.0 * ball @ [1.0, 1.7, 2.3] + 2.1 * k)[:, None]
-        parts.append((ball * uneven * [wide, wide, high] + middle, faces))
+        parts.append((_bulge(k) * [wide, wide, high] + middle, faces))
     return _joined(parts)
+
+
+def _bulge(number: int) -> Floats:
+    """Make the corners of a ball uneven, each cluster's in its own way."""
+    ball, _ = _ball()
+    return ball * (1.0 + _UNEVEN * np.sin(7.0 * ball @ [1.0, 1.7, 2.3] + 2.1 * number)[:, None])
+
+
+def _reach(number: int, out: Floats) -> Floats:
+    """Measure how far a cluster's faces are from its middle.
+
+    Args:
+        number: of the cluster.
+        out: (n, 3) unit vectors.
+
+    Returns:
+        (n,) distances, about 1.
+    """
+    corners = _bulge(number)[_ball()[1]].transpose(0, 2, 1)
+    weights = np.linalg.solve(corners[:, None], out[None, :, :, None])[..., 0]
+    meets = weights.min(axis=2) > -_EPSILON
+    distances: Floats = np.where(meets, 1.0 / np.where(meets, weights.sum(axis=2), 1.0), 0.0).max(axis=0)
+    return distances
 
 
 @cache
@@ -129,9 +154,12 @@ def _sprays(species: int) -> Part:
     level = np.sqrt(1.0 - up**2)
     out = np.column_stack([level * np.cos(turn), level * np.sin(turn), up])
     own = clusters[number % len(clusters)]
-    places = own[:, :3] + out * own[:, [3, 3, 4]]
+    reaches = np.stack([_reach(k, out) for k in range(len(clusters))])
+    reach = reaches[number % len(clusters), number] - _ROOTED
+    places = own[:, :3] + out * own[:, [3, 3, 4]] * reach[:, None]
     sizes = clusters[:, [3, 3, 4]]
     depths = np.linalg.norm((places[:, None] - clusters[:, :3]) / sizes, axis=2)
+    depths[number, number % len(clusters)] = np.inf
     outside = np.flatnonzero(depths.min(axis=1) > 0.95)[:_SPRAYS]
     out, places, number = out[outside], places[outside], number[outside]
     side = np.cross(out, [0.3, 0.2, 1.0])
