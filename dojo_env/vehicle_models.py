@@ -4,14 +4,14 @@ The files are read where pictures are made; see `rendering.model_files`.
 """
 
 import importlib.util
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
 
 from dojo_env.errors import ConfigError, ModelError
-from dojo_maps.input_files import is_there, read_bytes
+from dojo_maps.input_files import is_there
+from dojo_maps.safe_toml import read_toml
 
 SUMO = "sumo:"
 """Before the name of one of SUMO's own models."""
@@ -66,7 +66,8 @@ def settle_models(models: "Mapping[str, Any] | Path | str") -> Mapping[str, Vehi
     """
     if isinstance(models, str | Path):
         path = Path(models)
-        return {name: _settle(name, value, path.parent) for name, value in _read_table(path).items()}
+        table = read_toml(path, most=_MAX_BYTES, error=ModelError)
+        return {name: _settle(name, value, path.parent) for name, value in table.items()}
     if not isinstance(models, Mapping):
         raise ConfigError(f"models={models!r}: expected files by vehicle type, or a TOML file of these")
     return {name: _settle(name, value, Path()) for name, value in models.items()}
@@ -82,14 +83,6 @@ def _settle(name: str, value: Any, folder: Path) -> VehicleModel:
     if not str(given["file"]).startswith(SUMO):
         given["file"] = folder / given["file"]
     return VehicleModel(**given)
-
-
-def _read_table(path: Path) -> dict[str, Any]:
-    data = read_bytes(path, most=_MAX_BYTES, error=ModelError)
-    try:
-        return tomllib.loads(data.decode())
-    except (ValueError, RecursionError) as error:
-        raise ModelError(path, f"not readable as TOML ({error})") from error
 
 
 def _find_sumo_model(name: str) -> Path:

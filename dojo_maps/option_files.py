@@ -9,13 +9,12 @@ They take the place of the defaults, so what stands on the command line counts m
 
 import argparse
 import difflib
-import tomllib
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from dojo_maps.errors import SourceError, UsageError
-from dojo_maps.input_files import read_bytes
+from dojo_maps.errors import UsageError
+from dojo_maps.safe_toml import read_toml
 
 _OPTION = "--config"
 _MOST_BYTES = 1_000_000
@@ -41,15 +40,7 @@ def take_file(parser: argparse.ArgumentParser, arguments: Sequence[str]) -> None
     except argparse.ArgumentError:
         return  # The command's own parser says what is wrong.
     if named is not None:
-        _set_defaults(parser, _read_table(Path(named)), named)
-
-
-def _read_table(path: Path) -> dict[str, Any]:
-    data = read_bytes(path, most=_MOST_BYTES)
-    try:
-        return tomllib.loads(data.decode())
-    except (ValueError, RecursionError) as error:
-        raise SourceError(path, f"not readable as TOML ({error})") from error
+        _set_defaults(parser, read_toml(Path(named), most=_MOST_BYTES), named)
 
 
 def _set_defaults(parser: argparse.ArgumentParser, table: Mapping[str, Any], path: str) -> None:

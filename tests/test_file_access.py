@@ -22,6 +22,7 @@ OWN_READERS = {
     "dojo_maps/input_files.py": {"open", "read_bytes", "DictReader", "ZipFile"},
     "dojo_maps/safe_xml.py": {"ParserCreate"},
     "dojo_maps/safe_json.py": {"loads"},
+    "dojo_maps/safe_toml.py": {"loads"},
     "dojo_env/plain_arrays.py": {"ZipFile", "open"},
     "dojo_env/learning/tensor_files.py": {"ZipFile", "load", "open"},
 }
@@ -29,9 +30,6 @@ OWN_READERS = {
 EXPLAINED = {
     # Bytes that a reader has let through already.
     "dojo_env/calibration/points.py": {"reader"},
-    "dojo_env/vehicle_models.py": {"loads"},
-    "dojo_maps/demand/patterns.py": {"loads"},
-    "dojo_maps/option_files.py": {"loads"},
     "dojo_maps/repair/net_text.py": {"ParserCreate"},
     "dojo_maps/sources/line_numbers.py": {"ParserCreate"},
     "dojo_maps/sources/net_tree.py": {"fromstring"},
@@ -58,7 +56,6 @@ EXPLAINED = {
     "tools/bench_validate.py": {"loads"},
     "tools/bench_view.py": {"read_text"},
     "dojo_env/commands/train.py": {"loads"},
-    "dojo_env/benchmark/rows.py": {"loads"},
     "tools/fuzz.py": {"read_bytes", "read_text", "open"},
     "tools/random_damage.py": {"load", "loads"},
     "tools/survey_networks.py": {"loads", "read_text"},

@@ -91,6 +91,7 @@ def test_a_row_is_a_file_that_can_be_copied_and_changed(tmp_path: Path) -> None:
     ("content", "words"),
     [
         ("name = ", "not TOML"),
+        ("name = " + "[" * 100_000, "not TOML"),
         ('controller = "sotl"', "name = None"),
         ('name = "../up/"', "expected letters"),
         ('name = "a"\ncontroller = "magic"', "expected one of"),

@@ -15,7 +15,6 @@ with `logic = "fixed"`, `"actuated"` or `"delay_based"` is the best timing plan 
 """
 
 import re
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import lru_cache
@@ -28,7 +27,7 @@ from dojo_env.errors import ConfigError
 from dojo_env.learning.settings import RunFileError, Training
 from dojo_env.timing_plans import LOGICS
 from dojo_maps.demand.patterns import split_pattern
-from dojo_maps.input_files import read_bytes
+from dojo_maps.safe_toml import read_toml
 
 FOLDER = Path(__file__).parent / "row_files"
 SUFFIX = ".toml"
@@ -101,10 +100,7 @@ def read_row(path: Path) -> Row:
     Raises:
         RunFileError: it cannot be read, or is no row.
     """
-    try:
-        known = tomllib.loads(read_bytes(path, most=_MOST_BYTES, error=RunFileError).decode())
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise RunFileError(path, f"not TOML ({error})") from error
+    known = read_toml(path, most=_MOST_BYTES, error=RunFileError)
     if unknown := known.keys() - _KEYS:
         told, expected = (", ".join(sorted(each)) for each in (unknown, _KEYS))
         raise RunFileError(path, f"{told}: unknown; known are {expected}")

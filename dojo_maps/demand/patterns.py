@@ -11,12 +11,12 @@ file with fields of `Pattern`; it fits any map.
 """
 
 import math
-import tomllib
 from dataclasses import dataclass, fields
 from pathlib import Path
 
 from dojo_maps.errors import SourceError
-from dojo_maps.input_files import is_there, read_bytes
+from dojo_maps.input_files import is_there
+from dojo_maps.safe_toml import read_toml
 
 FOLDER = Path(__file__).parent / "pattern_files"
 SUFFIX = ".toml"
@@ -100,10 +100,7 @@ def read_pattern(path: Path) -> Pattern:
     Raises:
         SourceError: it cannot be read, or is no pattern.
     """
-    try:
-        known = tomllib.loads(read_bytes(path, most=_MOST_BYTES).decode())
-    except (ValueError, RecursionError) as error:
-        raise SourceError(path, f"not TOML ({error})") from error
+    known = read_toml(path, most=_MOST_BYTES)
     names = [each.name for each in fields(Pattern)]
     if unknown := sorted(known.keys() - set(names)):
         raise SourceError(path, f"{', '.join(unknown)}: unknown; known are {', '.join(names)}")
