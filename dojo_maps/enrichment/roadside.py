@@ -1,7 +1,7 @@
 """What stands along pavement, generated from the map alone: street lamps, signs, rows of trees, hedges."""
 
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 import shapely
@@ -99,16 +99,8 @@ class Roadside:
                 headings.append(outward + np.pi)
         places, arms = np.concatenate(spots), np.concatenate(headings)
         kept = self._take(places, apart=_LAMP_SPACING / 2)
-        return tuple(
-            Prop(
-                id=f"generated:lamp:{x:.1f}:{y:.1f}",
-                kind="lamp",
-                height=LAMP_HEIGHT,
-                position=(float(x), float(y), float(z)),
-                tags=(GENERATED, ("heading", f"{np.remainder(arm, 2 * np.pi):.4f}")),
-            )
-            for (x, y, z), arm in zip(self._near.lift(places[kept]), arms[kept], strict=True)
-        )
+        tags = [(_tell_heading(arm),) for arm in arms[kept]]
+        return self._stand("lamp", places[kept], [LAMP_HEIGHT] * len(tags), tags)
 
     def put_signs(self) -> tuple[Prop, ...]:
         """Put a sign with the speed limit where a road begins behind a junction of several roads."""
@@ -125,22 +117,11 @@ class Roadside:
                 speeds.append(round(lane.speed * 3.6))
         places, faced = np.concatenate(spots), np.concatenate(headings)
         kept = self._take(places, apart=_APART)
-        return tuple(
-            Prop(
-                id=f"generated:sign:{x:.1f}:{y:.1f}",
-                kind="sign",
-                height=_SIGN_HEIGHT,
-                position=(float(x), float(y), float(z)),
-                tags=(
-                    GENERATED,
-                    ("heading", f"{np.remainder(heading, 2 * np.pi):.4f}"),
-                    ("maxspeed", str(speed)),
-                ),
-            )
-            for (x, y, z), heading, speed in zip(
-                self._near.lift(places[kept]), faced[kept], np.array(speeds)[kept], strict=True
-            )
-        )
+        tags = [
+            (_tell_heading(heading), ("maxspeed", str(speed)))
+            for heading, speed in zip(faced[kept], np.array(speeds)[kept], strict=True)
+        ]
+        return self._stand("sign", places[kept], [_SIGN_HEIGHT] * len(tags), tags)
 
     def put_shelters(self, stops: Floats) -> tuple[Prop, ...]:
         """Put shelters with benches on the pavement where buses stop.
@@ -162,16 +143,8 @@ class Roadside:
         for things, distance in ((self._driven, 0.1), (self._walls, 0.2), (self._crossings, 1.5)):
             free[things.query(ground, "dwithin", distance=distance)[0]] = False
         self._driven = shapely.STRtree(np.concatenate([self._driven.geometries, ground[free]]))
-        return tuple(
-            Prop(
-                id=f"generated:shelter:{x:.1f}:{y:.1f}",
-                kind="shelter",
-                height=_SHELTER_HEIGHT,
-                position=(float(x), float(y), float(z)),
-                tags=(GENERATED, ("heading", f"{np.remainder(heading, 2 * np.pi):.4f}")),
-            )
-            for (x, y, z), heading in zip(self._near.lift(places[free]), faced[free], strict=True)
-        )
+        tags = [(_tell_heading(heading),) for heading in faced[free]]
+        return self._stand("shelter", places[free], [_SHELTER_HEIGHT] * len(tags), tags)
 
     def plant_trees(self) -> tuple[Prop, ...]:
         """Plant rows of trees behind the pavement, and some trees in the yards behind houses."""
@@ -190,16 +163,8 @@ class Roadside:
         free &= ~self._is_close(self._sights, spots, _CROWN * _TALLEST)
         spots, height = spots[free], height[free]
         kept = self._take(spots, apart=_APART + 1.0)
-        return tuple(
-            Prop(
-                id=f"generated:tree:{x:.1f}:{y:.1f}",
-                kind="tree",
-                height=round(float(tall), 2),
-                position=(float(x), float(y), float(z)),
-                tags=(GENERATED,),
-            )
-            for (x, y, z), tall in zip(self._near.lift(spots[kept]), height[kept], strict=True)
-        )
+        heights = [round(float(tall), 2) for tall in height[kept]]
+        return self._stand("tree", spots[kept], heights, [()] * len(heights))
 
     def plant_hedges(self, gardens: Shapes) -> tuple[Prop, ...]:
         """Plant hedges between the pavement and the gardens of houses, with a gate before each house."""
@@ -223,6 +188,21 @@ class Roadside:
                 tags=(GENERATED,),
             )
             for ring in self._near.lift_outlines(parts[shapely.get_num_interior_rings(parts) == 0])
+        )
+
+    def _stand(
+        self, kind: str, places: Floats, heights: Sequence[float], tags: Sequence[tuple[tuple[str, str], ...]]
+    ) -> tuple[Prop, ...]:
+        """Stand things of one kind on the ground at (n, 2) places, each with its height and tags."""
+        return tuple(
+            Prop(
+                id=f"generated:{kind}:{x:.1f}:{y:.1f}",
+                kind=kind,
+                height=height,
+                position=(float(x), float(y), float(z)),
+                tags=(GENERATED, *own),
+            )
+            for (x, y, z), own, height in zip(self._near.lift(places), tags, heights, strict=True)
         )
 
     def _find_stops(self, stops: Floats) -> Iterator[tuple[Lane, Points, float]]:
@@ -301,3 +281,8 @@ class Roadside:
     @staticmethod
     def _chances(what: str, places: Floats) -> Floats:
         return np.array([chance(what, f"{x:.1f}", f"{y:.1f}") for x, y in places])
+
+
+def _tell_heading(heading: float) -> tuple[str, str]:
+    """Make the tag of `description.heading_of`, radians."""
+    return "heading", f"{np.remainder(heading, 2 * np.pi):.4f}"
