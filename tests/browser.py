@@ -55,12 +55,18 @@ class Browser:
         os.close(theirs_out)
         self._in, self._out = os.fdopen(ours_in, "rb"), os.fdopen(ours_out, "wb")
         self._number, self._session, self._buffer = 0, "", b""
+        self._reached: set[tuple[str, str]] = set()
         targets = self._call("Target.getTargets")["targetInfos"]
         page = next(target["targetId"] for target in targets if target["type"] == "page")
         self._session = self._call("Target.attachToTarget", targetId=page, flatten=True)["sessionId"]
         screen = {"width": size[0], "height": size[1], "deviceScaleFactor": 1, "mobile": False}
         self._call("Emulation.setDeviceMetricsOverride", **screen)
-        self._call("Page.navigate", url=url)
+        self._call("Page.enable")
+        self._call("Page.setLifecycleEventsEnabled", enabled=True)
+        loader = self._call("Page.navigate", url=url)["loaderId"]
+        # The order is answered before there is a page; what is asked too early is asked of the blank one.
+        while (loader, "DOMContentLoaded") not in self._reached:
+            self._next_answer()
 
     def __enter__(self) -> Self:
         return self
@@ -112,11 +118,17 @@ class Browser:
             order["sessionId"] = self._session
         self._out.write(json.dumps(order).encode() + b"\0")
         self._out.flush()
-        while True:
-            answer = json.loads(self._read())
-            if answer.get("id") == self._number:
-                assert "error" not in answer, answer["error"]
-                return answer["result"]
+        while (answer := self._next_answer()).get("id") != self._number:
+            pass
+        assert "error" not in answer, answer["error"]
+        return answer["result"]
+
+    def _next_answer(self) -> dict[str, Any]:
+        """Give the browser's next message; how far pages have come is kept."""
+        message: dict[str, Any] = json.loads(self._read())
+        if message.get("method") == "Page.lifecycleEvent":
+            self._reached.add((message["params"]["loaderId"], message["params"]["name"]))
+        return message
 
     def _read(self) -> bytes:
         while b"\0" not in self._buffer:
