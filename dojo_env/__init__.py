@@ -39,6 +39,7 @@ if TYPE_CHECKING:
     from dojo_env.learning.policy_controller import PolicyController
     from dojo_env.learning.settings import Training
     from dojo_env.parallel import TrafficSignalsEnv, parallel_env
+    from dojo_env.plotting import film, plot
     from dojo_env.recording import Recording
     from dojo_env.replaying import Replayed, replay
     from dojo_env.rewards import REWARDS
@@ -96,11 +97,13 @@ __all__ = [
     "Training",
     "VideoDetector",
     "build_config",
+    "film",
     "find_scenario",
     "load_detector",
     "load_encoder",
     "make_controller",
     "parallel_env",
+    "plot",
     "read_cameras",
     "record",
     "replay",
@@ -134,6 +137,7 @@ __getattr__, __dir__ = attach(
         "learning.policy_controller": "PolicyController",
         "learning.settings": "Training",
         "parallel": "TrafficSignalsEnv parallel_env",
+        "plotting": "film plot",
         "recording": "Recording",
         "replaying": "Replayed replay",
         "rewards": "REWARDS",

@@ -10,6 +10,7 @@ from dojo_env.commands.cameras import add_cameras
 from dojo_env.commands.dataset import add_dataset
 from dojo_env.commands.evaluate import add_evaluate
 from dojo_env.commands.plan import add_plan
+from dojo_env.commands.plot import add_plot
 from dojo_env.commands.prove import add_prove
 from dojo_env.commands.replay import add_replay
 from dojo_env.commands.run import add_run
@@ -23,6 +24,7 @@ COMMANDS = (
     add_run,
     add_watch,
     add_replay,
+    add_plot,
     add_scenarios,
     add_cameras,
     add_prove,

@@ -12,9 +12,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dojo_env.errors import RecordingError, SnapshotError
+from dojo_env.charts import Plot, draw_lights, draw_series
+from dojo_env.errors import ConfigError, RecordingError, SnapshotError
 from dojo_env.plain_arrays import TEXT, read_arrays
+from dojo_env.reading import HALTING
+from dojo_env.series import Series
 from dojo_env.snapshot import LARGEST_SIZE, Kind, Snapshot
+from dojo_maps.plurals import counted
 from dojo_maps.whole_file import replaced
 
 _VERSION = 1
@@ -156,6 +160,71 @@ class Recording(Sequence[Snapshot]):
     def path(self) -> Path:
         """The file that it was read from."""
         return self._path
+
+    @property
+    def series(self) -> Series:
+        """Vehicles, those that stand, their mean speed, and walkers, by the names that `info` has."""
+        a, count = self._arrays, len(self.times)
+        instants = np.repeat(np.arange(count), a["counts"])
+        walks = a["kinds"][a["users"]] == Kind.PEDESTRIAN
+        driving, speeds = instants[~walks], a["speeds"][~walks]
+        vehicles = np.bincount(driving, minlength=count).astype(np.float64)
+        figures = {
+            "system_total_running": vehicles,
+            "system_total_stopped": np.bincount(driving[speeds < HALTING], minlength=count).astype(
+                np.float64
+            ),
+            "system_mean_speed": np.bincount(driving, speeds, minlength=count) / np.maximum(vehicles, 1.0),
+        }
+        if walks.any():
+            figures["pedestrians"] = np.bincount(instants[walks], minlength=count).astype(np.float64)
+        return Series(at=self.times - self.times[0], unit="seconds", figures=figures)
+
+    def plot(self, *names: str, smooth: float = 60.0) -> Plot:
+        """Draw figures over time; `dojo_env.plot` draws several recordings beside each other.
+
+        Args:
+            names: of `series.figures`; none for all.
+            smooth: seconds that values are averaged over, with those before.
+
+        Returns:
+            The chart, which shows itself in a notebook.
+
+        Raises:
+            ConfigError: no figure has a name.
+            ToolMissingError: matplotlib is not installed.
+        """
+        return draw_series({self.scenario: [self.series]}, names, smooth=smooth)
+
+    def plot_signals(self, *signals: str) -> Plot:
+        """Draw what signals showed, a row for each of their links.
+
+        Args:
+            signals: ids; none for all.
+
+        Returns:
+            The chart, which shows itself in a notebook.
+
+        Raises:
+            ConfigError: no signal has an id.
+            ToolMissingError: matplotlib is not installed.
+        """
+        if unknown := [name for name in signals if name not in self.signals]:
+            raise ConfigError(f"signals {unknown}: not in the recording; it has {', '.join(self.signals)}")
+        shown = self._arrays["shown"]
+        states = {
+            name: [self._states[k] for k in shown[:, self.signals.index(name)].tolist()]
+            for name in signals or self.signals
+        }
+        return draw_lights(self.times - self.times[0], states)
+
+    def __repr__(self) -> str:
+        """Tell of what it is, and how long."""
+        return (
+            f"Recording({self._path.name!r}, {self.scenario or 'unnamed'}, seed {self.seed}, "
+            f"{counted(len(self), 'snapshot')} from {self.times[0]:g} to {self.times[-1]:g} s, "
+            f"{counted(len(self.signals), 'signal')})"
+        )
 
     def __len__(self) -> int:
         """How many snapshots there are."""

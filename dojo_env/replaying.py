@@ -15,6 +15,7 @@ from dojo_env.sensors.eyes import Eyes
 from dojo_env.snapshot import Snapshot
 from dojo_maps.bundle import Bundle
 from dojo_maps.demand.patterns import split_pattern
+from dojo_maps.plurals import counted
 
 if TYPE_CHECKING:
     from dojo_env.rendering.outputs import Picture
@@ -34,6 +35,18 @@ class Replayed:
     snapshot: Snapshot
     pictures: "tuple[Picture, ...]"
     scans: "tuple[Scan, ...]"
+
+    def __repr__(self) -> str:
+        """Tell when it is, and how much was seen."""
+        pictures, scans = counted(len(self.pictures), "picture"), counted(len(self.scans), "scan")
+        return f"Replayed({self.snapshot!r}, {pictures}, {scans})"
+
+    def _repr_png_(self) -> bytes | None:
+        """Give what a notebook shows. Source: IPython's "rich display" protocol."""
+        from dojo_env.rendering.display import colour_outputs, encode_images  # noqa: PLC0415 - loads OpenCV
+
+        images = [image for picture in self.pictures for image in colour_outputs(picture.outputs)]
+        return encode_images(images) if images else None
 
 
 def replay(

@@ -3,20 +3,71 @@
 import pickle
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack, closing
+from html import escape
 from pathlib import Path
 from typing import Any, Unpack
 
 import numpy as np
 
+from dojo_env.charts import Plot, draw_series
 from dojo_env.config import build_config
 from dojo_env.controllers import Controller, make_controller
 from dojo_env.errors import ConfigError
 from dojo_env.keywords import Settings
 from dojo_env.metrics import SIX
 from dojo_env.recording import Recording, read_recording
+from dojo_env.series import Series
 from dojo_env.watch import FilmShow, choose_looks, open_views
 from dojo_env.watching.video import open_video
 from dojo_env.world_process import open_world
+from dojo_maps.plurals import counted
+
+
+class Episodes(list[dict[str, Any]]):
+    """The figures of episodes, as `metrics()` has them; a notebook shows their means as a table.
+
+    Attributes:
+        title: who controlled what.
+        series: what was measured at each decision of each episode.
+    """
+
+    def __init__(self, title: str) -> None:
+        """Begin with none.
+
+        Args:
+            title: who controls what.
+        """
+        super().__init__()
+        self.title = title
+        self.series: list[Series] = []
+
+    def plot(self, *names: str, smooth: float = 60.0) -> Plot:
+        """Draw figures over time: the mean of all episodes, and their range.
+
+        Args:
+            names: such as `queue`, `co2` or any that `info` tells; none for those that tell most.
+            smooth: seconds that values are averaged over, with those before.
+
+        Returns:
+            The chart, which shows itself in a notebook.
+
+        Raises:
+            ConfigError: no figure has a name.
+            ToolMissingError: matplotlib is not installed.
+        """
+        return draw_series({self.title: self.series}, names, smooth=smooth)
+
+    def _repr_html_(self) -> str:
+        """Give what a notebook shows. Source: IPython's "rich display" protocol."""
+        rows = "".join(
+            f"<tr><th>{name}</th>" + "".join(f"<td>{value[part]:,.2f}</td>" for part in _PARTS) + "</tr>"
+            for name, value in (summarize(self) if self else {}).items()
+        )
+        head = "".join(f"<th>{part}</th>" for part in _PARTS)
+        return (
+            f"<table><caption>{escape(self.title)}: {counted(len(self), 'episode')}</caption>"
+            f"<tr><th></th>{head}</tr>{rows}</table>"
+        )
 
 
 def run_controller(
@@ -28,7 +79,7 @@ def run_controller(
     on_stage: Callable[[str], None] = lambda _stage: None,
     video: Path | None = None,
     **keywords: Unpack[Settings],
-) -> list[dict[str, Any]]:
+) -> Episodes:
     """Run an episode per seed.
 
     They run in a process of their own, so that it does not matter what ran before, and a crash of SUMO does
@@ -44,7 +95,8 @@ def run_controller(
         keywords: see `Settings`.
 
     Returns:
-        The figures of each episode, as `metrics()` has them, and its `seed`.
+        The figures of each episode, as `metrics()` has them, and its `seed`: a list that can `plot()` what
+        was measured over time.
 
     Raises:
         ConfigError: the controller or a setting is unknown, or the video cannot be written.
@@ -56,13 +108,13 @@ def run_controller(
     chosen = range(first, first + seeds) if isinstance(seeds, int) else seeds
     if not chosen or min(chosen) < 0:
         raise ConfigError(f"seeds={seeds!r}: expected how many, at least 1, or a list of numbers from 0")
-    figures = []
+    title = f"{config.scenario.name}, {acting}"
+    episodes = Episodes(title)
     with ExitStack() as stack:
         film = stack.enter_context(open_video(video)) if video is not None else None
         world = stack.enter_context(closing(open_world(config, own_process=_is_known_elsewhere(acting))))
         show = None
         if film is not None:
-            title = f"{config.scenario.name}, {acting}"
             views = open_views(
                 build_config(**{"show_links": True, **choose_looks(acting.settings), **keywords})
             )
@@ -75,8 +127,9 @@ def run_controller(
             for info in infos:
                 on_step(info)
             on_episode(found)
-            figures.append(found)
-    return figures
+            episodes.append(found)
+            episodes.series.append(Series.of_infos(infos))
+    return episodes
 
 
 def _is_known_elsewhere(controller: Controller) -> bool:
@@ -115,6 +168,7 @@ def record(
     return read_recording(f"{stem}_ep1.npz")
 
 
+_PARTS = ("mean", "std", "median")
 FIGURES = (
     *SIX,
     *("travel_time_all", "time_loss", "depart_delay", "mean_trip_duration", "arrived", "missing", "late"),

@@ -9,7 +9,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from dojo_env.charts import Plot, draw_traffic
 from dojo_env.errors import SnapshotError
+from dojo_maps.description import RoadMap
+from dojo_maps.plurals import counted
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
@@ -167,6 +170,26 @@ class Snapshot:
         types = (name for each in (self, others) for name in each.types or ("",) * len(each.ids))
         added |= {"ids": self.ids + others.ids, "lanes": self.lanes + others.lanes, "types": tuple(types)}
         return Snapshot.trusted(**{**values, **added})
+
+    def plot(self, road_map: RoadMap | None = None) -> Plot:
+        """Draw the traffic from above, red where it stands, green where it is fast.
+
+        Args:
+            road_map: whose lanes are drawn below, such as `open_bundle(...).road_map`.
+
+        Returns:
+            The chart, which shows itself in a notebook.
+
+        Raises:
+            ToolMissingError: matplotlib is not installed.
+        """
+        title = f"{counted(len(self.ids), 'road user')} at {self.time:g} s"
+        return draw_traffic(title, self.positions, self.headings, self.sizes, self.speeds, road_map)
+
+    def __repr__(self) -> str:
+        """Tell when it is, and how many there are."""
+        users, signals = counted(len(self.ids), "road user"), counted(len(self.signals), "signal")
+        return f"Snapshot({self.time:g} s, {users}, {signals})"
 
     def _refuse(self, what: str, wrong: NDArray[np.bool_]) -> None:
         if wrong.any():

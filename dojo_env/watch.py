@@ -14,7 +14,7 @@ from dojo_env.errors import ConfigError
 from dojo_env.keywords import Settings
 from dojo_env.managers.map import MapManager
 from dojo_env.metadrive import export_recording
-from dojo_env.recording import Recording, read_recording
+from dojo_env.recording import Recording
 from dojo_env.replaying import find_map, open_eyes
 from dojo_env.scenario import open_map
 from dojo_env.sensors.eyes import Eyes
@@ -188,34 +188,36 @@ class Rerun:
     """A recording ready to be looked at: its map, its signals and what draws it."""
 
     def __init__(self, recording: Recording, bundle: Bundle, eyes: Eyes, plans: Plans) -> None:
-        """Take all that belongs together; `open` finds it."""
+        """Take all that belongs together; `of` finds it."""
         self._recording, self._bundle, self._eyes, self._plans = recording, bundle, eyes, plans
         self._title = f"{recording.scenario or bundle.road_map.name}, recorded, seed {recording.seed}"
 
     @classmethod
-    def open(
+    def of(
         cls,
-        path: Path,
+        recording: Recording,
         *,
-        map: str | None = None,  # noqa: A002 - as in `Scenario`
+        map: str | Path | None = None,  # noqa: A002 - as in `Scenario`
         signals: Sequence[str] | None = None,
         cameras: Path | None = None,
         **sensing: Any,
     ) -> Self:
-        """Open a recording and its map.
+        """Open the map of a recording.
 
         Args:
-            path: the recording.
+            recording: the episode.
             map: see `replaying.find_map`.
             signals: ids of those to look at; None for all.
             cameras: a file of cameras for a single signal, instead of those placed from the map.
             sensing: as an environment takes them.
 
+        Returns:
+            What shows it; `close` it.
+
         Raises:
-            RecordingError: the file is damaged, or its map cannot be found.
+            RecordingError: the map cannot be found, or is another.
             ConfigError: a setting cannot work.
         """
-        recording = read_recording(path)
         bundle = find_map(recording, map)
         chosen = tuple(signals) if signals else None
         plans = MapManager(bundle, SignalConfig(ts_ids=chosen)).plans
@@ -261,3 +263,7 @@ class Rerun:
             ExportError: no vehicle was recorded.
         """
         return export_recording(self._recording, self._bundle, folder)
+
+    def close(self) -> None:
+        """Let go of what draws it."""
+        self._eyes.close()

@@ -13,6 +13,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from dojo_maps.plurals import counted
+
 FORMAT = "dojo-map"
 VERSION = 1
 
@@ -381,5 +383,6 @@ class RoadMap:
 
     def __repr__(self) -> str:
         """Tell its name and how much there is."""
-        counts = ("roads", "lanes", "junctions", "crossings", "signals")
-        return f"RoadMap({self.name!r}, {', '.join(f'{len(getattr(self, what))} {what}' for what in counts)})"
+        things = ("road", "lane", "junction", "crossing", "signal")
+        counts = ", ".join(counted(len(getattr(self, f"{thing}s")), thing) for thing in things)
+        return f"RoadMap({self.name!r}, {counts})"

@@ -68,7 +68,7 @@ _EXTRAS = {
     "torch": "learn",
     "stable_baselines3": "learn",
     "tensorboard": "learn",
-    "matplotlib": "learn",
+    "matplotlib": "plot",
     "ray": "distributed",
     "onnx": "encoders",
     "onnxruntime": "detectors",

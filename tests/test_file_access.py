@@ -16,7 +16,7 @@ READING = {
     "TiffFile",
 }  # fmt: skip
 """Names of functions that read files, or turn bytes of anybody's into values."""
-NOT_FILES = {"webbrowser", "Rerun"}
+NOT_FILES = {"webbrowser"}
 """What else can be opened."""
 OWN_READERS = {
     "dojo_maps/input_files.py": {"open", "read_bytes", "DictReader", "ZipFile"},

@@ -5,9 +5,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from dojo_env.benchmark.row_runs import CURVES, FIGURES, SERIES
+from dojo_env.benchmark.row_runs import FIGURES, SERIES
 from dojo_env.learning.result_files import Numbers, read_columns, read_result
 from dojo_env.learning.settings import CURVE
+from dojo_env.series import CURVES
 
 
 @dataclass(frozen=True, slots=True)

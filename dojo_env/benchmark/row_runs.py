@@ -17,16 +17,12 @@ from dojo_env.learning.settings import CHECKPOINT, INTERVAL, RunFileError, Train
 from dojo_env.metrics import SIX
 from dojo_env.plan_search import VALIDATION_SEEDS, Memory, search_plan
 from dojo_env.runs import run_controller, summarize
+from dojo_env.series import CURVES
 from dojo_env.timing_plans import write_plan
 from dojo_maps.whole_file import write_json, write_table
 
 FIGURES, SERIES, PLAN, SEARCH = "figures.json", "series.csv", "plan.json", "search.json"
 KEPT = (*SIX, "mean_trip_duration", "travel_time_all", "arrived", "departed", "late", "violations", "seed")
-CURVES = {
-    "co2": "agents_total_co2", "delay": "agents_total_delay",
-    "accumulated_waiting": "agents_total_accumulated_waiting_time", "queue": "agents_total_stopped",
-}  # fmt: skip
-"""What is kept of every minute of the first seed's hour, and its name in `info`."""
 _MINUTE = 60 // INTERVAL
 """Decisions."""
 

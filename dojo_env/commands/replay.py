@@ -33,12 +33,13 @@ def add_replay(commands: Commands) -> None:
 
 
 def _replay(options: argparse.Namespace) -> int:
+    from dojo_env.recording import read_recording
     from dojo_env.watch import Rerun
 
     if options.cameras and options.preset:
         raise ConfigError("--cameras and --preset: the file says how its cameras hang; leave one out")
-    rerun = Rerun.open(
-        options.recording,
+    rerun = Rerun.of(
+        read_recording(options.recording),
         map=options.map,
         signals=options.signals,
         cameras=options.cameras,

@@ -4,7 +4,7 @@ import argparse
 import sys
 from collections import Counter
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from dojo_env.commands.options import (
     add_routes_option,
@@ -17,6 +17,9 @@ from dojo_env.errors import ConfigError
 from dojo_maps.command import Commands, add_command
 from dojo_maps.progress import Progress
 from dojo_maps.whole_file import write_json
+
+if TYPE_CHECKING:
+    from dojo_env.runs import Episodes
 
 _MISSED = 0.02
 """The share of vehicles from which on it matters that they have not arrived."""
@@ -56,6 +59,9 @@ def add_run(commands: Commands) -> None:
     add_sensing_options(run)
     run.add_argument("--json", type=Path, metavar="FILE", help="also write every episode's figures")
     run.add_argument("--csv", metavar="STEM", help="also write a CSV and a JSON file per episode")
+    run.add_argument(
+        "--plot", type=Path, metavar="FILE", help="also draw figures over time: a .png, .svg or .pdf"
+    )
     run.add_argument("--record", metavar="STEM", help="also record each episode's snapshots")
     run.add_argument("--video", type=Path, metavar="FILE", help="also show every second in an .mp4 or .webm")
     run.add_argument(
@@ -67,12 +73,9 @@ def add_run(commands: Commands) -> None:
 
 
 def _run(options: argparse.Namespace) -> int:
-    from dojo_env.runs import JAMMED, run_controller, summarize
+    from dojo_env.runs import run_controller, summarize
 
-    if options.seeds < 1:
-        raise ConfigError("--seeds: expected a number above 0")
-    if options.json and not options.json.absolute().parent.is_dir():
-        raise ConfigError(f"--json {options.json}: no such folder; make it first")
+    _check(options)
 
     def tell(figures: dict[str, Any]) -> None:
         if not figures["departed"] + figures["backlogged"]:
@@ -103,22 +106,12 @@ def _run(options: argparse.Namespace) -> int:
         **read_sensing(options),
         **_read_detector(options.detector),
     )
-    summary = summarize(figures)
-    print(f"{'figure':24}{'mean':>12} {'± deviation':12}{'median':>12}")
-    for name, value in summary.items():
-        print(f"{name:24}{value['mean']:12.2f} ± {value['std']:<10.2f}{value['median']:12.2f}")
-    jammed = sum(episode["late"] > JAMMED for episode in figures)
-    print(f"{'episodes that jammed':24}{jammed:12d}")
-    violations = sum((Counter(episode["violations"]) for episode in figures), Counter[str]())
-    print(f"{'safety violations':24}{violations.total():12d}")
+    violations = _print_figures(figures)
     if options.json:
-        content = {
-            "scenario": options.scenario,
-            "controller": options.controller,
-            "summary": summary,
-            "episodes": figures,
-        }
-        write_json(options.json, content)
+        about = {"scenario": options.scenario, "controller": options.controller}
+        write_json(options.json, {**about, "summary": summarize(figures), "episodes": figures})
+    if options.plot:
+        figures.plot().save(options.plot)
     missing = max(episode["missing"] for episode in figures)
     if missing > _MISSED:
         print(
@@ -130,6 +123,33 @@ def _run(options: argparse.Namespace) -> int:
         found = ", ".join(f"{count} {rule}" for rule, count in violations.most_common())
         print(f"dojo-env: warning: {options.scenario}: signals were unsafe: {found}", file=sys.stderr)
     return 0
+
+
+def _check(options: argparse.Namespace) -> None:
+    """Refuse before the episodes what would fail after them."""
+    from dojo_env.charts import check_name, styled
+
+    if options.seeds < 1:
+        raise ConfigError(f"--seeds {options.seeds}: expected a number above 0")
+    if options.json and not options.json.absolute().parent.is_dir():
+        raise ConfigError(f"--json {options.json}: no such folder; make it first")
+    if options.plot:
+        check_name(options.plot)
+        styled()  # Matplotlib may be missing.
+
+
+def _print_figures(figures: "Episodes") -> Counter[str]:
+    """Print the table; returns how often signals were unsafe, by rule."""
+    from dojo_env.runs import JAMMED, summarize
+
+    print(f"{'figure':24}{'mean':>12} {'± deviation':12}{'median':>12}")
+    for name, value in summarize(figures).items():
+        print(f"{name:24}{value['mean']:12.2f} ± {value['std']:<10.2f}{value['median']:12.2f}")
+    jammed = sum(episode["late"] > JAMMED for episode in figures)
+    print(f"{'episodes that jammed':24}{jammed:12d}")
+    violations = sum((Counter(episode["violations"]) for episode in figures), Counter[str]())
+    print(f"{'safety violations':24}{violations.total():12d}")
+    return violations
 
 
 def _read_detector(file: str | None) -> dict[str, Any]:

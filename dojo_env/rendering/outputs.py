@@ -17,6 +17,7 @@ from dojo_env.errors import ConfigError
 from dojo_env.rendering.boxes import Boxes, Visible, measure_boxes, measure_visible
 from dojo_env.rendering.classes import SEMANTIC_OF_KIND, Semantic
 from dojo_env.rendering.compiling import kernel
+from dojo_env.rendering.display import colour_outputs, encode_images
 from dojo_env.rendering.eye import Eye
 from dojo_env.rendering.target import Target, label, resolve_pixels, resolve_samples
 from dojo_env.rendering.traffic import Users
@@ -109,6 +110,16 @@ class Picture:
         if name not in OUTPUTS:
             raise AttributeError(f"a picture has no {name!r}; it has camera, {', '.join(OUTPUTS)}")
         return self.outputs.get(name)
+
+    def __repr__(self) -> str:
+        """Tell through which camera, and what was asked for."""
+        size = f"{self.camera.width} x {self.camera.height}"
+        return f"Picture({self.camera.name!r}, {size}, {', '.join(self.outputs)})"
+
+    def _repr_png_(self) -> bytes | None:
+        """Give what a notebook shows. Source: IPython's "rich display" protocol."""
+        images = colour_outputs(self.outputs)
+        return encode_images(images) if images else None
 
 
 def check_outputs(names: Iterable[str], *, bullet: bool = False) -> frozenset[str]:
