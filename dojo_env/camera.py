@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from dojo_env.errors import CameraError, ConfigError
 from dojo_maps.safe_json import read_json
+from dojo_maps.short_repr import short_repr
 from dojo_maps.whole_file import write_json
 
 Floats = NDArray[np.float64]
@@ -54,6 +55,8 @@ class Camera:
     near: float = 0.2
     far: float = 400.0
     distortion: tuple[float, ...] = ()
+
+    __repr__ = short_repr
 
     def __post_init__(self) -> None:
         """Refuse what no camera can be.

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
 """Okabe and Ito's, which people who see few colours tell apart."""
-STYLE: dict[str, Any] = {
+STYLE: Any = {
     "font.size": 9, "axes.titlesize": 10, "axes.spines.top": False, "axes.spines.right": False,
     "axes.grid": True, "grid.color": "#e6e6e6", "axes.axisbelow": True, "lines.linewidth": 1.5,
     "legend.frameon": False, "figure.dpi": 80, "savefig.facecolor": "white", "svg.hashsalt": "traffic-dojo",
@@ -305,13 +305,13 @@ def draw_traffic(
         figure = Figure(figsize=(7, tall + 0.7), layout="constrained")
         place = figure.subplots()
         if road_map is not None:
-            ground = {"color": _GROUND, "zorder": 1}
+            ground: Any = {"color": _GROUND, "zorder": 1}
             place.add_collection(PolyCollection([j.polygon[:, :2] for j in road_map.junctions], **ground))
             place.add_collection(
                 LineCollection([lane.shape[:, :2] for lane in road_map.lanes], lw=2, **ground)
             )
         bodies = PolyCollection(
-            _outline(positions, headings, sizes), array=speeds * 3.6, cmap="RdYlGn", clim=(0, 50),
+            list(_outline(positions, headings, sizes)), array=speeds * 3.6, cmap="RdYlGn", clim=(0, 50),
             edgecolor="#222222", lw=0.3, zorder=2,
         )  # fmt: skip
         place.add_collection(bodies)

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from dojo_env.ranges import check_limits, draw_values, read_values
+from dojo_maps.short_repr import short_repr
 
 LOOKS = ("street", "plain")
 """How what moves is drawn: as well as we can, or in fewer faces that mirror nothing, for speed."""
@@ -50,6 +51,8 @@ class Conditions:
     sway_deg: float = 0.0
     dropped: float = 0.0
     seed: int = 0
+
+    __repr__ = short_repr
 
     def __post_init__(self) -> None:
         """Refuse values out of range.

@@ -19,6 +19,7 @@ from dojo_env.scenario import Scenario, find_scenario, with_files
 from dojo_env.sumo_settings import SumoSettings, settle
 from dojo_env.timing_plans import TimingPlan
 from dojo_env.vehicle_models import settle_models
+from dojo_maps.short_repr import short_repr, shortened
 
 ACTION_MODES = ("choose_phase", "next_or_keep", "set_duration")
 PROGRAMS = ("network", "fixed", "actuated", "delay_based")
@@ -43,6 +44,8 @@ class EpisodeConfig:
     delta_time: float | None = None
     out_csv_name: str | None = None
     record_name: str | None = None
+
+    __repr__ = short_repr
 
     def __post_init__(self) -> None:
         """Refuse times that cannot be."""
@@ -90,6 +93,8 @@ class SignalConfig:
     fixed_ts: bool = False
     program: str = "network"
     timing: TimingPlan | None = None
+
+    __repr__ = short_repr
 
     def __post_init__(self) -> None:
         """Refuse contradictions, and settle what depends on another setting."""
@@ -166,6 +171,8 @@ class TrafficConfig:
     use_gui: bool = False
     sumo_outputs: Path | None = None
 
+    __repr__ = short_repr
+
     def __post_init__(self) -> None:
         """Refuse contradictions."""
         _refuse_other("backend", self.backend, ("libsumo", "traci"))
@@ -216,6 +223,8 @@ class SensingConfig:
     parked: bool = True
     models: Mapping[str, Any] | Path | str = field(default_factory=dict)
     outages: Sequence[CameraOutage] = ()
+
+    __repr__ = short_repr
 
     def __post_init__(self) -> None:
         """Refuse what cannot be."""
@@ -295,7 +304,7 @@ class EnvConfig:
             f"observation={self.observation!r}",
             f"reward_fn={self.reward_fn!r}",
         ]
-        return f"EnvConfig({', '.join(told + unusual)})"
+        return shortened(f"EnvConfig({', '.join(told + unusual)})")
 
     @property
     def seed(self) -> int | None:

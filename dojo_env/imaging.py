@@ -12,6 +12,7 @@ import numpy as np
 
 from dojo_env.errors import ConfigError
 from dojo_env.ranges import check_limits, draw_values, read_values
+from dojo_maps.short_repr import short_repr
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -47,6 +48,8 @@ class Imaging:
     night_gain: float = 4.0
     jpeg_quality: float = 0.0
     h264_kbps: float = 0.0
+
+    __repr__ = short_repr
 
     def __post_init__(self) -> None:
         """Refuse values out of range.

@@ -16,6 +16,8 @@ from dojo_env.reading import HALTING, Approach, Figures, LaneReading, TrafficRea
 from dojo_env.signals.plan import REACH, SignalPlan
 from dojo_env.simulation import Simulation
 from dojo_env.snapshot import Snapshot
+from dojo_maps.plurals import counted
+from dojo_maps.short_repr import short_repr
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -37,6 +39,8 @@ class SignalView:
     green_time: float
     may_change: bool
     lanes: LaneReading
+
+    __repr__ = short_repr
 
 
 class Instant:
@@ -214,6 +218,11 @@ class Instant:
                 "ask for it at its decision, or call measure_all() then"
             )
         return simulation
+
+    def __repr__(self) -> str:
+        """Tell when it is, and of how many vehicles and signals."""
+        vehicles, signals = counted(self.traffic.running, "vehicle"), counted(len(self.signals), "signal")
+        return f"Instant({self.time:g} s, {vehicles}, {signals})"
 
     def __getstate__(self) -> dict[str, Any]:
         """Measure the rest: another process has no simulation to ask."""

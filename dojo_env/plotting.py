@@ -46,6 +46,7 @@ def plot(what: Source | Sequence[Source] | Mapping[str, Source], *names: str, sm
         SourceError: a file is missing, damaged, or holds no figures.
         ToolMissingError: matplotlib is not installed.
     """
+    named: dict[str, Any]
     if isinstance(what, Mapping):
         named = dict(what)
     elif isinstance(what, list | tuple) and not _are_infos(what):

@@ -8,6 +8,8 @@ from operator import mul, truediv
 import numpy as np
 from numpy.typing import NDArray
 
+from dojo_maps.short_repr import short_repr
+
 Figures = NDArray[np.float64]
 HALTING = 0.1
 """m/s; SUMO's own limit below which a vehicle counts as stopped."""
@@ -35,6 +37,8 @@ class LaneReading:
 
     rows: list[list[float]]
     totals: list[float]
+
+    __repr__ = short_repr
 
     @property
     def vehicles(self) -> Figures:

@@ -20,6 +20,7 @@ from dojo_maps.bundle import DEMAND, DESCRIPTION, NETWORK, REPORT, Bundle, open_
 from dojo_maps.demand.patterns import Pattern, find_pattern, split_pattern
 from dojo_maps.input_files import is_there
 from dojo_maps.safe_json import read_json
+from dojo_maps.short_repr import short_repr
 from dojo_maps.signals.programs import read_seconds
 
 Files = str | Path | Sequence[str | Path]
@@ -58,6 +59,8 @@ class Scenario:
     options: Mapping[str, str] = field(init=False, default_factory=dict)
     outputs: Mapping[str, str] = field(init=False, default_factory=dict)
     left_out: tuple[str, ...] = field(init=False, default=())
+
+    __repr__ = short_repr
 
     def __post_init__(self) -> None:
         """Accept plain strings and single files, and refuse files that are not there."""

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dojo_env.errors import ConfigError
+from dojo_maps.plurals import counted
 
 Numbers = NDArray[np.float64]
 CURVES = {
@@ -87,7 +88,8 @@ class Series:
 
     def __repr__(self) -> str:
         """Tell how many values there are of how many figures."""
-        return f"Series({len(self.at)} values over {self.unit} of {len(self.figures)} figures)"
+        values, figures = counted(len(self.at), "value"), counted(len(self.figures), "figure")
+        return f"Series({values} over {self.unit} of {figures})"
 
     def choose(self, names: Sequence[str] = ()) -> tuple[str, ...]:
         """Check the names of figures, or choose those that tell most.

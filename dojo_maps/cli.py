@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from dojo_maps.cli_area import add_area_options, join_signed
 from dojo_maps.cli_demand import add_demand, read_volume
 from dojo_maps.command import Parser, add_command, run_command
+from dojo_maps.plurals import counted
 from dojo_maps.progress import Progress
 
 if TYPE_CHECKING:
@@ -210,11 +211,7 @@ def _convert(options: argparse.Namespace) -> int:
     written, report = convert(options.source, options.output, wanted, on_stage=Progress(quiet=options.quiet))
     road_map, counts = written.road_map, report["counts"]
     print(
-        f"written to {written.folder}; "
-        f"{counts['error']} errors, {counts['warning']} warnings, {counts['note']} notes, "
-        f"see {written.folder / REPORT_PAGE}; "
-        f"{len(road_map.roads)} roads, {len(road_map.lanes)} lanes, {len(road_map.junctions)} junctions, "
-        f"{len(road_map.signals)} signals, {len(road_map.crossings)} crossings"
+        f"written to {written.folder}; {report}, see {written.folder / REPORT_PAGE}; {road_map.tell_size()}"
     )
     if "demand" in report:
         cycling = ", {bicycles} bicycles" if report["demand"]["bicycles"] else ""
@@ -284,7 +281,7 @@ def _keep(options: argparse.Namespace) -> int:
     from dojo_maps.edits import keep_edits
 
     count = keep_edits(options.bundle, options.edited)
-    print(f"{options.bundle}: {count} edits kept; the next import into this bundle applies them")
+    print(f"{options.bundle}: {counted(count, 'edit')} kept; the next import into this bundle applies them")
     return 0
 
 

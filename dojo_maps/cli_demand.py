@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from dojo_maps.command import Commands, add_command
+from dojo_maps.plurals import counted
 
 if TYPE_CHECKING:
     from dojo_maps.demand import Demand
@@ -107,8 +108,9 @@ def _demand(options: argparse.Namespace) -> int:
         html=options.html,
     )
     print(
-        f"written to {start}: {demand.vehicles} vehicles, {demand.bicycles} bicycles and {demand.walkers} "
-        f"walkers from {demand.begin:g} to {demand.end:g} s; "
+        f"written to {start}: {counted(demand.vehicles, 'vehicle')}, "
+        f"{counted(demand.bicycles, 'bicycle')} and {counted(demand.walkers, 'walker')} "
+        f"from {demand.begin:g} to {demand.end:g} s; "
         f"the fullest lane is used to {demand.saturation:.0%}"
     )
     for line in _table(demand):

@@ -17,13 +17,14 @@ from dojo_maps.edits import reapply_edits
 from dojo_maps.errors import DojoError, UsageError, WriteError
 from dojo_maps.exports import EXPORTERS
 from dojo_maps.input_files import read_bytes, sha256_of
-from dojo_maps.issue import Issue
+from dojo_maps.issue import Issue, Report
 from dojo_maps.memory import without_cycle_search
 from dojo_maps.meshes.gltf import write_scene
 from dojo_maps.meshes.mesh import Mesh
 from dojo_maps.report.overview import draw_overview
 from dojo_maps.report.page import write_page
 from dojo_maps.serialization import to_json
+from dojo_maps.short_repr import short_repr
 from dojo_maps.sources import cityflow, opendrive
 from dojo_maps.sources.cityflow import CityFlowNetwork
 from dojo_maps.sources.cityflow_files import find_files, is_cityflow
@@ -76,6 +77,8 @@ class ConvertOptions:
     drive: Literal["left", "right"] | None = None
     terrain: Path | None = None
 
+    __repr__ = short_repr
+
 
 def convert(
     source: str,
@@ -83,7 +86,7 @@ def convert(
     options: ConvertOptions | None = None,
     *,
     on_stage: Callable[[str], None] = lambda _stage: None,
-) -> tuple[bundle.Bundle, dict[str, Any]]:
+) -> tuple[bundle.Bundle, Report]:
     """Convert a SUMO network, an OpenStreetMap extract, an OpenDRIVE or a CityFlow file into a bundle.
 
     Args:
@@ -122,7 +125,7 @@ def convert(
 
 def _convert(
     path: Path, name: str, folder: Path, options: ConvertOptions, on_stage: Callable[[str], None]
-) -> tuple[bundle.Bundle, dict[str, Any]]:
+) -> tuple[bundle.Bundle, Report]:
     on_stage("Reading")
     changes, quality, base, routes, far_side = None, None, None, "", False
     if is_osm(path):
@@ -258,7 +261,7 @@ def _write(
     issues: tuple[Issue, ...],
     extra: dict[str, Any],
     sumo: Loading | None,
-) -> dict[str, Any]:
+) -> Report:
     bundle.write_json(folder / bundle.DESCRIPTION, to_json(road_map))
     write_scene(meshes, folder / bundle.SCENE)
     draw_overview(road_map, meshes, folder / bundle.OVERVIEW)

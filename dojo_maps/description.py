@@ -383,6 +383,13 @@ class RoadMap:
 
     def __repr__(self) -> str:
         """Tell its name and how much there is."""
-        things = ("road", "lane", "junction", "crossing", "signal")
-        counts = ", ".join(counted(len(getattr(self, f"{thing}s")), thing) for thing in things)
-        return f"RoadMap({self.name!r}, {counts})"
+        return f"RoadMap({self.name!r}, {self.tell_size()})"
+
+    def tell_size(self) -> str:
+        """Tell how much there is, in words.
+
+        Returns:
+            The numbers of roads, lanes and so on.
+        """
+        things = ("road", "lane", "junction", "signal", "crossing")
+        return ", ".join(counted(len(getattr(self, f"{thing}s")), thing) for thing in things)

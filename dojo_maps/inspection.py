@@ -8,7 +8,7 @@ from typing import Any
 from dojo_maps import bundle
 from dojo_maps.description import RoadMap
 from dojo_maps.input_files import is_there, read_bytes, sha256_of
-from dojo_maps.issue import Issue
+from dojo_maps.issue import Issue, Report
 from dojo_maps.memory import without_cycle_search
 from dojo_maps.meshes.mesh import Mesh
 from dojo_maps.report.formats import as_geojson, as_sarif
@@ -54,7 +54,7 @@ def read_source(source: str) -> Inspected:
 
 def inspect(
     source: str, profile: Profile = DEFAULT, exclusions: Sequence[Exclusion] = ()
-) -> tuple[Inspected, dict[str, Any]]:
+) -> tuple[Inspected, Report]:
     """Check a network or bundle.
 
     Returns:

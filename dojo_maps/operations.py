@@ -11,6 +11,7 @@ from dojo_maps.demand import DemandOptions, as_json
 from dojo_maps.demand_files import deliver_demand
 from dojo_maps.errors import UsageError
 from dojo_maps.inspection import inspect, write_reports
+from dojo_maps.issue import Report
 from dojo_maps.repair import fixing
 from dojo_maps.repair.cost import measure_cost
 from dojo_maps.sources import overpass
@@ -33,7 +34,7 @@ def import_osm(  # noqa: PLR0913 - an area can be named in several ways
     radius: float | None = None,
     server: str | None = None,
     on_stage: Callable[[str], None] = lambda _stage: None,
-) -> tuple[Bundle, dict[str, Any]]:
+) -> tuple[Bundle, Report]:
     """Build a bundle from OpenStreetMap data: from a file, or from an area that is downloaded once.
 
     Args:
@@ -137,7 +138,7 @@ def validate(
     sarif: Path | None = None,
     geojson: Path | None = None,
     netedit: Path | None = None,
-) -> dict[str, Any]:
+) -> Report:
     """Check a network or a bundle, and write reports where they are wanted.
 
     Args:

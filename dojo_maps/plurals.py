@@ -1,7 +1,7 @@
-"""Numbers of things in words: 1 note, 2 notes, 1,200 vehicles."""
+"""Numbers of things in words: 1 note, 2 notes."""
 
 
-def counted(number: int, thing: str, things: str | None = None) -> str:
+def counted(number: int, thing: str, things: str = "") -> str:
     """Say how many there are.
 
     Args:
@@ -10,6 +10,6 @@ def counted(number: int, thing: str, things: str | None = None) -> str:
         things: what several are called, where that is not an s more.
 
     Returns:
-        The number, thousands set apart, and the word.
+        The number and the word.
     """
-    return f"{number:,} {thing if number == 1 else things or f'{thing}s'}"
+    return f"{number} {thing if number == 1 else things or f'{thing}s'}"

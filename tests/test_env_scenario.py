@@ -136,7 +136,7 @@ def test_right_of_way_is_the_networks_own(name: str) -> None:
 def test_signals_are_shown_phase_by_phase(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["scenarios", "cologne1"]) == 0
     lines = capsys.readouterr().out.splitlines()
-    assert lines[0] == "cologne1: 1 signals to control"
+    assert lines[0] == "cologne1: 1 signal to control"
     assert "  -32038056#3 left         .   .   g   G" in lines
     assert not [line for line in lines if "note:" in line]
 

@@ -259,7 +259,7 @@ def test_the_command_proves_scenarios_and_bare_networks(
 ) -> None:
     assert main(["prove", "cologne1", "--all-red", "2", "--yellow", "speed", "--max-green", "20"]) == 0
     last = capsys.readouterr().out.splitlines()[-1]
-    assert last.startswith("cologne1: 1 of 1 signals proved in every action mode, ")
+    assert last.startswith("cologne1: 1 of 1 signal proved in every action mode, ")
     path = network_path("right_hand")
     assert main(["prove", str(path), "--signals", "c", "--phases", "computed", "--max-green", "20"]) == 0
     _, row, _ = capsys.readouterr().out.splitlines()
@@ -275,7 +275,7 @@ def test_the_command_ends_with_1_where_a_rule_is_broken(
     out = capsys.readouterr().out
     assert "VIOLATED" in out
     assert "choose_phase: walker_cut_off at second " in out
-    assert "0 of 1 signals proved" in out
+    assert "0 of 1 signal proved" in out
 
 
 @pytest.mark.parametrize(

@@ -5,7 +5,6 @@ import re
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 from commands import make_row, run_env, run_tool
 
@@ -44,13 +43,6 @@ def test_pictures_have_the_same_bytes_each_time(results: Path) -> None:
         assert picture.startswith(b"\x89PNG")
         assert 5_000 < len(picture) < 400_000
         assert not re.search(rb"tEXt|tIME", picture)
-
-
-def test_curves_are_the_mean_of_the_last_decisions() -> None:
-    values = np.random.default_rng(0).random(200)
-    window, smoothed = plot.WINDOW, plot.smooth(values)
-    assert np.allclose(smoothed[window - 1 :], np.convolve(values, np.ones(window) / window, "valid"))
-    assert np.allclose(smoothed[:3], [values[0], values[:2].mean(), values[:3].mean()])
 
 
 def test_rows_that_jam_are_not_chosen(results: Path) -> None:

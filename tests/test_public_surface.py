@@ -11,6 +11,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import gymnasium
 import pytest
 
 import dojo_env
@@ -19,7 +20,7 @@ from dojo_env import keywords
 
 PACKAGES = {"dojo_maps": dojo_maps, "dojo_env": dojo_env}
 NAMES = [f"{package}.{name}" for package, module in PACKAGES.items() for name in module.__all__]
-LONGEST_REPR = 400
+LONGEST_REPR = 200
 """Characters; what a notebook shows of a value is read, not scrolled."""
 
 
@@ -142,9 +143,61 @@ def test_keywords_are_the_fields_of_the_settings(settings: Any, record: Any) -> 
     assert sorted(settings.__optional_keys__) == sorted(fields)
 
 
-def test_values_tell_themselves_in_a_line(tmp_path: Path) -> None:
-    bundle, _ = dojo_maps.convert("two-way", tmp_path / "two-way.dojo")
-    config = dojo_env.build_config(scenario="two-way")
-    for value in (bundle, bundle.road_map, config.scenario, config):
+@pytest.fixture(scope="module")
+def values(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
+    """Give a value of each public class, by its name."""
+    folder = tmp_path_factory.mktemp("values")
+    recording = dojo_env.record(folder / "out", "actuated", scenario="two-way", num_seconds=5)
+    bundle, report = dojo_maps.convert("two-way", folder / "two-way.dojo")
+    config = dojo_env.build_config(scenario="two-way", observation="bev", num_seconds=20)
+    env = dojo_env.TrafficSignalEnv(config)
+    env.reset(seed=1)
+    view = env.instant.signals[env.signal]
+    pictures = next(dojo_env.replay(recording)).pictures
+    seen = {picture.camera: picture for picture in pictures}
+    usual = [dojo_env.Conditions, dojo_env.Imaging, dojo_env.CameraSensor, dojo_env.Detector]
+    usual += [dojo_env.EventCamera, dojo_maps.ConvertOptions, dojo_maps.DemandOptions]
+    known = [
+        bundle, bundle.road_map, report, recording, recording[3], pictures[0], pictures[0].camera,
+        config, config.episode, config.signals, config.traffic, config.sensing, config.scenario,
+        env, env.instant, view, view.plan, view.lanes,
+        next(dojo_env.replay(recording, cameras=())), dojo_env.film(recording, folder / "x.webm"),
+        dojo_env.parallel_env(config), dojo_env.make_controller("max-pressure"),
+        dojo_env.BackgroundSubtraction(gymnasium.make("dojo_env/TrafficSignal-v0", config=config)),
+        dojo_env.Site(name="x", signal="t", plan=view.plan, eyes=None, decision_interval=5.0),
+        dojo_env.Look(snapshot=recording[3], pictures=seen),
+        dojo_env.Training(scenario="two-way", algorithm="dqn", observation="features"),
+        dojo_env.DatasetSettings(scenarios=("two-way",) * 50, pictures=10),
+        dojo_env.Lidar(name="roof", position=(0.0, 0.0, 5.0)), dojo_env.VideoDetector(model="nothing.onnx"),
+        *(each() for each in usual),
+    ]  # fmt: skip
+    env.close()
+    return {type(value).__name__: value for value in known}
+
+
+def test_values_tell_themselves_in_a_line(values: dict[str, Any]) -> None:
+    for value in values.values():
         assert len(repr(value)) <= LONGEST_REPR, repr(value)[:1000]
         assert "\n" not in repr(value)
+
+
+def test_a_value_of_each_public_class_is_tried(values: dict[str, Any]) -> None:
+    classes = [found for found in map(find, NAMES) if inspect.isclass(found)]
+    no_values = (Exception, dict)
+    tried = {kind for value in values.values() for kind in type(value).__mro__}
+    untried = [
+        found.__name__
+        for found in classes
+        if found not in tried
+        and not issubclass(found, no_values)
+        and not getattr(found, "_is_protocol", False)
+    ]
+    assert untried == ["PolicyController"]  # It needs a training.
+
+
+def test_records_tell_what_is_not_usual() -> None:
+    assert repr(dojo_env.Conditions()) == "Conditions()"
+    assert repr(dojo_env.Conditions(hour=20)) == "Conditions(hour=20)"
+    long = dojo_env.Scenario(map=Path(__file__), name="x" * 500, routes=(Path(__file__),) * 30)
+    assert repr(long).startswith("Scenario(map=")
+    assert repr(long).endswith("...)")

@@ -55,7 +55,7 @@ def test_convert_tells_what_of_an_opendrive_file_is_lost(tmp_path, capsys):
         ("warning", [{"kind": "road", "id": "2"}]),
         ("note", []),
     ]
-    assert "1 objects of type 'tree'" in lost[1]["message"]
+    assert "1 object of type 'tree'" in lost[1]["message"]
 
 
 def test_build_network_ties_warnings_to_the_elements_that_they_name(network_path, tmp_path):

@@ -19,8 +19,10 @@ from matplotlib.ticker import ScalarFormatter
 
 from dojo_env.benchmark.kept_rows import KeptRow, read_kept
 from dojo_env.benchmark.tables import BLIND
+from dojo_env.charts import COLOURS, average, styled
 from dojo_env.learning.result_files import Numbers, Published, read_published
 from dojo_env.metrics import SIX
+from dojo_env.series import TITLES
 from dojo_maps.command import Parser, run_command
 from dojo_maps.interruption import begin
 from dojo_maps.whole_file import replaced
@@ -37,22 +39,7 @@ PAPER_CHOICES = {
     "cologne1": ("DQN-F", "DQN-MV", "DQN-BEV", "DQN-BEV*"),
 }
 """The rows that these figures show."""
-TITLES = {
-    "travel_time": "travel time (s)",
-    "throughput": "throughput (vehicles/h)",
-    "delay": "delay, summed over lanes",
-    "accumulated_waiting": "accumulated waiting (s)",
-    "queue": "queue (vehicles)",
-    "co2": "CO₂ (g/s)",
-}
 TICKS = (30, 40, 50, 60, 80, 100, 150, 200, 300, 500, 1000, 2000)
-COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
-"""Okabe and Ito's, which people who see few colours tell apart."""
-_STYLE: dict[str, Any] = {
-    "font.size": 9, "axes.titlesize": 10, "axes.spines.top": False, "axes.spines.right": False,
-    "axes.grid": True, "grid.color": "#e6e6e6", "axes.axisbelow": True, "lines.linewidth": 1.5,
-    "legend.frameon": False, "figure.dpi": 80, "savefig.facecolor": "white",
-}  # fmt: skip
 
 
 def draw_all(results: Path, published: Mapping[str, Published], rows: Sequence[str] = ()) -> list[Path]:
@@ -65,7 +52,7 @@ def draw_all(results: Path, published: Mapping[str, Published], rows: Sequence[s
     """
     folder, drawn = results / "pictures", []
     folder.mkdir(exist_ok=True)
-    with plt.rc_context(_STYLE):
+    with styled():
         for scenario, kept in read_kept(results).items():
             figures = {
                 "hour": draw_hour(scenario, [kept[n] for n in rows or choose_rows(kept) if n in kept]),
@@ -98,14 +85,6 @@ def _paper_choice(scenario: str, kept: Mapping[str, KeptRow]) -> list[KeptRow]:
     return [*([kept[REFERENCE]] if REFERENCE in kept else []), *named] if named else []
 
 
-def smooth(values: Numbers) -> Numbers:
-    """Average each value with the ones before it, as many as there are up to the window."""
-    sums = np.concatenate([[0.0], np.cumsum(values)])
-    ends = np.arange(1, len(values) + 1)
-    begins = np.maximum(ends - WINDOW, 0)
-    return (sums[ends] - sums[begins]) / (ends - begins)
-
-
 def draw_hour(scenario: str, rows: Sequence[KeptRow]) -> Figure | None:
     """Draw what was measured over the first seed's hour."""
     if not rows:
@@ -115,7 +94,7 @@ def draw_hour(scenario: str, rows: Sequence[KeptRow]) -> Figure | None:
     for place, name in zip(axes.flat, ("co2", "delay", "accumulated_waiting", "queue"), strict=True):
         for row in rows:
             minutes, series = row.read_series()
-            place.plot(minutes, smooth(series[name]), label=row.name, **looks[row.name])
+            place.plot(minutes, average(series[name], WINDOW), label=row.name, **looks[row.name])
         place.set_title(TITLES[name], loc="left")
         highest = [line.get_ydata().max() for line in place.get_lines()]
         place.set_ylim(0, 1.05 * min(max(highest), CUT * min(highest)) or None)

@@ -6,6 +6,7 @@ from typing import Any
 
 from dojo_env.commands.options import add_ray_option
 from dojo_maps.command import Commands, add_command
+from dojo_maps.plurals import counted
 from dojo_maps.progress import Progress
 
 
@@ -100,7 +101,8 @@ def _dataset(options: argparse.Namespace) -> int:
         **settings,
     )
     totals = made["counts"]["totals"]
-    print(f"{folder}: {totals['pictures']} pictures, {totals.get('objects', 0)} road users")
+    users = counted(totals.get("objects", 0), "road user")
+    print(f"{folder}: {counted(totals['pictures'], 'picture')}, {users}")
     return 0
 
 

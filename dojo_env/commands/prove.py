@@ -4,6 +4,7 @@ import argparse
 
 from dojo_env.commands.options import read_yellow
 from dojo_maps.command import Commands, add_command
+from dojo_maps.plurals import counted
 
 
 def add_prove(commands: Commands) -> None:
@@ -65,5 +66,6 @@ def _prove(options: argparse.Namespace) -> int:
         print(f"{result:8}{len(plan.phases):8}{visited:10}{longest:14g} s  {signal}", flush=True)
         for mode, example in broken:
             print(f"  {mode}: {example}")
-    print(f"{found.name}: {proved} of {len(plans)} signals proved in every action mode, {states} states")
+    signals = counted(len(plans), "signal")
+    print(f"{found.name}: {proved} of {signals} proved in every action mode, {counted(states, 'state')}")
     return int(proved < len(plans))

@@ -6,6 +6,7 @@ from pathlib import Path
 from dojo_env.commands.options import add_view_options, read_sensing
 from dojo_env.errors import ConfigError
 from dojo_maps.command import Commands, add_command
+from dojo_maps.plurals import counted
 from dojo_maps.progress import Progress
 
 
@@ -47,7 +48,7 @@ def _replay(options: argparse.Namespace) -> int:
     )
     if options.export:
         target = options.output or options.recording.with_suffix(".metadrive")
-        print(f"{target}: {rerun.export(target)} scenarios")
+        print(f"{target}: {counted(rerun.export(target), 'scenario')}")
     if options.video:
         rerun.film(options.video, on_stage=Progress(quiet=options.quiet))
         print(options.video)

@@ -4,6 +4,7 @@ import argparse
 from pathlib import Path
 
 from dojo_maps.command import Commands, add_command
+from dojo_maps.plurals import counted
 
 
 def add_scenarios(commands: Commands) -> None:
@@ -53,10 +54,11 @@ def _show_signals(name: str) -> None:
     found = find_map(name)
     manager = MapManager(open_map(found), SignalConfig(fixed_ts=True), additional=found.additional)
     index = MapIndex(manager.bundle.road_map)
-    print(f"{found.name}: {len(manager.plans)} signals to control")
+    print(f"{found.name}: {counted(len(manager.plans), 'signal')} to control")
     for signal, plan in manager.plans.items():
         links = len({link for link, _, _ in plan.links} | {link for link, _ in plan.walks})
-        print(f"\nsignal {signal}: {len(plan.phases)} phases, {links} links, {len(plan.lanes)} lanes")
+        sizes = (len(plan.phases), "phase"), (links, "link"), (len(plan.lanes), "lane")
+        print(f"\nsignal {signal}: {', '.join(counted(*size) for size in sizes)}")
         for line in draw_phases(plan, index):
             print(line)
         for words in list_oddities(plan):

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 
 from dojo_env.errors import ConfigError
 from dojo_maps.command import Commands, add_command
+from dojo_maps.plurals import counted
 from dojo_maps.whole_file import replaced
 
 if TYPE_CHECKING:
@@ -85,7 +86,10 @@ def _watch_video(options: argparse.Namespace) -> int:
                 put(look)
     if not options.quiet:
         seconds = max(time.monotonic() - begun, 1e-3)
-        print(f"dojo-env: {count} frames in {seconds:.1f} s, {count / seconds:.1f} a second", file=sys.stderr)
+        print(
+            f"dojo-env: {counted(count, 'frame')} in {seconds:.1f} s, {count / seconds:.1f} a second",
+            file=sys.stderr,
+        )
     return 0
 
 

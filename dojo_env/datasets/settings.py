@@ -14,6 +14,7 @@ from dojo_env.datasets.formats import FORMATS
 from dojo_env.datasets.weather import read_ranges
 from dojo_env.errors import ConfigError
 from dojo_env.imaging import read_imaging
+from dojo_maps.short_repr import short_repr
 
 Thing = TypeVar("Thing")
 
@@ -81,6 +82,8 @@ class DatasetSettings:
     quality: int = 92
     smooth: bool = True
     parked: bool = True
+
+    __repr__ = short_repr
 
     def __post_init__(self) -> None:
         """Refuse what cannot be, and settle what depends on the format.

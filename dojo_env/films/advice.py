@@ -22,6 +22,7 @@ from dojo_env.signals.longest_red import LongestRed
 from dojo_env.signals.plan import SignalPlan
 from dojo_env.signals.switching import SignalSwitch
 from dojo_maps.bundle import Bundle
+from dojo_maps.plurals import counted
 from dojo_maps.signals.programs import green_links
 
 INTERVAL = 5.0
@@ -68,7 +69,7 @@ class Advice:
         wanted, shown = self.demand[self.choice], self.demand[self.phase]
         if self.is_overruled:
             return f"phase {self.phase}: somebody has waited for the longest red"
-        words = f"{wanted.vehicles} vehicles, {wanted.halting} standing"
+        words = f"{counted(wanted.vehicles, 'vehicle')}, {wanted.halting} standing"
         if self.choice == self.phase:
             return f"phase {self.phase} stays: {words}"
         return (

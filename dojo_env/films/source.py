@@ -16,6 +16,7 @@ from dojo_env.errors import FilmError
 from dojo_env.notes import say_once
 from dojo_env.photographs import read_photograph
 from dojo_maps.input_files import opened
+from dojo_maps.plurals import counted
 from dojo_maps.progress import quiet_output
 
 Image = NDArray[np.uint8]
@@ -114,7 +115,7 @@ def _read_stream(address: str, every: float) -> Iterator[Frame]:
                 due = max(due + every, now)
         if not number:
             raise FilmError(_without_password(address), "gives no picture")
-        say_once(f"{_without_password(address)}: the stream has ended after {number} frames")
+        say_once(f"{_without_password(address)}: the stream has ended after {counted(number, 'frame')}")
 
 
 class _Capture:

@@ -14,6 +14,7 @@ from typing import Any
 from dojo_env.errors import ConfigError
 from dojo_maps.errors import SourceError
 from dojo_maps.safe_json import read_json
+from dojo_maps.short_repr import short_repr
 from dojo_maps.whole_file import write_json
 
 ALGORITHMS: dict[str, dict[str, Any]] = {
@@ -111,6 +112,8 @@ class Training:
     agents: str = "single"
     network: str = "usual"
     hyperparameters: Mapping[str, Any] = field(default_factory=dict)
+
+    __repr__ = short_repr
 
     def __post_init__(self) -> None:
         """Refuse what cannot be.

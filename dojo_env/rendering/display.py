@@ -54,8 +54,10 @@ def _colour(values: NDArray[Any]) -> Image:
         return _mapped(far / max(float(far.max()), 1e-6) * 255, cv2.COLORMAP_VIRIDIS)
     # Neighbouring numbers get colours far apart; 0 is nothing, and black.
     spread = values.astype(np.int64) * 97 % 251 + 4
-    return np.where((values == 0)[..., None], np.uint8(0), _mapped(spread, cv2.COLORMAP_HSV))
+    picture = _mapped(spread, cv2.COLORMAP_HSV)
+    picture[values == 0] = 0
+    return picture
 
 
 def _mapped(values: NDArray[Any], colours: int) -> Image:
-    return cv2.applyColorMap(values.astype(np.uint8), colours)[..., ::-1]
+    return np.asarray(cv2.applyColorMap(values.astype(np.uint8), colours)[..., ::-1], np.uint8).copy()

@@ -20,6 +20,7 @@ from dojo_env.instant import SignalView
 from dojo_env.sensors.eyes import Eyes
 from dojo_env.signals.plan import SignalPlan
 from dojo_env.snapshot import Snapshot
+from dojo_maps.short_repr import short_repr
 
 if TYPE_CHECKING:
     from dojo_env.detectors.measuring import LaneMeasurements
@@ -43,6 +44,8 @@ class Site:
     plan: SignalPlan
     eyes: Eyes
     decision_interval: float
+
+    __repr__ = short_repr
 
     def find_camera(self, wanted: Camera | str) -> Camera:
         """Take a camera as it is, or find one of the signal's by its name.
@@ -78,6 +81,8 @@ class Look:
 
     snapshot: Snapshot
     pictures: "Mapping[Camera, Picture]"
+
+    __repr__ = short_repr
 
 
 @runtime_checkable

@@ -16,6 +16,7 @@ from dojo_env.instant import SignalView
 from dojo_env.perceived import read_lanes
 from dojo_env.reading import HALTING
 from dojo_env.sensors.base import SENSORS, Look, Sensor, Site
+from dojo_maps.short_repr import short_repr
 
 _USUAL_LENGTH = 5.0
 """Metres, of vehicles that are not there."""
@@ -40,6 +41,8 @@ class Detector:
     false_alarms: float = 0.0
     interval: float = 0.0
     latency: int = 0
+
+    __repr__ = short_repr
 
     def __post_init__(self) -> None:
         """Refuse what cannot be.

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from dojo_env.camera import BEV, Camera
 from dojo_env.errors import ConfigError
 from dojo_env.sensors.base import SENSORS, Look, Sensor, Site
+from dojo_maps.short_repr import short_repr
 
 Floats = NDArray[np.float32]
 
@@ -66,6 +67,8 @@ class EventCamera:
     background_rate: float = 0.0
     interval: float = 0.0
     delay: float = 0.0
+
+    __repr__ = short_repr
 
     def __post_init__(self) -> None:
         """Refuse what cannot be.

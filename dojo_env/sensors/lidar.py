@@ -21,6 +21,7 @@ from dojo_env.rendering.scene import Scene
 from dojo_env.rendering.traffic import Users, place_users
 from dojo_env.sensors.base import SENSORS, Look, Sensor, Site
 from dojo_env.snapshot import Snapshot
+from dojo_maps.short_repr import short_repr
 
 Floats = NDArray[np.float64]
 
@@ -60,6 +61,8 @@ class Lidar:
     dropped: float = 0.0
     interval: float = 0.0
     delay: float = 0.0
+
+    __repr__ = short_repr
 
     def __post_init__(self) -> None:
         """Refuse what no lidar can be.

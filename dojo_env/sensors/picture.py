@@ -12,6 +12,7 @@ from dojo_env.errors import ConfigError
 from dojo_env.parked_cars import FIRST_NUMBER
 from dojo_env.rendering.outputs import OUTPUTS
 from dojo_env.sensors.base import CAMERA_KIND, SENSORS, Look, Sensor, Site
+from dojo_maps.short_repr import short_repr
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -29,6 +30,8 @@ class CameraSensor:
     output: str = "rgb"
     interval: float = 0.0
     delay: float = 0.0
+
+    __repr__ = short_repr
 
     def mount(self, site: Site) -> Sensor:
         """Hang it.

@@ -17,6 +17,7 @@ from dojo_env.errors import ConfigError
 from dojo_env.instant import SignalView
 from dojo_env.perceived import read_lanes
 from dojo_env.sensors.base import SENSORS, Look, Sensor, Site
+from dojo_maps.short_repr import short_repr
 
 TRUE_BOXES = "boxes"
 """In place of a model: the true boxes of what is well in view, the best that any detector could tell."""
@@ -43,6 +44,8 @@ class VideoDetector:
     model: str | Path | DetectorModel
     interval: float = 1.0
     latency: int = 0
+
+    __repr__ = short_repr
 
     def __post_init__(self) -> None:
         """Refuse what cannot be.

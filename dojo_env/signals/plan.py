@@ -10,6 +10,7 @@ from dojo_env.config import SignalConfig
 from dojo_env.errors import ConfigError
 from dojo_maps.description import LinkKind, Program, RoadMap, Signal
 from dojo_maps.index import MapIndex
+from dojo_maps.short_repr import short_repr
 from dojo_maps.signals.conflicts import Conflicts, list_walks, read_conflicts
 from dojo_maps.signals.nema import list_cycle, list_pairs, show
 from dojo_maps.signals.programs import GREEN, is_green
@@ -87,6 +88,8 @@ class SignalPlan:
     starts: tuple[float, ...] = ()
     changes: tuple[str, ...] = ()
     rules: SignalConfig = field(default_factory=SignalConfig)
+
+    __repr__ = short_repr
 
 
 def build_plan(road_map: RoadMap, signal: Signal, config: SignalConfig) -> SignalPlan:

@@ -24,6 +24,7 @@ from dojo_maps.demand.volumes import compute_saturation, fill_routes
 from dojo_maps.demand.walkers import Walk, find_walks
 from dojo_maps.description import RoadMap
 from dojo_maps.errors import DojoError
+from dojo_maps.short_repr import short_repr
 
 _RIDES = 10.0
 """Cyclists per hour on a movement."""
@@ -53,6 +54,8 @@ class DemandOptions:
     seed: int = 0
     begin: float = 0.0
     end: float = 3600.0
+
+    __repr__ = short_repr
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -14,6 +14,7 @@ from dojo_maps.description import RoadMap
 from dojo_maps.errors import SourceError
 from dojo_maps.index import MapIndex
 from dojo_maps.input_files import read_table
+from dojo_maps.plurals import counted
 from dojo_maps.signals.programs import read_seconds
 
 WALKERS = "pedestrian"
@@ -100,7 +101,7 @@ def read_counts(path: Path, road_map: RoadMap, *, begin: float, end: float) -> t
     """
     rows = read_table(path, _COLUMNS)
     if not rows or len(rows) > _MOST_ROWS:
-        raise SourceError(path, f"has {len(rows)} counts, expected 1 to {_MOST_ROWS}")
+        raise SourceError(path, f"has {counted(len(rows), 'count')}, expected 1 to {_MOST_ROWS}")
     places = _Places(road_map)
     found: dict[tuple[object, ...], Count] = {}
     for number, row in enumerate(rows, 1):

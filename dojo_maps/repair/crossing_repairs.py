@@ -4,6 +4,7 @@ from collections.abc import Iterator, Sequence
 from xml.sax.saxutils import quoteattr
 
 from dojo_maps.issue import Element, Issue
+from dojo_maps.plurals import counted
 from dojo_maps.repair.edits import Edit, Rebuild, Site
 
 
@@ -20,6 +21,6 @@ def add_crossings(site: Site, issues: Sequence[Issue]) -> Iterator[Edit]:
             f'<crossing node={quoteattr(junction)} edges={quoteattr(" ".join(leg))} priority="1"/>'
             for leg in legs.values()
         )
-        what = f"{len(crossings)} crossings added"
+        what = f"{counted(len(crossings), 'crossing')} added"
         element = Element(kind="junction", id=junction)
         yield Edit(element=element, what=what, changes=(Rebuild(connections=crossings),))

@@ -11,6 +11,7 @@ from dojo_maps.bundle import write_json
 from dojo_maps.errors import UsageError
 from dojo_maps.inspection import read_source
 from dojo_maps.issue import Severity
+from dojo_maps.plurals import counted
 from dojo_maps.repair.cost import Cost
 from dojo_maps.repair.patch import plain_files
 from dojo_maps.repair.repairs import ON_REQUEST, REPAIRS
@@ -84,13 +85,9 @@ def describe(fixed: Fixed, cost: Cost | None = None) -> Iterator[str]:
         yield f"{check:36}{before.get(check, (0, 0))[0]:7}{after.get(check, (0, 0))[0]:7}{asked}"
     if cost is not None:
         yield printable(str(cost))
-    counts = ", ".join(f"{count} {severity}s" for severity, count in _by_severity(fixed.after).items())
-    repairs, rounds = _several(len(fixed.made), "repair"), _several(fixed.rounds, "round")
+    counts = ", ".join(counted(count, severity) for severity, count in _by_severity(fixed.after).items())
+    repairs, rounds = counted(len(fixed.made), "repair"), counted(fixed.rounds, "round")
     yield f"{repairs} in {rounds}; {counts} are left"
-
-
-def _several(count: int, name: str) -> str:
-    return f"{count} {name}" if count == 1 else f"{count} {name}s"
 
 
 def write_fixed(

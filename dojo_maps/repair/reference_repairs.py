@@ -4,6 +4,7 @@ import math
 from collections.abc import Iterator, Sequence
 
 from dojo_maps.issue import Element, Issue
+from dojo_maps.plurals import counted
 from dojo_maps.repair.draft import Draft
 from dojo_maps.repair.edits import Change, Edit, Key, Rebuild, Remove, SetAttributes, Site, named
 from dojo_maps.repair.net_text import key_of
@@ -140,7 +141,9 @@ def remove_copies(site: Site, issues: Sequence[Issue]) -> Iterator[Edit]:
             if again and key not in seen:
                 seen.add(key)
                 changes = tuple(Remove(key=key, copy=k) for k in again)
-                yield Edit(element=fault, what=f"{len(again)} copies removed", changes=changes)
+                yield Edit(
+                    element=fault, what=f"{counted(len(again), 'copy', 'copies')} removed", changes=changes
+                )
 
 
 def _keys(site: Site, fault: Element) -> Iterator[Key]:
@@ -174,7 +177,7 @@ def drop_unused_letters(site: Site, issues: Sequence[Issue]) -> Iterator[Edit]:
             for record in links_of(site, id_)
             if any(order[index] != index for index in link_indices(record).values())
         ]
-        what = f"{sizes.pop() - len(used)} letters without a link removed, links numbered anew"
+        what = f"{counted(sizes.pop() - len(used), 'letter')} without a link removed, links numbered anew"
         yield Edit(element=Element(kind="signal", id=id_), what=what, changes=tuple(changes))
 
 

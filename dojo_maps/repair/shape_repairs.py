@@ -9,6 +9,7 @@ import shapely
 from dojo_maps.description import Connection, Lane
 from dojo_maps.geometry.polylines import Floats
 from dojo_maps.issue import Element, Issue
+from dojo_maps.plurals import counted
 from dojo_maps.repair.edits import Edit, SetAttributes, Site, named
 from dojo_maps.sources.osm.network.junction_outlines import untwist
 from dojo_maps.validation.facts import Facts
@@ -80,7 +81,9 @@ def drop_repeated_points(site: Site, issues: Sequence[Issue]) -> Iterator[Edit]:
                 kept.append(place)
         kept.append(shape[-1])
         if len(kept) < len(shape):
-            yield _reshape("lane", lane, lane, kept, f"{len(shape) - len(kept)} repeated points left out")
+            yield _reshape(
+                "lane", lane, lane, kept, f"{counted(len(shape) - len(kept), 'repeated point')} left out"
+            )
 
 
 def untwist_outlines(site: Site, issues: Sequence[Issue]) -> Iterator[Edit]:

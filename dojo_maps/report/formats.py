@@ -4,6 +4,8 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 from urllib.parse import quote
 
+from dojo_maps.plurals import counted
+
 _SARIF = "https://json.schemastore.org/sarif-2.1.0.json"
 
 
@@ -20,9 +22,10 @@ def as_text(report: Mapping[str, Any]) -> Iterator[str]:
         if check["status"] == "crashed":
             yield f"{check['id']}: crashed: {printable(check.get('reason', ''))}"
     skipped = sum(check["status"] == "skipped" for check in report["checks"])
-    counts = ", ".join(f"{count} {severity}s" for severity, count in report["counts"].items())
+    counts = ", ".join(counted(count, severity) for severity, count in report["counts"].items())
     excluded = f", {len(report['excluded'])} excluded" if report.get("excluded") else ""
-    yield f"{printable(report['map'])}: {counts}{excluded}; {len(report['checks'])} checks, {skipped} skipped"
+    checks = counted(len(report["checks"]), "check")
+    yield f"{printable(report['map'])}: {counts}{excluded}; {checks}, {skipped} skipped"
 
 
 def as_sarif(report: Mapping[str, Any], network: str, lines: Mapping[tuple[str, str], int]) -> dict[str, Any]:

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from dojo_maps.description import Lane, Origin, Points, RoadMap
+from dojo_maps.plurals import counted
 from dojo_maps.report.netedit import selection_lines
 from dojo_maps.report.phase_diagrams import draw_phases
 from dojo_maps.report.time_space import draw_row, find_rows
@@ -71,10 +72,7 @@ def write_page(report: Mapping[str, Any], road_map: RoadMap, page: Path) -> None
 
 def _about(report: Mapping[str, Any], road_map: RoadMap) -> str:
     """Say which file the report is about, how large it is, and by whose limits it was checked."""
-    return (
-        f"{road_map.source.file}, {len(road_map.roads)} roads, {len(road_map.junctions)} junctions, "
-        f"{len(road_map.signals)} signals; profile {report.get('profile', 'default')}"
-    )
+    return f"{road_map.source.file}, {road_map.tell_size()}; profile {report.get('profile', 'default')}"
 
 
 def _diagrams(road_map: RoadMap) -> Iterator[str]:
@@ -83,7 +81,7 @@ def _diagrams(road_map: RoadMap) -> Iterator[str]:
     phases = [f"<figure><figcaption>{escape(id_)}</figcaption>{svg}</figure>" for id_, svg in drawn if svg]
     if phases:
         more = len(road_map.signals) - _MOST_SIGNALS
-        rest = f"<p>and {more} signals more, which are not drawn</p>" if more > 0 else ""
+        rest = f"<p>and {counted(more, 'signal')} more, not drawn</p>" if more > 0 else ""
         yield _FOLDED.format(title="Phases of the signals", content="".join(phases) + rest)
     rows = "".join(
         f"<figure><figcaption>{escape(name)}</figcaption>{draw_row(road_map, name, stops)}</figure>"

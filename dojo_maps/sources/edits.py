@@ -14,6 +14,7 @@ from xml.etree import ElementTree
 from xml.etree.ElementTree import Element
 
 from dojo_maps.errors import SourceError, ToolMissingError
+from dojo_maps.plurals import counted
 from dojo_maps.safe_xml import parse_xml
 from dojo_maps.sources.net_tree import NetTree
 from dojo_maps.sources.netconvert import NetconvertError, find_netconvert, run_netconvert
@@ -183,7 +184,9 @@ def _drop_programs(root: Element, tree: NetTree) -> list[Misfit]:
     for logic in root.findall("tlLogic"):
         links = lengths.get(logic.get("id"))
         if len(logic) and links != len(_state(logic)):
-            reason = f"its states are for {len(_state(logic))} links, the signal has {links or 'none'}"
+            reason = (
+                f"its states are for {counted(len(_state(logic)), 'link')}, the signal has {links or 'none'}"
+            )
             misfits.append(Misfit(kind=logic.tag, id=_id(logic), reason=reason))
             root.remove(logic)
     return misfits

@@ -13,6 +13,7 @@ from dojo_maps.description import RoadMap
 from dojo_maps.errors import SourceError
 from dojo_maps.index import MapIndex
 from dojo_maps.issue import Element, Issue, Severity
+from dojo_maps.plurals import counted
 from dojo_maps.safe_xml import Attributes, parse_xml
 from dojo_maps.sources.netconvert import NetconvertError, build_from_files, warning_issue
 
@@ -66,7 +67,7 @@ class OpenDriveNetwork:
                 found.append(_not_taken(what, road_map, (Element(kind="road", id=road),), Severity.WARNING))
         for kind, count in sorted(self.objects.items()):
             found.append(
-                _not_taken(f"{count} objects of type {kind[:80]!r} are not in the network", road_map)
+                _not_taken(f"not in the network: {counted(count, 'object')} of type {kind[:80]!r}", road_map)
             )
         if self.signals and road_map.signals:
             what = "OpenDRIVE has no signal programs; those of the network are netconvert's own"

@@ -6,6 +6,7 @@ import numpy as np
 import shapely
 
 from dojo_maps.description import Program
+from dojo_maps.plurals import counted
 from dojo_maps.signals.programs import GREEN, YELLOW, following
 from dojo_maps.validation.check import WARNING, Check, Finding, Need, check, element
 from dojo_maps.validation.facts import Facts
@@ -120,7 +121,9 @@ def _undrivable(program: Program) -> str:
     states = [phase.state for phase in program.phases]
     greens = [k for k, state in enumerate(states) if GREEN & set(state) and not YELLOW & set(state)]
     if len(greens) < 2:
-        return f"has {len(greens)} green phases without yellow, a controller needs two to choose from"
+        return (
+            f"has {counted(len(greens), 'green phase')} without yellow, a controller needs two to choose from"
+        )
     for phase in greens:
         for after in following(program, phase):
             gained = any(

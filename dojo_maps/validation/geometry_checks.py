@@ -12,6 +12,7 @@ from dojo_maps.geometry.pieces import RAISED
 from dojo_maps.geometry.polylines import Floats
 from dojo_maps.issue import Element, Severity
 from dojo_maps.meshes.mesh import Mesh, is_watertight
+from dojo_maps.plurals import counted
 from dojo_maps.validation.check import ERROR, NOTE, WARNING, Finding, Need, check, element
 from dojo_maps.validation.facts import DRIVABLE, Facts, direction
 from dojo_maps.validation.profiles import Limits
@@ -326,7 +327,9 @@ def _bad_faces(facts: Facts, mesh: Mesh) -> Iterator[Finding]:
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     empty, down = ~normals.any(axis=1), normals[:, 2] < 0
     if empty.any():
-        yield _unhealthy(facts, mesh, int(empty.argmax()), f"has {empty.sum()} faces without area")
+        yield _unhealthy(
+            facts, mesh, int(empty.argmax()), f"has {counted(int(empty.sum()), 'face')} without area"
+        )
     if mesh.name not in RAISED and down.sum() > len(down) / 2:
         yield _unhealthy(facts, mesh, int(down.argmax()), "faces down")
 

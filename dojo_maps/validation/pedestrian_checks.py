@@ -9,6 +9,7 @@ import shapely
 
 from dojo_maps.description import Crossing, LaneKind, Program
 from dojo_maps.geometry.polylines import Floats
+from dojo_maps.plurals import counted
 from dojo_maps.signals.programs import GREEN
 from dojo_maps.validation.check import ERROR, NOTE, WARNING, Check, Finding, Need, check, element
 from dojo_maps.validation.facts import DRIVABLE, Facts, twisted_share
@@ -42,7 +43,8 @@ def check_crossing_ends(facts: Facts, _limits: Limits) -> Iterator[Finding]:
             yield Finding(
                 elements=element("crossing", crossing.id),
                 at=crossing.shape[0],
-                message=f"the crossing {crossing.id} touches {len(touched[crossing.id])} walking areas",
+                message=f"the crossing {crossing.id} touches "
+                f"{counted(len(touched[crossing.id]), 'walking area')}",
                 measured=float(len(touched[crossing.id])),
                 limit=2.0,
             )
@@ -88,8 +90,8 @@ def check_walk_components(facts: Facts, _limits: Limits) -> Iterator[Finding]:
         yield Finding(
             elements=tuple(item for name in group[:_NAMED] for item in element(kind(name), name)),
             at=_start_of(facts, group[0]),
-            message=f"{len(group)} places to walk, {group[0]} among them, are cut off from the other "
-            f"{len(groups[0])}",
+            message=f"cut off from the other {len(groups[0])}: {counted(len(group), 'place')} to walk, "
+            f"{group[0]} among them",
             measured=float(len(group)),
             limit=0.0,
         )
@@ -161,7 +163,7 @@ def check_dead_end_walking_area(facts: Facts, _limits: Limits) -> Iterator[Findi
             yield Finding(
                 elements=(*element("walking_area", area.id), *element("junction", area.junction)),
                 at=area.polygon[0],
-                message=f"the walking area {area.id} joins {len(joins[area.id])} way to walk",
+                message=f"the walking area {area.id} joins {counted(len(joins[area.id]), 'way')} to walk",
                 measured=float(len(joins[area.id])),
                 limit=2.0,
             )
@@ -199,7 +201,8 @@ def check_missing_crossing(facts: Facts, _limits: Limits) -> Iterator[Finding]:
                     *element("road", *(road for pair in bare for road in pair)),
                 ),
                 at=junction.position if not len(junction.polygon) else junction.polygon[0],
-                message=f"{len(bare)} legs of the signal at {junction.id} have sidewalks and no crossing",
+                message=f"{counted(len(bare), 'leg')} of the signal at {junction.id} with sidewalks and "
+                "no crossing",
                 measured=float(len(bare)),
                 limit=0.0,
             )

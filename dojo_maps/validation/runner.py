@@ -5,7 +5,7 @@ from dataclasses import asdict
 from typing import Any
 
 from dojo_maps.description import RoadMap
-from dojo_maps.issue import Issue, Severity
+from dojo_maps.issue import Issue, Report, Severity
 from dojo_maps.meshes.mesh import Mesh
 from dojo_maps.sumo_loading import Loading
 from dojo_maps.validation.catalogue import CHECKS
@@ -71,23 +71,25 @@ def run_checks(
     exclusions: Sequence[Exclusion] = (),
     *,
     sumo: Loading | None = None,
-) -> dict[str, Any]:
+) -> Report:
     """Run every check and write the report as JSON values; what is excluded is listed apart, not counted."""
     found, states = find_issues(road_map, meshes, known, profile, CHECKS, sumo)
     issues, excluded = split_excluded(found, exclusions)
-    return {
-        "format": REPORT_FORMAT,
-        "version": REPORT_VERSION,
-        "map": road_map.name,
-        "profile": profile.name,
-        "counts": {severity.value: sum(i.severity is severity for i in issues) for severity in Severity},
-        "checks": [_encode_check(check, states.get(check.id, ""), issues) for check in CHECKS],
-        "issues": [
-            {**_encode(issue), "lonlat": lonlat}
-            for issue, lonlat in zip(issues, earth_positions(issues, road_map.projection), strict=True)
-        ],
-        "excluded": [{**_encode(issue), "reason": reason} for issue, reason in excluded],
-    }
+    return Report(
+        {
+            "format": REPORT_FORMAT,
+            "version": REPORT_VERSION,
+            "map": road_map.name,
+            "profile": profile.name,
+            "counts": {severity.value: sum(i.severity is severity for i in issues) for severity in Severity},
+            "checks": [_encode_check(check, states.get(check.id, ""), issues) for check in CHECKS],
+            "issues": [
+                {**_encode(issue), "lonlat": lonlat}
+                for issue, lonlat in zip(issues, earth_positions(issues, road_map.projection), strict=True)
+            ],
+            "excluded": [{**_encode(issue), "reason": reason} for issue, reason in excluded],
+        }
+    )
 
 
 def _run(check: Check, facts: Facts, profile: Profile) -> Iterator[Issue]:

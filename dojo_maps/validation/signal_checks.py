@@ -6,6 +6,7 @@ from collections.abc import Iterator
 import shapely
 
 from dojo_maps.description import Connection, Lane
+from dojo_maps.plurals import counted
 from dojo_maps.signals.programs import GREEN, following
 from dojo_maps.validation.check import ERROR, NOTE, WARNING, Finding, check, element
 from dojo_maps.validation.facts import DRIVABLE, Facts
@@ -36,7 +37,7 @@ def check_state_length(facts: Facts, _limits: Limits) -> Iterator[Finding]:
                     elements=element("signal", signal.signal.id),
                     at=signal.middle,
                     message=f"{signal.named(program)} has states of {_list(sorted(sizes))} letters for "
-                    f"{needed} links",
+                    f"{counted(needed, 'link')}",
                     measured=float(min(sizes)),
                     limit=float(needed),
                 )

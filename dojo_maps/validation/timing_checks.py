@@ -7,6 +7,7 @@ from functools import lru_cache
 from dojo_maps.description import Connection, Crossing, Program
 from dojo_maps.geometry.polylines import along
 from dojo_maps.issue import Element
+from dojo_maps.plurals import counted
 from dojo_maps.signals.programs import GREEN, YELLOW, following, least, run_from, starts
 from dojo_maps.signals.timing import clearing_time, yellow_needed
 from dojo_maps.validation.check import ERROR, NOTE, WARNING, Finding, check
@@ -43,7 +44,7 @@ def check_yellow_short(facts: Facts, limits: Limits) -> Iterator[Finding]:
                 elements=signal.elements(index, *(row[2] for row in found)),
                 at=signal.place(index),
                 message=f"the yellow of phase {phase} in {signal.named(program)} lasts {shown:g} s for "
-                f"{len(found)} links, {wanted:.1f} s are needed",
+                f"{counted(len(found), 'link')}, {wanted:.1f} s are needed",
                 measured=shown,
                 limit=wanted,
                 severity=ERROR if shown < limits.yellow else WARNING,

@@ -7,6 +7,7 @@ import numpy as np
 
 from dojo_maps.description import Lane, Road
 from dojo_maps.geometry.polylines import Floats
+from dojo_maps.plurals import counted
 from dojo_maps.validation.check import ERROR, WARNING, Check, Finding, Need, check, element
 from dojo_maps.validation.facts import DRIVABLE, Facts
 from dojo_maps.validation.profiles import Limits
@@ -174,8 +175,8 @@ def check_components(facts: Facts, _limits: Limits) -> Iterator[Finding]:
         yield Finding(
             elements=element("road", *group[:_NAMED]),
             at=facts.lanes_of(first.id)[0].shape[0],
-            message=f"{len(group)} roads, {first.id} among them, are not joined with the other "
-            f"{len(groups[0])}",
+            message=f"not joined with the other {len(groups[0])}: {counted(len(group), 'road')}, "
+            f"{first.id} among them",
             measured=float(len(group)),
             limit=0.0,
         )

@@ -11,6 +11,7 @@ import shapely
 
 from dojo_maps.index import MapIndex
 from dojo_maps.issue import Element, Issue, Severity
+from dojo_maps.plurals import counted
 from dojo_maps.sources.osm.graph.edge_id import EdgeId
 from dojo_maps.sources.osm.network.osm_network import OsmNetwork
 from dojo_maps.sources.osm.plain.lane_connections import arrow_targets
@@ -107,7 +108,7 @@ def tell_guesses(network: OsmNetwork) -> list[Issue]:
     return [
         loss(
             "osm.guessed_crossing",
-            f"{count} crossings at this signal are guessed, for none is mapped",
+            f"{counted(count, 'crossing')} at this signal guessed, for none is mapped",
             ("node", junction), graph.places[junction],
             "map the crossings, or remove them in netedit", severity=Severity.NOTE, measured=count,
         )

@@ -13,6 +13,7 @@ import shapely
 from dojo_maps.description import LaneKind
 from dojo_maps.geometry.pieces import lane_strips
 from dojo_maps.issue import Issue, Severity
+from dojo_maps.plurals import counted
 from dojo_maps.sources.osm.completeness.losses import Left, loss, share_of
 from dojo_maps.sources.osm.graph.projection import way_line
 from dojo_maps.sources.osm.network.osm_network import OsmNetwork
@@ -109,7 +110,7 @@ def _left_out_issues(left_out: dict[str, Left]) -> Iterator[Issue]:
     for kind, left in sorted(left_out.items()):
         yield loss(
             "osm.not_imported",
-            f"{left.ways} ways of {kind}, {left.metres:.0f} m together, are not imported; the longest",
+            f"not imported: {counted(left.ways, 'way')} of {kind}, {left.metres:.0f} m together; the longest",
             ("way", left.way), left.place, "draw what matters to your traffic in netedit",
             severity=Severity.NOTE, measured=round(left.metres, 1),
         )  # fmt: skip

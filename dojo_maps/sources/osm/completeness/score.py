@@ -6,6 +6,7 @@ import shapely
 
 from dojo_maps.index import MapIndex
 from dojo_maps.issue import Element, Issue, Severity
+from dojo_maps.plurals import counted
 from dojo_maps.sources.osm.completeness.assumptions import tell_driving_side, tell_ground
 from dojo_maps.sources.osm.completeness.junction_ground import check_junction_ground
 from dojo_maps.sources.osm.completeness.losses import (
@@ -152,7 +153,7 @@ def _unread(data: OsmData, network: OsmNetwork) -> list[Issue]:
         what, _, lost = words.partition(": ")
         issues.append(
             loss(
-                "osm.tag_not_kept", f"{len(ways)} ways have {what}; not kept: {lost}; the first is",
+                "osm.tag_not_kept", f"{counted(len(ways), 'way')} with {what}, not kept: {lost}; the first",
                 ("way", ways[0]), place, "correct the lanes in netedit, or the tags",
                 severity=Severity.NOTE, measured=len(ways),
             )
@@ -192,7 +193,9 @@ def _unread(data: OsmData, network: OsmNetwork) -> list[Issue]:
                 )
             )  # fmt: skip
     if missing := graph.unread.missing:
-        what = f"roads name {len(missing)} nodes that the extract lacks; they end there, the first at"
+        what = (
+            f"roads name {counted(len(missing), 'node')} that the extract lacks, and end there, the first at"
+        )
         issues.append(
             loss(
                 "osm.missing_node", what, ("node", missing[0]), network.road_map.origin,

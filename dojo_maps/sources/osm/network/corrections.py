@@ -14,6 +14,7 @@ from dojo_maps.description import RoadMap
 from dojo_maps.geometry.polylines import Floats
 from dojo_maps.index import MapIndex
 from dojo_maps.issue import Element, Issue, Severity
+from dojo_maps.plurals import counted
 from dojo_maps.sources.osm.graph.edge_id import EdgeId
 from dojo_maps.sources.osm.graph.road_graph import RoadGraph
 from dojo_maps.sources.osm.layout.arms import Layout
@@ -133,8 +134,8 @@ def not_converged(known: Corrections, wanted: Corrections, graph: RoadGraph, *, 
         elements=(Element(kind="osm_node", id=str(first)),),
         position=(*graph.places[first], 0.0),
         message=(
-            f"after {attempts} attempts roads at {len(nodes)} nodes are still too short, lie on a neighbour, "
-            f"or lack pavement at a crossing; one is {link_to('node', first)}"
+            f"after {attempts} attempts roads at {counted(len(nodes), 'node')} are still too short, lie on a "
+            f"neighbour, or lack pavement at a crossing; one is {link_to('node', first)}"
         ),
         hint="look at the place in netedit; draw what is crowded there simpler, or join its junctions",
         measured=len(nodes),
