@@ -91,7 +91,7 @@ class Plot:
 
     def __repr__(self) -> str:
         """Tell what there is to do with it."""
-        return f"Plot({len(self.figure.axes)} panels; .save(path) writes .png, .svg or .pdf)"
+        return f"Plot(.save(path) writes {', '.join(_UNDATED)})"
 
 
 def check_name(path: Path) -> None:

@@ -19,6 +19,7 @@ from dojo_env.reading import HALTING
 from dojo_env.series import Series
 from dojo_env.snapshot import LARGEST_SIZE, Kind, Snapshot
 from dojo_maps.plurals import counted
+from dojo_maps.short_repr import shortened
 from dojo_maps.whole_file import replaced
 
 _VERSION = 1
@@ -134,6 +135,11 @@ class Recording(Sequence[Snapshot]):
         self._arrays, self._path = arrays, path
         arrays.setdefault("user_types", np.full(max(len(arrays["numbers"]), 1), ""))
         self._check()
+        self._take()
+
+    def _take(self) -> None:
+        """Take out what is asked for often."""
+        arrays = self._arrays
         self._ends = np.cumsum(arrays["counts"], dtype=np.int64)
         self.times: NDArray[np.float64] = arrays["times"]
         self.signals: tuple[str, ...] = tuple(arrays["signals"].tolist()) if arrays["shown"].size else ()
@@ -178,7 +184,7 @@ class Recording(Sequence[Snapshot]):
         }
         if walks.any():
             figures["pedestrians"] = np.bincount(instants[walks], minlength=count).astype(np.float64)
-        return Series(at=self.times - self.times[0], unit="seconds", figures=figures)
+        return Series(at=self.times - self.times[:1], unit="seconds", figures=figures)
 
     def plot(self, *names: str, smooth: float = 60.0) -> Plot:
         """Draw figures over time; `dojo_env.plot` draws several recordings beside each other.
@@ -220,10 +226,10 @@ class Recording(Sequence[Snapshot]):
 
     def __repr__(self) -> str:
         """Tell of what it is, and how long."""
-        return (
+        span = f" from {self.times[0]:g} to {self.times[-1]:g} s" if len(self) else ""
+        return shortened(
             f"Recording({self._path.name!r}, {self.scenario or 'unnamed'}, seed {self.seed}, "
-            f"{counted(len(self), 'snapshot')} from {self.times[0]:g} to {self.times[-1]:g} s, "
-            f"{counted(len(self.signals), 'signal')})"
+            f"{counted(len(self), 'snapshot')}{span}, {counted(len(self.signals), 'signal')})"
         )
 
     def __len__(self) -> int:
@@ -231,13 +237,13 @@ class Recording(Sequence[Snapshot]):
         return len(self.times)
 
     def __getitem__(self, number: Any) -> Any:
-        """Make a snapshot, or a list of them for a slice.
+        """Make a snapshot, or for a slice a recording of a part of this one.
 
         Raises:
             RecordingError: the file holds what no instant can be.
         """
         if isinstance(number, slice):
-            return [self[k] for k in range(*number.indices(len(self)))]
+            return self._cut(np.arange(len(self))[number])
         k = range(len(self))[number]
         a, end = self._arrays, int(self._ends[k])
         rows = slice(end - int(a["counts"][k]), end)
@@ -257,6 +263,20 @@ class Recording(Sequence[Snapshot]):
             )
         except SnapshotError as error:
             raise RecordingError(self._path, str(error)) from error
+
+    def _cut(self, instants: NDArray[np.int64]) -> "Recording":
+        a = self._arrays
+        rows = [np.arange(self._ends[k] - a["counts"][k], self._ends[k]) for k in instants]
+        chosen = np.concatenate([np.empty(0, np.int64), *rows])
+        part = object.__new__(Recording)
+        part._path = self._path
+        part._arrays = {
+            **a,
+            **{name: a[name][instants] for name in ("times", "counts", "shown")},
+            **{name: a[name][chosen] for name in (*_COLUMNS, "users", "lanes")},
+        }
+        part._take()
+        return part
 
     def __iter__(self) -> Iterator[Snapshot]:
         """Go through the snapshots in order."""

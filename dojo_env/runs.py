@@ -21,6 +21,7 @@ from dojo_env.watch import FilmShow, choose_looks, open_views
 from dojo_env.watching.video import open_video
 from dojo_env.world_process import open_world
 from dojo_maps.plurals import counted
+from dojo_maps.short_repr import shortened
 
 
 class Episodes(list[dict[str, Any]]):
@@ -57,6 +58,10 @@ class Episodes(list[dict[str, Any]]):
         """
         return draw_series({self.title: self.series}, names, smooth=smooth)
 
+    def __repr__(self) -> str:
+        """Tell who controlled what, and how many there are."""
+        return shortened(f"Episodes({self.title!r}, {counted(len(self), 'episode')})")
+
     def _repr_html_(self) -> str:
         """Give what a notebook shows. Source: IPython's "rich display" protocol."""
         rows = "".join(
@@ -77,7 +82,7 @@ def run_controller(
     on_step: Callable[[dict[str, Any]], None] = lambda _info: None,
     on_episode: Callable[[dict[str, Any]], None] = lambda _figures: None,
     on_stage: Callable[[str], None] = lambda _stage: None,
-    video: Path | None = None,
+    video: str | Path | None = None,
     **keywords: Unpack[Settings],
 ) -> Episodes:
     """Run an episode per seed.

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from dojo_maps.demand import DemandOptions
     from dojo_maps.description import RoadMap
     from dojo_maps.errors import DojoError, SourceError, UsageError
-    from dojo_maps.operations import add_demand, fix, import_osm, validate
+    from dojo_maps.operations import add_demand, draw_signal, fix, import_osm, validate
     from dojo_maps.sources.files import list_files
 
     __version__: str
@@ -30,6 +30,7 @@ __all__ = [
     "UsageError",
     "add_demand",
     "convert",
+    "draw_signal",
     "fix",
     "import_osm",
     "list_files",
@@ -46,7 +47,7 @@ __getattr__, __dir__ = attach(
         "demand": "DemandOptions",
         "description": "RoadMap",
         "errors": "DojoError SourceError UsageError",
-        "operations": "add_demand fix import_osm validate",
+        "operations": "add_demand draw_signal fix import_osm validate",
         "sources.files": "list_files",
     },
 )

@@ -75,7 +75,7 @@ class ConvertOptions:
     demand: float | None = 0.0
     at: str | None = None
     drive: Literal["left", "right"] | None = None
-    terrain: Path | None = None
+    terrain: str | Path | None = None
 
     __repr__ = short_repr
 
@@ -132,7 +132,7 @@ def _convert(
         extract, unread = _read_extract(path, options.at)
         country = read_country(extract, options.drive)
         far_side = country.far_side_signals
-        raster = None if options.terrain is None else read_elevations(options.terrain)
+        raster = None if options.terrain is None else read_elevations(Path(options.terrain))
         on_stage("Building the network")
         network = build_network(
             extract, path=path, name=name, sha256=sha256_of(path), country=country, raster=raster

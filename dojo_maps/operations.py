@@ -9,15 +9,18 @@ from dojo_maps.bundle import Bundle
 from dojo_maps.conversion import ConvertOptions, convert
 from dojo_maps.demand import DemandOptions, as_json
 from dojo_maps.demand_files import deliver_demand
+from dojo_maps.description import RoadMap
 from dojo_maps.errors import UsageError
 from dojo_maps.inspection import inspect, write_reports
 from dojo_maps.issue import Report
 from dojo_maps.repair import fixing
 from dojo_maps.repair.cost import measure_cost
+from dojo_maps.report.phase_diagrams import draw_phases
 from dojo_maps.sources import overpass
 from dojo_maps.sources.osm import is_osm
 from dojo_maps.validation.exclusions import read_exclusions
 from dojo_maps.validation.profiles import PROFILES
+from dojo_maps.whole_file import write_text
 
 RADIUS = 200.0
 """Metres around a place or a point, unless asked for."""
@@ -132,12 +135,12 @@ def validate(
     source: str | Path,
     *,
     profile: str = "default",
-    exclude: Path | None = None,
-    json: Path | None = None,
-    html: Path | None = None,
-    sarif: Path | None = None,
-    geojson: Path | None = None,
-    netedit: Path | None = None,
+    exclude: str | Path | None = None,
+    json: str | Path | None = None,
+    html: str | Path | None = None,
+    sarif: str | Path | None = None,
+    geojson: str | Path | None = None,
+    netedit: str | Path | None = None,
 ) -> Report:
     """Check a network or a bundle, and write reports where they are wanted.
 
@@ -158,11 +161,12 @@ def validate(
         SourceError: the map or the file of known issues cannot be read.
         UsageError: the profile is unknown, or a file cannot be written there.
     """
-    exclusions = read_exclusions(exclude) if exclude is not None else ()
+    exclusions = read_exclusions(Path(exclude)) if exclude is not None else ()
     if profile not in PROFILES:
         raise UsageError(f"profile={profile!r}: expected one of {', '.join(PROFILES)}")
     read, report = inspect(str(source), PROFILES[profile], exclusions)
-    write_reports(read, report, json=json, html=html, sarif=sarif, geojson=geojson, netedit=netedit)
+    targets = {"json": json, "html": html, "sarif": sarif, "geojson": geojson, "netedit": netedit}
+    write_reports(read, report, **{name: Path(path) for name, path in targets.items() if path is not None})
     return report
 
 
@@ -171,7 +175,7 @@ def fix(
     output: Path | str | None = None,
     *,
     only: Collection[str] = (),
-    patch: Path | None = None,
+    patch: str | Path | None = None,
 ) -> dict[str, Any]:
     """Repair a network where that is safe; every byte that no repair concerns stays.
 
@@ -191,7 +195,7 @@ def fix(
     """
     fixed = fixing.fix(str(source), only)
     cost = measure_cost(fixed)
-    fixing.write_fixed(fixed, None if output is None else Path(output), patch, None, cost)
+    fixing.write_fixed(fixed, _path(output), _path(patch), None, cost)
     return fixing.as_record(fixed, cost)
 
 
@@ -199,8 +203,8 @@ def add_demand(
     source: str | Path,
     options: DemandOptions | None = None,
     *,
-    counts: Path | None = None,
-    output: Path | None = None,
+    counts: str | Path | None = None,
+    output: str | Path | None = None,
 ) -> tuple[dict[str, Any], Path]:
     """Write traffic for a map: into a bundle, or beside a SUMO network.
 
@@ -218,5 +222,75 @@ def add_demand(
         UsageError: the output cannot be named so.
         DojoError: nobody can drive on the map, or the counts cannot be met.
     """
-    demand, start = deliver_demand(str(source), options or DemandOptions(), counts=counts, output=output)
+    demand, start = deliver_demand(
+        str(source), options or DemandOptions(), counts=_path(counts), output=_path(output)
+    )
     return as_json(demand), start
+
+
+def _path(given: str | Path | None) -> Path | None:
+    return None if given is None else Path(given)
+
+
+class Diagram:
+    """A drawing that shows itself in a notebook.
+
+    Attributes:
+        svg: the drawing, as Scalable Vector Graphics.
+    """
+
+    def __init__(self, svg: str) -> None:
+        """Take a drawing.
+
+        Args:
+            svg: as Scalable Vector Graphics.
+        """
+        self.svg = svg
+
+    def save(self, path: str | Path) -> Path:
+        """Write it.
+
+        Args:
+            path: of the .svg file.
+
+        Returns:
+            The path.
+
+        Raises:
+            WriteError: the file cannot be written.
+        """
+        write_text(Path(path), self.svg)
+        return Path(path)
+
+    def _repr_svg_(self) -> str:
+        """Give what a notebook shows. Source: IPython's "rich display" protocol."""
+        return self.svg
+
+    def __repr__(self) -> str:
+        """Tell what there is to do with it."""
+        return "Diagram(.save(path) writes .svg)"
+
+
+def draw_signal(road_map: RoadMap, signal: str | None = None) -> Diagram:
+    """Draw what may go in each phase of a signal's program, on its junction.
+
+    Args:
+        road_map: the map, such as `convert(...)[0].road_map`.
+        signal: its id; None for the map's only one.
+
+    Returns:
+        The drawing: green arrows go first, pale ones yield, bars are people on foot.
+
+    Raises:
+        UsageError: the map has no signal of that id, or several and none is named, or it has no phases.
+    """
+    ids = ", ".join(each.id for each in road_map.signals)
+    wanted = [each for each in road_map.signals if signal in (None, each.id)]
+    if len(wanted) != 1:
+        raise UsageError(
+            f"signal={signal!r}: name one of the signals of {road_map.name}: {ids or 'it has none'}"
+        )
+    svg = draw_phases(road_map, wanted[0])
+    if svg is None:
+        raise UsageError(f"signal {wanted[0].id}: its program has no phase with green to draw")
+    return Diagram(svg)

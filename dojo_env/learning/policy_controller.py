@@ -28,7 +28,7 @@ class PolicyController(Controller):
         trained_on: the scenario of its training.
     """
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: str | Path) -> None:
         """Read a run's settings.
 
         Args:
@@ -37,6 +37,7 @@ class PolicyController(Controller):
         Raises:
             RunFileError: there is no run.
         """
+        path = Path(path)
         self._folder = path.parent if path.name == POLICY else path
         self._training = read_training(self._folder / SETTINGS)
         known = self._training.environment
