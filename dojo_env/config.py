@@ -1,6 +1,5 @@
 """The settings, in frozen groups that refuse contradictions; users give them as plain keywords."""
 
-import difflib
 import math
 import operator
 from collections.abc import Callable, Mapping, Sequence
@@ -20,6 +19,7 @@ from dojo_env.sumo_settings import SumoSettings, settle
 from dojo_env.timing_plans import TimingPlan
 from dojo_env.vehicle_models import settle_models
 from dojo_maps.short_repr import short_repr, shortened
+from dojo_maps.wording import did_you_mean
 
 ACTION_MODES = ("choose_phase", "next_or_keep", "set_duration")
 PROGRAMS = ("network", "fixed", "actuated", "delay_based")
@@ -383,15 +383,14 @@ def _unknown(name: str) -> str:
     if name in _SUMO_RL:
         return f"{name} is SUMO-RL's: dojo_env.compat.sumo_rl.SumoEnvironment takes it"
     known = (*_PLACES, *_OTHERS)
-    near = difflib.get_close_matches(name, known, n=1)
-    hint = f"did you mean {near[0]!r}?" if near else f"known are {', '.join(known)}"
-    return f"there is no setting {name!r}; {hint}"
+    hint = did_you_mean(name, known) or f"; known are {', '.join(known)}"
+    return f"there is no setting {name!r}{hint}"
 
 
 def _refuse_below(name: str, value: Any, least: float, *, hint: str = "") -> None:
     number = isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
     if not number or value < least:
-        raise ConfigError(f"{name}={value!r}: expected at least {least}{hint}")
+        raise ConfigError(f"{name}={value!r}: expected a number, at least {least}{hint}")
 
 
 def _refuse_fraction(name: str, value: Any) -> None:

@@ -16,8 +16,8 @@ from dojo_env.reading import HALTING, Approach, Figures, LaneReading, TrafficRea
 from dojo_env.signals.plan import REACH, SignalPlan
 from dojo_env.simulation import Simulation
 from dojo_env.snapshot import Snapshot
-from dojo_maps.plurals import counted
 from dojo_maps.short_repr import short_repr
+from dojo_maps.wording import counted
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -38,6 +38,7 @@ def read_arrays(
     optional: Mapping[str, str] = MappingProxyType({}),
     most: int,
     error: type[SourceError],
+    what: str = "arrays",
 ) -> dict[str, NDArray[Any]]:
     """Read the arrays of an archive.
 
@@ -47,6 +48,7 @@ def read_arrays(
         optional: the same of those that it may hold.
         most: bytes of all arrays together.
         error: raised for whatever is wrong.
+        what: the file should be, for errors.
 
     Raises:
         SourceError: of the class `error`: missing, damaged, too large, other arrays, or of other kinds.
@@ -56,7 +58,7 @@ def read_arrays(
             return _read(file, kinds, optional, most)
         except (ValueError, EOFError, zipfile.BadZipFile, NotImplementedError, RuntimeError, struct.error,
                 zlib.error) as problem:  # fmt: skip
-            raise error(path, f"cannot be read ({problem})") from problem
+            raise error(path, f"cannot be read as {what} ({problem})") from problem
 
 
 def _read(

@@ -156,7 +156,7 @@ class Film:
 
 
 def film(
-    recording: Recording,
+    recording: Recording | str | Path,
     path: str | Path,
     *,
     map: str | Path | None = None,  # noqa: A002 - as in `Scenario`
@@ -167,7 +167,7 @@ def film(
     """Film a recording: every camera, what the signals show and the figures, ten seconds in one.
 
     Args:
-        recording: the episode.
+        recording: the episode, or its file.
         path: of the film, `.webm` or `.mp4`.
         map: the map that it was made on, where that is not a packaged scenario's.
         signals: ids of those to look at; None for all.
@@ -185,6 +185,8 @@ def film(
     from dojo_env.watch import Rerun  # noqa: PLC0415 - draws, which loads a compiler
 
     path = Path(path)
+    if not isinstance(recording, Recording):
+        recording = read_recording(recording)
     with closing(Rerun.of(recording, map=map, signals=signals, **sensing)) as rerun:
         rerun.film(path, on_stage=on_stage)
     return Film(path)

@@ -18,9 +18,9 @@ from dojo_env.plain_arrays import TEXT, read_arrays
 from dojo_env.reading import HALTING
 from dojo_env.series import Series
 from dojo_env.snapshot import LARGEST_SIZE, Kind, Snapshot
-from dojo_maps.plurals import counted
 from dojo_maps.short_repr import shortened
 from dojo_maps.whole_file import replaced
+from dojo_maps.wording import counted
 
 _VERSION = 1
 _MAX_BYTES = 1 << 31
@@ -342,7 +342,8 @@ def read_recording(path: Path | str) -> Recording:
         RecordingError: the file is missing, damaged, too large, or no recording.
     """
     path = Path(path)
-    arrays = read_arrays(path, _KINDS, optional=_OPTIONAL, most=_MAX_BYTES, error=RecordingError)
+    what = "a recording, such as dojo-env run --record writes"
+    arrays = read_arrays(path, _KINDS, optional=_OPTIONAL, most=_MAX_BYTES, error=RecordingError, what=what)
     return Recording(arrays, path)
 
 

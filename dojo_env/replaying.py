@@ -9,13 +9,13 @@ from dojo_env.camera import Camera
 from dojo_env.config import SensingConfig
 from dojo_env.errors import ConfigError, RecordingError
 from dojo_env.keywords import DrawingSettings
-from dojo_env.recording import Recording
+from dojo_env.recording import Recording, read_recording
 from dojo_env.scenario import PACKAGED, Scenario, open_map, packaged_scenario
 from dojo_env.sensors.eyes import Eyes
 from dojo_env.snapshot import Snapshot
 from dojo_maps.bundle import Bundle
 from dojo_maps.demand.patterns import split_pattern
-from dojo_maps.plurals import counted
+from dojo_maps.wording import counted
 
 if TYPE_CHECKING:
     from dojo_env.rendering.outputs import Picture
@@ -50,7 +50,7 @@ class Replayed:
 
 
 def replay(
-    recording: Recording,
+    recording: Recording | str | Path,
     cameras: Sequence[Camera] | None = None,
     *,
     lidars: "Sequence[Lidar]" = (),
@@ -62,7 +62,7 @@ def replay(
     """Look at a recorded episode again; under the episode's own conditions, pictures have its own bytes.
 
     Args:
-        recording: the episode.
+        recording: the episode, or its file.
         cameras: what looks; None takes all that are placed for the recording's first signal.
         lidars: what scans.
         outputs: of the cameras: `rgb`, `depth`, `semantic`, `instance`, `boxes`.
@@ -79,6 +79,11 @@ def replay(
     """
     if every < 1:
         raise ConfigError(f"every={every}: expected a number of seconds above 0")
+    for name, given in (("cameras", cameras), ("lidars", lidars), ("outputs", outputs)):
+        if given is not None and (isinstance(given, str) or not isinstance(given, Sequence)):
+            raise ConfigError(f"{name}={given!r}: expected a list; write {name}=[...]")
+    if not isinstance(recording, Recording):
+        recording = read_recording(recording)
     eyes = open_eyes(recording, find_map(recording, map), **sensing)
     try:
         scanner = _open_scanner(eyes) if lidars else None

@@ -4,6 +4,7 @@ import pickle
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack, closing
 from html import escape
+from operator import index
 from pathlib import Path
 from typing import Any, Unpack
 
@@ -20,8 +21,8 @@ from dojo_env.series import Series
 from dojo_env.watch import FilmShow, choose_looks, open_views
 from dojo_env.watching.video import open_video
 from dojo_env.world_process import open_world
-from dojo_maps.plurals import counted
 from dojo_maps.short_repr import shortened
+from dojo_maps.wording import counted
 
 
 class Episodes(list[dict[str, Any]]):
@@ -108,11 +109,10 @@ def run_controller(
         SimulationError: SUMO refuses the scenario.
     """
     acting = make_controller(controller) if isinstance(controller, str) else controller
+    if not isinstance(acting, Controller):
+        raise ConfigError(f"controller {acting!r}: expected a name, or an object such as MyController()")
     config = build_config(**{"show_links": video is not None, **keywords, **acting.settings})
-    first = config.seed or 0
-    chosen = range(first, first + seeds) if isinstance(seeds, int) else seeds
-    if not chosen or min(chosen) < 0:
-        raise ConfigError(f"seeds={seeds!r}: expected how many, at least 1, or a list of numbers from 0")
+    chosen = _choose_seeds(seeds, config.seed or 0)
     title = f"{config.scenario.name}, {acting}"
     episodes = Episodes(title)
     with ExitStack() as stack:
@@ -135,6 +135,23 @@ def run_controller(
             episodes.append(found)
             episodes.series.append(Series.of_infos(infos))
     return episodes
+
+
+def _choose_seeds(seeds: Any, first: int) -> list[int]:
+    """List the episodes' seeds.
+
+    Raises:
+        ConfigError: there is none, or one is no whole number from 0.
+    """
+    try:
+        chosen = list(map(index, range(first, first + seeds) if isinstance(seeds, int) else seeds))
+    except TypeError:
+        chosen = []
+    if not chosen or min(chosen) < 0:
+        raise ConfigError(
+            f"seeds={seeds!r}: expected how many, at least 1, or a list of whole numbers from 0"
+        )
+    return chosen
 
 
 def _is_known_elsewhere(controller: Controller) -> bool:

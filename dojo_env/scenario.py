@@ -22,6 +22,7 @@ from dojo_maps.input_files import is_there
 from dojo_maps.safe_json import read_json
 from dojo_maps.short_repr import short_repr
 from dojo_maps.signals.programs import read_seconds
+from dojo_maps.wording import did_you_mean
 
 Files = str | Path | Sequence[str | Path]
 LETS_THROUGH = "sumo_outputs, or --sumo-outputs FOLDER, lets outputs through"
@@ -212,8 +213,10 @@ def _read_scenario(path: Path) -> Scenario:
             f"{path}: a map alone has no demand; write some with dojo-maps demand {path}, or name route "
             "files with routes= or --routes"
         )
-    known = ", ".join(PACKAGED)
-    raise ConfigError(f"scenario {str(path)!r} is not known; give a .sumocfg, a Scenario, or one of {known}")
+    meant, known = did_you_mean(str(path), PACKAGED), ", ".join(PACKAGED)
+    raise ConfigError(
+        f"scenario {str(path)!r} is not known; give a .sumocfg, a Scenario, or one of {known}{meant}"
+    )
 
 
 def find_map(value: str | Path) -> Scenario:

@@ -2,14 +2,13 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from difflib import get_close_matches
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dojo_env.errors import ConfigError
-from dojo_maps.plurals import counted
+from dojo_maps.wording import counted, did_you_mean
 
 Numbers = NDArray[np.float64]
 CURVES = {
@@ -110,6 +109,6 @@ class Series:
         wanted = tuple(_SHORT.get(name, name) for name in names)
         for name in wanted:
             if name not in self.figures:
-                near = get_close_matches(name, self.figures, n=3) or sorted(self.figures)
-                raise ConfigError(f"figure {name!r}: not measured here; there is {', '.join(near)}")
+                meant, there = did_you_mean(name, self.figures), ", ".join(sorted(self.figures))
+                raise ConfigError(f"figure {name!r}: not measured here; there is {there}{meant}")
         return wanted

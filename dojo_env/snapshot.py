@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from dojo_env.charts import Plot, draw_traffic
 from dojo_env.errors import SnapshotError
 from dojo_maps.description import RoadMap
-from dojo_maps.plurals import counted
+from dojo_maps.wording import counted
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]

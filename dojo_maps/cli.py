@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 from dojo_maps.cli_area import add_area_options, join_signed
 from dojo_maps.cli_demand import add_demand, read_volume
 from dojo_maps.command import Parser, add_command, run_command
-from dojo_maps.plurals import counted
 from dojo_maps.progress import Progress
+from dojo_maps.wording import counted
 
 if TYPE_CHECKING:
     from dojo_maps.bundle import Bundle

@@ -15,8 +15,10 @@ def add_area_options(parser: argparse.ArgumentParser) -> None:
         "source", metavar="FILE", nargs="?", help=".osm, .osm.xml, .osm.gz, .osm.bz2 or .osm.pbf"
     )
     area.add_argument("--place", metavar="TEXT", help="download around a place with this name")
-    area.add_argument("--point", metavar="LAT,LON", type=_numbers(2), help="download around a point, degrees")
-    area.add_argument("--bbox", metavar="W,S,E,N", type=_numbers(4), help="download a box, degrees")
+    area.add_argument(
+        "--point", metavar="LAT,LON", type=_numbers("LAT,LON"), help="download around a point, degrees"
+    )
+    area.add_argument("--bbox", metavar="W,S,E,N", type=_numbers("W,S,E,N"), help="download a box, degrees")
     parser.add_argument(
         "--radius", metavar="M", type=float, help="metres around the place or point (default: 200)"
     )
@@ -34,12 +36,14 @@ def join_signed(arguments: Sequence[str]) -> list[str]:
     return joined
 
 
-def _numbers(count: int) -> Callable[[str], tuple[float, ...]]:
+def _numbers(names: str) -> Callable[[str], tuple[float, ...]]:
     def read(text: str) -> tuple[float, ...]:
-        values = tuple(float(value) for value in text.split(","))
-        if len(values) != count:
-            raise argparse.ArgumentTypeError(f"expected {count} numbers of degrees, separated by commas")
+        try:
+            values = tuple(float(value) for value in text.split(","))
+        except ValueError:
+            values = ()
+        if len(values) != len(names.split(",")):
+            raise argparse.ArgumentTypeError(f"{text!r}: expected {names} in degrees, without spaces")
         return values
 
-    read.__name__ = "degrees"
     return read

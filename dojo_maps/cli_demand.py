@@ -4,11 +4,12 @@ import argparse
 import math
 import sys
 from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from dojo_maps.command import Commands, add_command
-from dojo_maps.plurals import counted
+from dojo_maps.wording import counted
 
 if TYPE_CHECKING:
     from dojo_maps.demand import Demand
@@ -70,10 +71,10 @@ def read_volume(text: str) -> float:
     Raises:
         argparse.ArgumentTypeError: it is negative or beyond any map.
     """
-    value = float(text)
-    if not 0 <= value <= 1e6:
-        raise argparse.ArgumentTypeError("expected a number per hour, 0 or more")
-    return value
+    with suppress(ValueError):
+        if 0 <= float(text) <= 1e6:
+            return float(text)
+    raise argparse.ArgumentTypeError(f"{text!r}: expected 0 or more per hour, at most 1,000,000")
 
 
 def _demand(options: argparse.Namespace) -> int:
@@ -153,10 +154,10 @@ def _table(demand: "Demand") -> Iterator[str]:
 
 
 def _seed(text: str) -> int:
-    value = int(text)
-    if not 0 <= value < 1 << 32:
-        raise argparse.ArgumentTypeError("expected a number from 0 to 4294967295")
-    return value
+    with suppress(ValueError):
+        if 0 <= int(text) < 1 << 32:
+            return int(text)
+    raise argparse.ArgumentTypeError(f"{text!r}: expected a whole number from 0 to 4294967295")
 
 
 def _time(text: str) -> float:

@@ -10,6 +10,7 @@ import contextlib
 import io
 import logging
 import os
+import re
 import sys
 import warnings
 from collections.abc import Callable, Sequence
@@ -19,13 +20,16 @@ from typing import Any, NoReturn, TypeAlias
 from dojo_maps import interruption
 from dojo_maps.errors import DojoError, UsageError, explain_missing
 from dojo_maps.lazy_names import DISTRIBUTION, read_version
-from dojo_maps.option_files import take_file
+from dojo_maps.option_files import NUMBERS, take_file
+from dojo_maps.wording import did_you_mean
 
 Run = Callable[[argparse.Namespace], int]
 _STANDARD_OUTPUT = "standard output"
 _BROKEN_PIPE = 141
 """128 and the number of SIGPIPE, which Windows does not have."""
 _LEVELS = ("debug", "info", "warning", "error")
+_INVALID = re.compile(rf"invalid ({'|'.join(NUMBERS)}) value: ('.*')")
+"""What argparse says of a text that is no number."""
 _LONGEST = 900
 """Characters of a line about a failure."""
 
@@ -62,7 +66,14 @@ class Parser(argparse.ArgumentParser):
     def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
         """Parse arguments, and what `--config` names beneath them."""
         take_file(self, args or ())
-        return super().parse_known_args(args, namespace)
+        found, unknown = super().parse_known_args(args, namespace)
+        if unknown:  # Here, where it is known which command's options are meant.
+            name = unknown[0].partition("=")[0]
+            meant = did_you_mean(name, self._option_string_actions)
+            self.error(
+                f"{name}: no such option{meant}" if name.startswith("-") else f"{name}: not expected here"
+            )
+        return found, unknown
 
     def error(self, message: str) -> NoReturn:
         """Refuse the arguments.
@@ -70,7 +81,8 @@ class Parser(argparse.ArgumentParser):
         Raises:
             UsageError: always.
         """
-        raise UsageError(f"{message}; {self.prog} --help tells more")
+        told = _INVALID.sub(lambda found: f"{found[2]}: expected {NUMBERS[found[1]]}", message)
+        raise UsageError(f"{told}; {self.prog} --help tells more")
 
 
 Commands: TypeAlias = "argparse._SubParsersAction[Parser]"

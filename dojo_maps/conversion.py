@@ -79,6 +79,18 @@ class ConvertOptions:
 
     __repr__ = short_repr
 
+    def __post_init__(self) -> None:
+        """Refuse exports that there are not.
+
+        Raises:
+            UsageError: a name is unknown, or it is one text and no tuple of names.
+        """
+        names = [self.exports] if isinstance(self.exports, str) else list(self.exports)
+        if isinstance(self.exports, str) or set(names) - set(EXPORTERS):
+            raise UsageError(
+                f"exports={self.exports!r}: expected a tuple with some of {', '.join(EXPORTERS)}"
+            )
+
 
 def convert(
     source: str,
@@ -105,7 +117,9 @@ def convert(
         UsageError: the folder is there and is not a bundle.
         DojoError: the conversion failed; nothing is written then.
     """
-    options = options or ConvertOptions()
+    options = ConvertOptions() if options is None else options
+    if not isinstance(options, ConvertOptions):
+        raise UsageError(f"options={options!r}: expected dojo_maps.ConvertOptions(...)")
     path, name = find_network(source)
     folder = Path(folder) if folder is not None else Path(f"{name}.dojo")
     bundle.check_replaceable(folder)

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dojo_maps.plurals import counted
+from dojo_maps.wording import counted
 
 FORMAT = "dojo-map"
 VERSION = 1

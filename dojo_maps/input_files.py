@@ -24,6 +24,9 @@ MAX_BYTES = 1 << 30
 MAX_EXPANSION = 200
 """How many times its own size a packed file may unpack to; networks reach about 15."""
 _PIECE = 1 << 20
+_FOLDER = "a folder, not a file; name a file in it"
+_MOST_TOLD = 12
+"""Columns that a message lists."""
 _GZIP, _BZIP2, _XZ, _ZIP = b"\x1f\x8b", b"BZh", b"\xfd7zXZ\0", b"PK\x03\x04"
 _XZ_MEMORY = 1 << 28
 """Bytes that unpacking xz may take."""
@@ -51,14 +54,14 @@ def opened(
         with open(path, "rb", opener=_open_at_once) as file:
             found = os.fstat(file.fileno())
             if not stat.S_ISREG(found.st_mode):
-                raise error(path, "not a file")
+                raise error(path, _FOLDER if stat.S_ISDIR(found.st_mode) else "not a file")
             if found.st_size > most:
                 raise error(path, f"{found.st_size} bytes; at most {most} are read")
             yield file
     except FileNotFoundError as problem:
         raise error(path, "no such file") from problem
     except IsADirectoryError as problem:
-        raise error(path, "not a file") from problem
+        raise error(path, _FOLDER) from problem
     except OSError as problem:
         raise error(path, f"cannot be read: {problem.strerror or problem}") from problem
 
@@ -133,7 +136,10 @@ def read_table(
         raise error(path, f"not a table of comma-separated values ({problem})") from problem
     for number, row in enumerate(rows, 1):
         if missing := [name for name in columns if row.get(name) is None]:
-            raise error(path, f"has no {missing[0]}", f"row {number}")
+            head = ", ".join(str(name) for name in list(row)[:_MOST_TOLD])
+            wanted = ", ".join(columns)
+            told = f"has no {missing[0]}; expected columns {wanted}, found {head}"
+            raise error(path, told, f"row {number}")
     return rows
 
 

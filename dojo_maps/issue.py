@@ -5,7 +5,7 @@ from enum import StrEnum
 from html import escape
 from typing import Any
 
-from dojo_maps.plurals import counted
+from dojo_maps.wording import counted
 
 _MOST_SHOWN = 50
 

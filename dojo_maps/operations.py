@@ -101,7 +101,10 @@ def find_extract(
             if value is not None:
                 raise UsageError(f"{name} says how to download, but a file is given")
         if not is_osm(source):
-            raise UsageError(f"{source}: not named as OpenStreetMap data is (.osm, .osm.gz, .osm.pbf)")
+            raise UsageError(
+                f"{source}: not named as OpenStreetMap data is (.osm, .osm.gz, .osm.pbf); "
+                "dojo-maps convert takes other maps"
+            )
         return str(source)
     if bbox is not None:
         if radius is not None:
@@ -271,11 +274,11 @@ class Diagram:
         return "Diagram(.save(path) writes .svg)"
 
 
-def draw_signal(road_map: RoadMap, signal: str | None = None) -> Diagram:
+def draw_signal(road_map: RoadMap | Bundle, signal: str | None = None) -> Diagram:
     """Draw what may go in each phase of a signal's program, on its junction.
 
     Args:
-        road_map: the map, such as `convert(...)[0].road_map`.
+        road_map: the map, or its bundle.
         signal: its id; None for the map's only one.
 
     Returns:
@@ -284,6 +287,8 @@ def draw_signal(road_map: RoadMap, signal: str | None = None) -> Diagram:
     Raises:
         UsageError: the map has no signal of that id, or several and none is named, or it has no phases.
     """
+    if isinstance(road_map, Bundle):
+        road_map = road_map.road_map
     ids = ", ".join(each.id for each in road_map.signals)
     wanted = [each for each in road_map.signals if signal in (None, each.id)]
     if len(wanted) != 1:

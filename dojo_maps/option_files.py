@@ -8,16 +8,18 @@ They take the place of the defaults, so what stands on the command line counts m
 """
 
 import argparse
-import difflib
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from dojo_maps.errors import UsageError
 from dojo_maps.safe_toml import read_toml
+from dojo_maps.wording import did_you_mean
 
 _OPTION = "--config"
 _MOST_BYTES = 1_000_000
+NUMBERS = {"int": "a whole number", "float": "a number"}
+"""What is expected of a text, by the name of the type that it is to become."""
 
 
 def take_file(parser: argparse.ArgumentParser, arguments: Sequence[str]) -> None:
@@ -48,9 +50,8 @@ def _set_defaults(parser: argparse.ArgumentParser, table: Mapping[str, Any], pat
     for name, value in table.items():
         action = known.get(name.replace("_", "-"))
         if action is None or action.dest in ("help", "version", "config"):
-            near = difflib.get_close_matches(name.replace("_", "-"), known, n=1)
-            hint = f"did you mean {near[0]}?" if near else f"{parser.prog} --help lists them"
-            raise UsageError(f"{path}: {name}: no option of {parser.prog}; {hint}")
+            hint = did_you_mean(name.replace("_", "-"), known) or f"; {parser.prog} --help lists them"
+            raise UsageError(f"{path}: {name}: no option of {parser.prog}{hint}")
         try:
             action.default = _read_value(action, value)
         except (argparse.ArgumentTypeError, TypeError, ValueError) as error:
@@ -73,7 +74,10 @@ def _read_value(action: argparse.Action, value: Any) -> Any:
     if any(isinstance(part, bool | dict | list) for part in parts):
         raise ValueError("expected numbers or texts")
     convert = action.type if callable(action.type) else str
-    read = [convert(str(part)) for part in parts]
+    try:
+        read = [convert(str(part)) for part in parts]
+    except ValueError:
+        raise ValueError(f"expected {NUMBERS.get(getattr(convert, '__name__', ''), 'another value')}") from None
     if action.choices is not None and (wrong := [part for part in read if part not in action.choices]):
         raise ValueError(f"{wrong[0]!r} is not among {', '.join(map(str, action.choices))}")
     return read if action.nargs in ("+", "*") else read[0]

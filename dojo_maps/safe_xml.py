@@ -54,7 +54,8 @@ def parse_xml(
         raise
     except expat.ExpatError as problem:
         said = expat.ErrorString(problem.code) or "unknown problem"
-        raise error(path, f"not well-formed XML ({said})", element=f"line {problem.lineno}") from problem
+        told = f"not well-formed XML ({said}); it is damaged, or no {kind}"
+        raise error(path, told, element=f"line {problem.lineno}") from problem
     except (LookupError, ValueError) as problem:
         if checks.begun:
             raise

@@ -14,6 +14,7 @@ from unittest import mock
 from conftest import REPOSITORY, command_environment
 
 from dojo_env import cli
+from dojo_maps import cli as maps_cli
 
 TOOLS = REPOSITORY / "tools"
 sys.path.insert(0, str(TOOLS))  # Their modules import each other as scripts do.
@@ -30,6 +31,11 @@ def run_tool(name: str, *arguments: object) -> subprocess.CompletedProcess[str]:
 def run_env(*arguments: object) -> subprocess.CompletedProcess[str]:
     """Run `dojo-env` in this process, too."""
     return _collect(lambda: cli.main([*map(str, arguments)]), "dojo-env", *arguments)
+
+
+def run_maps(*arguments: object) -> subprocess.CompletedProcess[str]:
+    """Run `dojo-maps` in this process, too."""
+    return _collect(lambda: maps_cli.main([*map(str, arguments)]), "dojo-maps", *arguments)
 
 
 def _collect(main: Callable[[], int], *command: object) -> subprocess.CompletedProcess[str]:

@@ -182,7 +182,7 @@ START, END = "23429231#1", "32038051#0"
 REFUSED = {
     "from_edge,to_edge,count\n": "has 0 counts",
     "": "the file is empty",
-    f"from_edge,count\n{START}x,5\n": f"row 1: the map has no edge '{START}x'; did you mean '{START}'",
+    f"from_edge,count\n{START}x,5\n": f"row 1: the map has no edge '{START}x'; did you mean {START}",
     f"from_edge,to_edge,count\n{START},{END},4\n{START},{END},-5\n": "row 2: count -5 is not a whole number",
     f"from_edge,to_edge,count\n{START},{END},2.5\n": "row 1: count 2.5 is not a whole number",
     f"from_edge,to_edge,count\n{START},{END},nan\n": "row 1: count nan is not a whole number",

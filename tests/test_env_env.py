@@ -244,7 +244,7 @@ def test_vector_environments_run_in_processes() -> None:
         ({"scenario": "cologne99"}, "cologne99.*cologne1"),
         ({"scenario": "cologne3"}, "several signals.*ts_ids"),
         ({"ts_ids": ["nowhere"]}, "no signal.*nowhere"),
-        ({"yelow_time": 3}, "did you mean 'yellow_time'"),
+        ({"yelow_time": 3}, "did you mean yellow_time"),
         ({"delta_time": 0}, "delta_time=0"),
         ({"num_seconds": 101}, "no multiple"),
         ({"reward_fn": "luck"}, "reward_fn='luck'"),

@@ -138,7 +138,7 @@ def test_averages_take_in_what_was_before() -> None:
 
 
 def test_what_cannot_be_drawn_is_said(episodes: Episodes, folder: Path, tmp_path: Path) -> None:
-    with pytest.raises(ConfigError, match="figure 'queu': not measured here; there is queue"):
+    with pytest.raises(ConfigError, match=r"figure 'queu': not measured here; .*; did you mean queue\?"):
         episodes.plot("queu")
     with pytest.raises(ConfigError, match=r"a plot's name ends in \.png, \.svg, \.pdf"):
         episodes.plot().save("x.jpeg")

@@ -28,6 +28,7 @@ from dojo_env.learning.settings import RunFileError, Training
 from dojo_env.timing_plans import LOGICS
 from dojo_maps.demand.patterns import split_pattern
 from dojo_maps.safe_toml import read_toml
+from dojo_maps.wording import did_you_mean
 
 FOLDER = Path(__file__).parent / "row_files"
 SUFFIX = ".toml"
@@ -187,5 +188,6 @@ def find_row(name: str) -> Row:
         return read_row(Path(name))
     rows = read_packaged_rows()
     if name not in rows:
-        raise ConfigError(f"row {name!r}: expected one of {', '.join(rows)}, or a .toml file")
+        meant = did_you_mean(name, rows)
+        raise ConfigError(f"row {name!r}: expected one of {', '.join(rows)}, or a .toml file{meant}")
     return rows[name]

@@ -6,8 +6,8 @@ from typing import Any
 
 from dojo_env.commands.options import add_ray_option
 from dojo_maps.command import Commands, add_command
-from dojo_maps.plurals import counted
 from dojo_maps.progress import Progress
+from dojo_maps.wording import counted
 
 
 def add_dataset(commands: Commands) -> None:

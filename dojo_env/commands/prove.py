@@ -4,7 +4,7 @@ import argparse
 
 from dojo_env.commands.options import read_yellow
 from dojo_maps.command import Commands, add_command
-from dojo_maps.plurals import counted
+from dojo_maps.wording import counted
 
 
 def add_prove(commands: Commands) -> None:

@@ -6,8 +6,8 @@ from pathlib import Path
 from dojo_env.commands.options import add_view_options, read_sensing
 from dojo_env.errors import ConfigError
 from dojo_maps.command import Commands, add_command
-from dojo_maps.plurals import counted
 from dojo_maps.progress import Progress
+from dojo_maps.wording import counted
 
 
 def add_replay(commands: Commands) -> None:

@@ -81,7 +81,7 @@ def _run(options: argparse.Namespace) -> int:
         if not figures["departed"] + figures["backlogged"]:
             print(
                 f"dojo-env: {options.scenario}: seed {figures['seed']}: no vehicle in the whole episode; "
-                "let it begin when the demand does (<begin> of a .sumocfg), or give it --seconds",
+                "let it begin when the demand does (<begin> of a .sumocfg), or give it --seconds or --routes",
                 file=sys.stderr,
             )
         if sys.stderr.isatty() and not options.quiet:

@@ -4,7 +4,7 @@ import argparse
 from pathlib import Path
 
 from dojo_maps.command import Commands, add_command
-from dojo_maps.plurals import counted
+from dojo_maps.wording import counted
 
 
 def add_scenarios(commands: Commands) -> None:

@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING
 
 from dojo_env.errors import ConfigError
 from dojo_maps.command import Commands, add_command
-from dojo_maps.plurals import counted
 from dojo_maps.whole_file import replaced
+from dojo_maps.wording import counted
 
 if TYPE_CHECKING:
     from dojo_env.films.places import Backdrop, Place

@@ -11,6 +11,7 @@ from dojo_env.controllers.random_choice import RandomChoice
 from dojo_env.controllers.sotl import Sotl, SotlOfThePaper
 from dojo_env.controllers.webster import Webster
 from dojo_env.errors import ConfigError
+from dojo_maps.wording import did_you_mean
 
 _MAKERS: Mapping[str, Callable[[], Controller]] = {
     "fixed-time": lambda: Controller(settings={"fixed_ts": True}),
@@ -45,7 +46,8 @@ def make_controller(name: str) -> Controller:
         ConfigError: there is none of that name.
     """
     if name not in _MAKERS:
-        raise ConfigError(f"controller {name!r}: expected one of {', '.join(CONTROLLERS)}")
+        meant = did_you_mean(str(name), CONTROLLERS)
+        raise ConfigError(f"controller {name!r}: expected one of {', '.join(CONTROLLERS)}{meant}")
     controller = _MAKERS[name]()
     controller.name = name
     return controller

@@ -67,7 +67,8 @@ def read_weights(path: Path) -> dict[str, Array]:
     Raises:
         PolicyError: the file is missing, damaged, or of other sizes.
     """
-    weights = read_arrays(path, dict.fromkeys(WEIGHTS, "<f4"), most=_MOST, error=PolicyError)
+    what = "a universal policy, such as dojo-env train --universal keeps"
+    weights = read_arrays(path, dict.fromkeys(WEIGHTS, "<f4"), most=_MOST, error=PolicyError, what=what)
     sizes = [weights[f"{layer}_weight"].shape for layer in LAYERS]
     fits = all(len(size) == 2 for size in sizes) and all(
         weights[f"{layer}_bias"].shape == size[:1] for layer, size in zip(LAYERS, sizes, strict=True)

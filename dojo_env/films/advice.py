@@ -22,8 +22,8 @@ from dojo_env.signals.longest_red import LongestRed
 from dojo_env.signals.plan import SignalPlan
 from dojo_env.signals.switching import SignalSwitch
 from dojo_maps.bundle import Bundle
-from dojo_maps.plurals import counted
 from dojo_maps.signals.programs import green_links
+from dojo_maps.wording import counted
 
 INTERVAL = 5.0
 """Seconds from decision to decision."""

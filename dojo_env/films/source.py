@@ -16,8 +16,8 @@ from dojo_env.errors import FilmError
 from dojo_env.notes import say_once
 from dojo_env.photographs import read_photograph
 from dojo_maps.input_files import opened
-from dojo_maps.plurals import counted
 from dojo_maps.progress import quiet_output
+from dojo_maps.wording import counted
 
 Image = NDArray[np.uint8]
 

@@ -22,6 +22,7 @@ def check_scenario(training: Training) -> None:
         count = len(world.signals)
         if training.agents == "single" and count > 1:
             raise ConfigError(
-                f"agents='single': {training.scenario} has {count} signals; choose shared or independent"
+                f"agents='single': {training.scenario} has {count} signals; choose shared or independent, "
+                "as in --agents shared"
             )
         world.reset(seed=0)

@@ -13,6 +13,7 @@ from typing import Any
 
 from dojo_env.errors import ConfigError
 from dojo_maps.errors import SourceError
+from dojo_maps.input_files import is_there
 from dojo_maps.safe_json import read_json
 from dojo_maps.short_repr import short_repr
 from dojo_maps.whole_file import write_json
@@ -88,7 +89,8 @@ class Training:
         agents: `single` for one signal; with several, all may use one `shared` policy, or each learns an
             `independent` one.
         network: `usual` layers over what is observed, or those of `frap`, `colight` or `mappo`.
-        hyperparameters: of the algorithm; what is not given is as in `ALGORITHMS`.
+        hyperparameters: of the algorithm; what is not given is as in `ALGORITHMS`, or somewhat less where
+            the decisions of an episode are no multiple of that.
     """
 
     scenario: str = "cologne1"
@@ -138,11 +140,16 @@ class Training:
         if not 0 <= self.seed < _SEEDS:
             raise ConfigError(f"seed={self.seed}: expected 0 to {_SEEDS - 1}")
         _check_together(self)
-        own = _complete(self.algorithm, self.hyperparameters)
+        if self.seconds % INTERVAL:
+            raise ConfigError(f"seconds={self.seconds}: expected a multiple of {INTERVAL}, a decision's time")
+        own = _complete(self.algorithm, self.hyperparameters, self.decisions, self.processes)
         object.__setattr__(self, "hyperparameters", own)
-        rollout = "train_freq" if self.algorithm == "dqn" else "n_steps"
+        rollout = _rollout(self.algorithm)
         if self.decisions % own[rollout]:
-            raise ConfigError(f"{rollout}={own[rollout]}: expected a divisor of {self.decisions}, an episode")
+            raise ConfigError(
+                f"{rollout}={own[rollout]}: expected a divisor of {self.decisions}, the decisions of an "
+                f"episode of {self.seconds} s"
+            )
 
     @property
     def decisions(self) -> int:
@@ -215,8 +222,13 @@ def _check_together(training: Training) -> None:
         raise ConfigError("network='mappo' is a critic's; learn by algorithm='ppo' or 'a2c'")
 
 
-def _complete(algorithm: str, given: Mapping[str, Any]) -> dict[str, Any]:
-    """Add an algorithm's usual settings to those that are given.
+def _rollout(algorithm: str) -> str:
+    """Name the setting that tells how many decisions of each environment an update waits for."""
+    return "train_freq" if algorithm == "dqn" else "n_steps"
+
+
+def _complete(algorithm: str, given: Mapping[str, Any], decisions: int, processes: int) -> dict[str, Any]:
+    """Add an algorithm's usual settings to those that are given, made to fit the length of an episode.
 
     Raises:
         ConfigError: it has no such setting, or the value cannot take the usual one's place: counts are whole
@@ -233,7 +245,17 @@ def _complete(algorithm: str, given: Mapping[str, Any]) -> dict[str, Any]:
             raise ConfigError(f"{name}={value!r}: expected a number such as {usual[name]}")
         if value == 0 and is_count and name != "learning_starts":
             raise ConfigError(f"{name}={value}: expected at least 1")
-    return {**usual, **given}
+    own = {**usual, **given}
+    rollout = _rollout(algorithm)
+    if rollout not in given:
+        own[rollout] = _largest_divisor(decisions, own[rollout])
+    if algorithm == "ppo" and "batch_size" not in given:
+        own["batch_size"] = _largest_divisor(own[rollout] * processes, own["batch_size"])
+    return own
+
+
+def _largest_divisor(number: int, most: int) -> int:
+    return next(k for k in range(min(number, most), 0, -1) if number % k == 0)
 
 
 def read_training(path: Path) -> Training:
@@ -242,6 +264,8 @@ def read_training(path: Path) -> Training:
     Raises:
         RunFileError: there is none, it is not one of ours, or not as it was written.
     """
+    if not is_there(path):
+        raise RunFileError(path.parent, "no training; dojo-env train --out FOLDER makes one")
     value = read_json(path, error=RunFileError)
     # Settings that were kept before there were checksums have none.
     if not isinstance(value, dict) or value.keys() - {"sha256"} != {"training", "versions"}:

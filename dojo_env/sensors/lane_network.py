@@ -87,7 +87,8 @@ def read_weights(path: Path) -> dict[str, Array]:
     Raises:
         PolicyError: the file is missing, damaged, or of other sizes.
     """
-    weights = read_arrays(path, dict.fromkeys(WEIGHTS, "<f4"), most=_MOST, error=PolicyError)
+    what = "a network that sees lanes"
+    weights = read_arrays(path, dict.fromkeys(WEIGHTS, "<f4"), most=_MOST, error=PolicyError, what=what)
     channels = CHANNELS
     for name, (window, _, _, out) in LAYERS.items():
         wanted = (out, channels * window[0] * window[1])

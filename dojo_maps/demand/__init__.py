@@ -6,6 +6,7 @@ over the crossings, `route_file` draws departures and writes. Where there are `c
 the vehicles that meet them. Of `patterns`, `changing` draws traffic that changes when nobody foresees it.
 """
 
+import math
 from collections import Counter, defaultdict
 from dataclasses import dataclass
 from itertools import chain
@@ -23,7 +24,7 @@ from dojo_maps.demand.sampling import model_counts, sample_trips
 from dojo_maps.demand.volumes import compute_saturation, fill_routes
 from dojo_maps.demand.walkers import Walk, find_walks
 from dojo_maps.description import RoadMap
-from dojo_maps.errors import DojoError
+from dojo_maps.errors import DojoError, UsageError
 from dojo_maps.short_repr import short_repr
 
 _RIDES = 10.0
@@ -56,6 +57,19 @@ class DemandOptions:
     end: float = 3600.0
 
     __repr__ = short_repr
+
+    def __post_init__(self) -> None:
+        """Refuse amounts and times that cannot be.
+
+        Raises:
+            UsageError: one is negative, or the demand ends before it begins.
+        """
+        for name in ("volume", "bicycles", "walkers", "seed", "begin"):
+            value = getattr(self, name)
+            if value is not None and not (isinstance(value, int | float) and 0 <= value < math.inf):
+                raise UsageError(f"{name}={value!r}: expected a number, 0 or more")
+        if not self.begin < self.end:
+            raise UsageError(f"end={self.end!r}: expected seconds after the begin, {self.begin:g}")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -7,15 +7,14 @@ network by its id. `count` is how many passed between `begin` and `end`, `class`
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from difflib import get_close_matches
 from pathlib import Path
 
 from dojo_maps.description import RoadMap
 from dojo_maps.errors import SourceError
 from dojo_maps.index import MapIndex
 from dojo_maps.input_files import read_table
-from dojo_maps.plurals import counted
 from dojo_maps.signals.programs import read_seconds
+from dojo_maps.wording import counted, did_you_mean
 
 WALKERS = "pedestrian"
 VEHICLES = (
@@ -201,6 +200,4 @@ class _Places:
 
     def _check_known(self, id_: str, known: Iterable[str], what: str) -> None:
         if id_ not in known:
-            near = get_close_matches(id_[:80], known, n=1)
-            hint = f"; did you mean {near[0]!r}?" if near else ""
-            raise ValueError(f"the map has no {what} {id_[:80]!r}{hint}")
+            raise ValueError(f"the map has no {what} {id_[:80]!r}{did_you_mean(id_, known)}")

@@ -4,8 +4,8 @@ from collections.abc import Iterator, Sequence
 from xml.sax.saxutils import quoteattr
 
 from dojo_maps.issue import Element, Issue
-from dojo_maps.plurals import counted
 from dojo_maps.repair.edits import Edit, Rebuild, Site
+from dojo_maps.wording import counted
 
 
 def add_crossings(site: Site, issues: Sequence[Issue]) -> Iterator[Edit]:

@@ -11,13 +11,13 @@ from dojo_maps.bundle import write_json
 from dojo_maps.errors import UsageError
 from dojo_maps.inspection import read_source
 from dojo_maps.issue import Severity
-from dojo_maps.plurals import counted
 from dojo_maps.repair.cost import Cost
 from dojo_maps.repair.patch import plain_files
 from dojo_maps.repair.repairs import ON_REQUEST, REPAIRS
 from dojo_maps.repair.rounds import Fixed, Made, State, fix_network
 from dojo_maps.report.formats import printable
 from dojo_maps.whole_file import added_files, replaced
+from dojo_maps.wording import counted
 
 
 def fix(source: str, only: Collection[str] = ()) -> Fixed:
@@ -27,6 +27,10 @@ def fix(source: str, only: Collection[str] = ()) -> Fixed:
         SourceError: it cannot be read.
         UsageError: `only` names a check that has no repair.
     """
+    if isinstance(only, str):
+        raise UsageError(
+            f"only={printable(only)!r}: expected a list of checks; write only=[{printable(only)!r}]"
+        )
     for check in only:
         if check not in REPAIRS:
             raise UsageError(

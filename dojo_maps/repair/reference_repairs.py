@@ -4,11 +4,11 @@ import math
 from collections.abc import Iterator, Sequence
 
 from dojo_maps.issue import Element, Issue
-from dojo_maps.plurals import counted
 from dojo_maps.repair.draft import Draft
 from dojo_maps.repair.edits import Change, Edit, Key, Rebuild, Remove, SetAttributes, Site, named
 from dojo_maps.repair.net_text import key_of
 from dojo_maps.safe_xml import Attributes
+from dojo_maps.wording import counted
 
 _TOUCHES = 2.0
 """Metres between a lane's end and the start of a way that leaves it."""

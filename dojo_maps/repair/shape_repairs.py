@@ -9,10 +9,10 @@ import shapely
 from dojo_maps.description import Connection, Lane
 from dojo_maps.geometry.polylines import Floats
 from dojo_maps.issue import Element, Issue
-from dojo_maps.plurals import counted
 from dojo_maps.repair.edits import Edit, SetAttributes, Site, named
 from dojo_maps.sources.osm.network.junction_outlines import untwist
 from dojo_maps.validation.facts import Facts
+from dojo_maps.wording import counted
 
 _TINY = 2.0
 """Metres: a wider gap is no slip of a pen, and somebody has to look at it."""

@@ -4,7 +4,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 from urllib.parse import quote
 
-from dojo_maps.plurals import counted
+from dojo_maps.wording import counted
 
 _SARIF = "https://json.schemastore.org/sarif-2.1.0.json"
 

@@ -14,10 +14,10 @@ from typing import Any
 import numpy as np
 
 from dojo_maps.description import Lane, Origin, Points, RoadMap
-from dojo_maps.plurals import counted
 from dojo_maps.report.netedit import selection_lines
 from dojo_maps.report.phase_diagrams import draw_phases
 from dojo_maps.report.time_space import draw_row, find_rows
+from dojo_maps.wording import counted
 
 _FOLDER = Path(__file__).parent
 _FOLDED = '<details class="diagrams"><summary>{title}</summary>{content}</details>'

@@ -14,12 +14,12 @@ from xml.etree import ElementTree
 from xml.etree.ElementTree import Element
 
 from dojo_maps.errors import SourceError, ToolMissingError
-from dojo_maps.plurals import counted
 from dojo_maps.safe_xml import parse_xml
 from dojo_maps.sources.net_tree import NetTree
 from dojo_maps.sources.netconvert import NetconvertError, find_netconvert, run_netconvert
 from dojo_maps.sumo_programs import sumo_environment
 from dojo_maps.whole_file import scratch_folder
+from dojo_maps.wording import counted
 
 KINDS = {
     "nod": ("nodes", "-n"),

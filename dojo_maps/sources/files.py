@@ -6,6 +6,7 @@ from pathlib import Path
 from dojo_maps.errors import SourceError, ToolMissingError
 from dojo_maps.input_files import is_there
 from dojo_maps.sources.cityflow_files import find_files, is_cityflow
+from dojo_maps.wording import did_you_mean
 
 SCENARIO_NETWORKS = {
     "two-way": "nets/2way-single-intersection/single-intersection.net.xml",
@@ -39,8 +40,8 @@ def find_network(name: str) -> tuple[Path, str]:
     if is_there(path):
         return path, map_name(path)
     if name not in SCENARIO_NETWORKS:
-        known = ", ".join(SCENARIO_NETWORKS)
-        raise SourceError(name[:255], f"no such file; give a path, or a packaged scenario: {known}")
+        meant, known = did_you_mean(name, SCENARIO_NETWORKS), ", ".join(SCENARIO_NETWORKS)
+        raise SourceError(name[:255], f"no such file; give a path, or a packaged scenario: {known}{meant}")
     # Importing sumo_rl itself fails where SUMO_HOME is not set.
     spec = importlib.util.find_spec("sumo_rl")
     if spec is None or not spec.submodule_search_locations:

@@ -13,9 +13,9 @@ from dojo_maps.description import RoadMap
 from dojo_maps.errors import SourceError
 from dojo_maps.index import MapIndex
 from dojo_maps.issue import Element, Issue, Severity
-from dojo_maps.plurals import counted
 from dojo_maps.safe_xml import Attributes, parse_xml
 from dojo_maps.sources.netconvert import NetconvertError, build_from_files, warning_issue
+from dojo_maps.wording import counted
 
 SUFFIXES = (".xodr", ".xodr.gz")
 _OPTIONS = ("--opendrive.import-all-lanes", "--offset.disable-normalization", "--output.street-names")

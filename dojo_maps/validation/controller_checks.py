@@ -6,12 +6,12 @@ import numpy as np
 import shapely
 
 from dojo_maps.description import Program
-from dojo_maps.plurals import counted
 from dojo_maps.signals.programs import GREEN, YELLOW, following
 from dojo_maps.validation.check import WARNING, Check, Finding, Need, check, element
 from dojo_maps.validation.facts import Facts
 from dojo_maps.validation.profiles import Limits
 from dojo_maps.validation.programs import signals_of
+from dojo_maps.wording import counted
 
 
 @check(

@@ -12,10 +12,10 @@ from dojo_maps.geometry.pieces import RAISED
 from dojo_maps.geometry.polylines import Floats
 from dojo_maps.issue import Element, Severity
 from dojo_maps.meshes.mesh import Mesh, is_watertight
-from dojo_maps.plurals import counted
 from dojo_maps.validation.check import ERROR, NOTE, WARNING, Finding, Need, check, element
 from dojo_maps.validation.facts import DRIVABLE, Facts, direction
 from dojo_maps.validation.profiles import Limits
+from dojo_maps.wording import counted
 
 _KINDS = {"walking_area": "walking_area", "sidewalk": "sidewalk", "island": "prop"}
 

@@ -9,12 +9,12 @@ import shapely
 
 from dojo_maps.description import Crossing, LaneKind, Program
 from dojo_maps.geometry.polylines import Floats
-from dojo_maps.plurals import counted
 from dojo_maps.signals.programs import GREEN
 from dojo_maps.validation.check import ERROR, NOTE, WARNING, Check, Finding, Need, check, element
 from dojo_maps.validation.facts import DRIVABLE, Facts, twisted_share
 from dojo_maps.validation.profiles import Limits
 from dojo_maps.validation.programs import SignalFacts, programs_of
+from dojo_maps.wording import counted
 
 _NAMED = 20
 _FAR = 30.0

@@ -6,12 +6,12 @@ from collections.abc import Iterator
 import shapely
 
 from dojo_maps.description import Connection, Lane
-from dojo_maps.plurals import counted
 from dojo_maps.signals.programs import GREEN, following
 from dojo_maps.validation.check import ERROR, NOTE, WARNING, Finding, check, element
 from dojo_maps.validation.facts import DRIVABLE, Facts
 from dojo_maps.validation.profiles import Limits
 from dojo_maps.validation.programs import Conflict, SignalFacts, name_ways, programs_of, signals_of
+from dojo_maps.wording import counted
 
 GOES = "GgsoO"
 """Letters with which a vehicle may go, now or after a stop: green, stop first, signals off."""

@@ -7,13 +7,13 @@ from functools import lru_cache
 from dojo_maps.description import Connection, Crossing, Program
 from dojo_maps.geometry.polylines import along
 from dojo_maps.issue import Element
-from dojo_maps.plurals import counted
 from dojo_maps.signals.programs import GREEN, YELLOW, following, least, run_from, starts
 from dojo_maps.signals.timing import clearing_time, yellow_needed
 from dojo_maps.validation.check import ERROR, NOTE, WARNING, Finding, check
 from dojo_maps.validation.facts import Facts
 from dojo_maps.validation.profiles import Limits
 from dojo_maps.validation.programs import Conflict, SignalFacts, programs_of
+from dojo_maps.wording import counted
 
 _LONGEST_ALL_RED = 6.0
 

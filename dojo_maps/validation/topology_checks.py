@@ -7,10 +7,10 @@ import numpy as np
 
 from dojo_maps.description import Lane, Road
 from dojo_maps.geometry.polylines import Floats
-from dojo_maps.plurals import counted
 from dojo_maps.validation.check import ERROR, WARNING, Check, Finding, Need, check, element
 from dojo_maps.validation.facts import DRIVABLE, Facts
 from dojo_maps.validation.profiles import Limits
+from dojo_maps.wording import counted
 
 _NAMED = 20
 """How many roads of a cut-off part are named."""

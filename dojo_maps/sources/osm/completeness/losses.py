@@ -11,7 +11,6 @@ import shapely
 
 from dojo_maps.index import MapIndex
 from dojo_maps.issue import Element, Issue, Severity
-from dojo_maps.plurals import counted
 from dojo_maps.sources.osm.graph.edge_id import EdgeId
 from dojo_maps.sources.osm.network.osm_network import OsmNetwork
 from dojo_maps.sources.osm.plain.lane_connections import arrow_targets
@@ -19,6 +18,7 @@ from dojo_maps.sources.osm.plain.movements import Movement
 from dojo_maps.sources.osm.read.conditions import UnreadCondition
 from dojo_maps.sources.osm.read.data import OsmData, link_to
 from dojo_maps.sources.osm.read.restrictions import Restriction
+from dojo_maps.wording import counted
 
 Share = tuple[int, int]
 """How many are kept, of how many."""

@@ -6,7 +6,6 @@ import shapely
 
 from dojo_maps.index import MapIndex
 from dojo_maps.issue import Element, Issue, Severity
-from dojo_maps.plurals import counted
 from dojo_maps.sources.osm.completeness.assumptions import tell_driving_side, tell_ground
 from dojo_maps.sources.osm.completeness.junction_ground import check_junction_ground
 from dojo_maps.sources.osm.completeness.losses import (
@@ -27,6 +26,7 @@ from dojo_maps.sources.osm.network.osm_network import OsmNetwork
 from dojo_maps.sources.osm.read.data import OsmData
 from dojo_maps.sources.osm.read.foot_tags import is_sidewalk
 from dojo_maps.sources.osm.read.restrictions import find_conditional
+from dojo_maps.wording import counted
 
 _DRIVEN = ("driving", "bus")
 

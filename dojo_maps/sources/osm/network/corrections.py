@@ -14,13 +14,13 @@ from dojo_maps.description import RoadMap
 from dojo_maps.geometry.polylines import Floats
 from dojo_maps.index import MapIndex
 from dojo_maps.issue import Element, Issue, Severity
-from dojo_maps.plurals import counted
 from dojo_maps.sources.osm.graph.edge_id import EdgeId
 from dojo_maps.sources.osm.graph.road_graph import RoadGraph
 from dojo_maps.sources.osm.layout.arms import Layout
 from dojo_maps.sources.osm.network.overlap_merging import lying_on_neighbours
 from dojo_maps.sources.osm.plain.plain_xml import Plain
 from dojo_maps.sources.osm.read.data import link_to
+from dojo_maps.wording import counted
 
 _NO_PAVEMENT = re.compile(
     r"(?:invalid crossing .* with edges|crossing .* across) \[([^]]*)\] (?:\(no walkingarea|has no target)"
