@@ -42,7 +42,15 @@ class BackgroundSubtraction(gymnasium.ObservationWrapper[Any, Any, Any]):
         self._known: dict[str, Background] = {}
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> Any:
-        """Begin an episode, of whose background nothing is known."""
+        """Begin an episode, of whose background nothing is known.
+
+        Args:
+            seed: of the episode.
+            options: as the environment takes them.
+
+        Returns:
+            The observation, the background subtracted, and figures by name.
+        """
         self._known = {name: Background(part.shape or ()) for name, part in self._parts.items()}
         return super().reset(seed=seed, options=options)
 
@@ -70,7 +78,14 @@ class Background:
         self._variance = np.zeros((*shape[:-3], 1, 1, 1), np.float32)
 
     def subtract(self, picture: NDArray[np.uint8]) -> NDArray[np.uint8]:
-        """Take a picture into the mean, and show how far it is from it."""
+        """Take a picture into the mean, and show how far it is from it.
+
+        Args:
+            picture: (..., h, w, 3) uint8.
+
+        Returns:
+            The same shape, uint8, 128 where nothing has changed.
+        """
         self._count = min(self._count + 1, _MEMORY)
         away = picture - self._mean
         self._mean += away / self._count

@@ -17,6 +17,9 @@ from dojo_maps.input_files import sha256_of
 def cache_folder() -> Path:
     """Find and make the user's cache, which both packages share.
 
+    Returns:
+        The folder.
+
     Raises:
         ConfigError: the folder cannot be made.
     """

@@ -100,6 +100,12 @@ CAMERA_PRESETS: Mapping[str, CameraPreset] = {
 def find_preset(name: str) -> CameraPreset:
     """Look a preset up.
 
+    Args:
+        name: one of `CAMERA_PRESETS`.
+
+    Returns:
+        The preset.
+
     Raises:
         ConfigError: there is none of this name.
     """

@@ -97,6 +97,9 @@ class Plot:
 def check_name(path: Path) -> None:
     """Refuse a file that no chart can be written to.
 
+    Args:
+        path: of the file.
+
     Raises:
         ConfigError: its name says no kind that charts are written in, or its folder is not there.
     """
@@ -107,7 +110,10 @@ def check_name(path: Path) -> None:
 
 
 def styled() -> AbstractContextManager[None]:
-    """Draw in the style of all charts within this context.
+    """Draw in the style of all charts within a context.
+
+    Returns:
+        The context.
 
     Raises:
         ToolMissingError: matplotlib is not installed.
@@ -152,7 +158,7 @@ def draw_series(
                 _draw_run(place, episodes, name, smooth, {"label": label, **look})
             place.set_title(TITLES.get(name, name.replace("_", " ")), loc="left")
             place.margins(x=0)
-        for place in panels[max(0, len(chosen) - panels_across(len(chosen))) : len(chosen)]:
+        for place in panels[max(0, len(chosen) - _across(len(chosen))) : len(chosen)]:
             place.set_xlabel("minutes" if every[0].unit == "seconds" else every[0].unit)
         if len(runs) > 1:
             handles, labels = panels[0].get_legend_handles_labels()
@@ -174,7 +180,7 @@ def _choose(every: Sequence[Series], names: Sequence[str]) -> tuple[str, ...]:
     ).choose()
 
 
-def panels_across(count: int) -> int:
+def _across(count: int) -> int:
     """Tell how many panels stand side by side."""
     return min(count, 2 if count in (2, 4) else 3)
 
@@ -182,7 +188,7 @@ def panels_across(count: int) -> int:
 def _open_panels(count: int) -> "tuple[Figure, list[Axes]]":
     from matplotlib.figure import Figure  # noqa: PLC0415 - takes long, and few draw
 
-    across = panels_across(count)
+    across = _across(count)
     rows = -(-count // across)
     figure = Figure(figsize=(max(3.4 * across, 5.0), 2.3 * rows + 0.6), layout="constrained")
     panels = list(figure.subplots(rows, across, sharex=True, squeeze=False).flat)

@@ -43,12 +43,19 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
     Args:
         arguments: None for the process's own.
+
+    Returns:
+        The exit status.
     """
     return run_command("dojo-env", build_parser, arguments)
 
 
 def build_parser() -> argparse.ArgumentParser:
-    """Declare the commands and what each takes."""
+    """Declare the commands and what each takes.
+
+    Returns:
+        The parser, which sets `run` to a command's function.
+    """
     parser = Parser(
         prog="dojo-env", description="Traffic signal control on converted maps, with SUMO's traffic."
     )

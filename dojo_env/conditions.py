@@ -109,6 +109,9 @@ def sample_conditions(ranges: Mapping[str, tuple[float, float]], seed: int) -> C
         ranges: (low, high) by the name of a field of `Conditions`; the others keep their defaults.
         seed: the same seed and ranges give the same conditions.
 
+    Returns:
+        The conditions, with the seed.
+
     Raises:
         ConfigError: a name is unknown or a range is empty or out of its limits.
     """
@@ -118,6 +121,12 @@ def sample_conditions(ranges: Mapping[str, tuple[float, float]], seed: int) -> C
 
 def read_conditions(text: str) -> Conditions:
     """Read a name of `PRESETS`, or values such as `hour=20,rain=0.4`.
+
+    Args:
+        text: the name, or values with commas between.
+
+    Returns:
+        The conditions.
 
     Raises:
         ConfigError: it is neither, or a value is out of range.

@@ -16,7 +16,11 @@ _MOVEMENTS = (
 
 
 def build_two_way_demand() -> str:
-    """Write SUMO routes and flows: first north and south are busy, then west and east, and again."""
+    """Write SUMO routes and flows: first north and south are busy, then west and east, and again.
+
+    Returns:
+        The route file's text.
+    """
     lines = ["<routes>"]
     lines += [f'    <route id="route_{m}" edges="{m[0]}_t t_{m[1]}"/>' for m, _ in _MOVEMENTS]
     for period in range(4):
@@ -32,7 +36,14 @@ def build_two_way_demand() -> str:
 
 
 def write_two_way_demand(folder: Path) -> Path:
-    """Write the demand into a folder, whole, unless it lies there already."""
+    """Write the demand into a folder, whole, unless it lies there already.
+
+    Args:
+        folder: where it goes.
+
+    Returns:
+        The route file.
+    """
     path, text = folder / "two-way.rou.xml", build_two_way_demand()
     if not path.is_file() or path.read_bytes() != text.encode():
         write_text(path, text)

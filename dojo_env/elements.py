@@ -14,6 +14,10 @@ MAX_BYTES = 1 << 32
 def read_elements(path: Path, visit: Callable[[str, Attributes], None] | None = None) -> None:
     """Call `visit`, if any, with name and attributes of each element, in their order; gzip is unpacked.
 
+    Args:
+        path: of the file.
+        visit: takes an element's name and its attributes; None only sees that the file can be read.
+
     Raises:
         ScenarioError: the file cannot be read, is no XML, or has a document type.
     """

@@ -152,12 +152,26 @@ class TrafficSignalEnv(gymnasium.Env[Any, Any]):
 
 
 def make_again(kind: Any, config: EnvConfig, made_with: dict[str, Any]) -> Any:
-    """Make an environment of a kind as another one was made."""
+    """Make an environment of a kind as another one was made.
+
+    Args:
+        kind: the environment's class.
+        config: all settings.
+        made_with: its other keywords.
+
+    Returns:
+        The environment.
+    """
     return kind(config, **made_with)
 
 
 def begin_episode(world: World, config: EnvConfig, seed: int) -> tuple[World, Beginning]:
     """Begin an episode in a world, or, where another simulation of this process is running, in one apart.
+
+    Args:
+        world: that should run it.
+        config: all settings, for a world apart.
+        seed: of the episode.
 
     Returns:
         The world that it has begun in, and what it begins with.
@@ -184,6 +198,15 @@ def begin_episode(world: World, config: EnvConfig, seed: int) -> tuple[World, Be
 def open_viewer(world: World, config: EnvConfig, mode: str | None, port: int) -> Viewer:
     """Open what shows an environment; the world is closed where that fails.
 
+    Args:
+        world: what is shown.
+        config: of the environment.
+        mode: `human`, `rgb_array` or None.
+        port: of the page; 0 takes any that is free.
+
+    Returns:
+        The viewer; `close` it.
+
     Raises:
         ConfigError: the port is taken.
     """
@@ -195,7 +218,16 @@ def open_viewer(world: World, config: EnvConfig, mode: str | None, port: int) ->
 
 
 def choose_seed(seed: int | None, config: EnvConfig, generator: np.random.Generator) -> int:
-    """Take the seed given to `reset`, else the configured one, else the next of the generator."""
+    """Take the seed given to `reset`, else the configured one, else the next of the generator.
+
+    Args:
+        seed: that was given, or None.
+        config: of the environment.
+        generator: the environment's own.
+
+    Returns:
+        The episode's seed.
+    """
     if seed is not None:
         return seed
     configured = config.seed
@@ -204,6 +236,12 @@ def choose_seed(seed: int | None, config: EnvConfig, generator: np.random.Genera
 
 def read_action(action: Any) -> Any:
     """Take the number out of what agents hand over: a number, or an array of one.
+
+    Args:
+        action: what the agent gave.
+
+    Returns:
+        The number.
 
     Raises:
         ConfigError: it is none.
@@ -218,6 +256,13 @@ def read_action(action: Any) -> Any:
 
 def one_config(config: EnvConfig | None, keywords: dict[str, Any]) -> EnvConfig:
     """Take the settings given whole, or build them from keywords.
+
+    Args:
+        config: all settings, or None.
+        keywords: the same one by one.
+
+    Returns:
+        All settings.
 
     Raises:
         ConfigError: both are given, or a setting cannot work.

@@ -25,12 +25,21 @@ class EpisodeFiles:
         return bool(self._rows)
 
     def add(self, row: dict[str, Any]) -> None:
-        """Add a decision's figures."""
+        """Add a decision's figures.
+
+        Args:
+            row: by name; every row of an episode has the same names.
+        """
         if self._stem is not None:
             self._rows.append(dict(row))
 
     def finish(self, figures: dict[str, Any], *, episode: int) -> None:
-        """Write the episode as `{stem}_conn{label}_ep{number}.csv` and `.json`, in SUMO-RL's way."""
+        """Write the episode as `{stem}_conn{label}_ep{number}.csv` and `.json`, in SUMO-RL's way.
+
+        Args:
+            figures: of the whole episode.
+            episode: its number.
+        """
         rows, self._rows = self._rows, []
         if self._stem is None or not rows:
             return

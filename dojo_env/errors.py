@@ -92,6 +92,11 @@ class RecordingError(SourceError):
 def refuse_other_arguments(setting: str, function: Callable[..., Any], names: tuple[str, ...]) -> None:
     """Refuse a user's function that cannot be called with these arguments.
 
+    Args:
+        setting: the keyword that the function was given as, for the message.
+        function: the user's.
+        names: of the arguments that it will be called with.
+
     Raises:
         ConfigError: it takes others.
     """

@@ -84,6 +84,13 @@ def must_return_within(seconds: float) -> None:
 def call_in_fork(function: Callable[..., Any], *arguments: Any) -> Any:
     """Call a function in a fork; returns what it returns, which must be something to pickle.
 
+    Args:
+        function: what to call.
+        arguments: what with.
+
+    Returns:
+        What it returns.
+
     Raises:
         SimulationDiedError: the fork has died, or was not back in time from a call.
         Exception: what the function raised.

@@ -128,6 +128,9 @@ def sample_imaging(ranges: Mapping[str, tuple[float, float]], seed: int) -> Imag
         ranges: (low, high) by the name of a field of `Imaging`; the others keep their defaults.
         seed: the same seed and ranges give the same body.
 
+    Returns:
+        The camera body.
+
     Raises:
         ConfigError: a name is unknown or a range is empty or out of its limits.
     """
@@ -138,6 +141,12 @@ def sample_imaging(ranges: Mapping[str, tuple[float, float]], seed: int) -> Imag
 
 def read_imaging(text: str) -> Imaging:
     """Read a name of `IMAGING_PRESETS`, or values such as `shutter_s=0.02,jpeg_quality=50`.
+
+    Args:
+        text: the name, or values with commas between.
+
+    Returns:
+        The camera body.
 
     Raises:
         ConfigError: it is neither, or a value is out of range.
@@ -150,6 +159,13 @@ def read_imaging(text: str) -> Imaging:
 
 def settle_imaging(wanted: "Imaging | Mapping[str, tuple[float, float]] | str", seed: int) -> Imaging:
     """Take a camera body, find it by its name, or draw it for an episode.
+
+    Args:
+        wanted: a camera body, its name, or ranges by the name of a field.
+        seed: of what is drawn.
+
+    Returns:
+        The camera body.
 
     Raises:
         ConfigError: it is none of these, or out of its limits.

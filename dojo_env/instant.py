@@ -264,6 +264,9 @@ def build_approach(
         halting: whether it stands.
         beyond: vehicles that stand on each of `plan.out_lanes`.
         urgent: the links to which somebody comes with blue lights on.
+
+    Returns:
+        Who is on the way.
     """
     standing = dict(zip(plan.out_lanes, beyond, strict=True))
     full = {lane for lane, room in zip(plan.out_lanes, plan.room, strict=True) if standing[lane] >= room}

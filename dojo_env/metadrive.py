@@ -41,6 +41,14 @@ _POSE = 9
 def export_recording(recording: Recording, bundle: Bundle, folder: Path) -> int:
     """Write the data set, whole or not at all; returns how many scenarios it has.
 
+    Args:
+        recording: the episode.
+        bundle: its map.
+        folder: to make.
+
+    Returns:
+        How many scenarios there are.
+
     Raises:
         ConfigError: the folder is there already.
         ExportError: no vehicle was recorded.
@@ -59,7 +67,7 @@ def _build_scenarios(recording: Recording, road_map: RoadMap) -> Iterator[tuple[
     features = build_features(road_map)
     start = 0
     while start < len(recording) - 1:
-        snapshots = recording[start : start + _LONGEST + 1]
+        snapshots = list(recording[start : start + _LONGEST + 1])
         start += _LONGEST
         # The car that MetaDrive follows has to be there when a scenario begins.
         first = next((k for k, snapshot in enumerate(snapshots) if _find_cars(snapshot)), None)
@@ -71,7 +79,17 @@ def _build_scenarios(recording: Recording, road_map: RoadMap) -> Iterator[tuple[
 def build_recorded_scenario(
     road_map: RoadMap, snapshots: list[Snapshot], features: dict[str, Feature], *, name: str
 ) -> dict[str, Any]:
-    """Build a scenario from at least two seconds; the first has a vehicle that MetaDrive may follow."""
+    """Build a scenario from at least two seconds; the first has a vehicle that MetaDrive may follow.
+
+    Args:
+        road_map: the map.
+        snapshots: a second apart.
+        features: of the map, by id, as MetaDrive has them.
+        name: of the scenario.
+
+    Returns:
+        The scenario, as MetaDrive reads it.
+    """
     count = (len(snapshots) - 1) * _PER_SECOND + 1
     times = np.arange(count, dtype=np.float64) * STEP
     tracks = _build_tracks(snapshots, np.array([*road_map.origin, 0.0]))

@@ -32,7 +32,13 @@ class Metrics:
         self._pedestrians = [0.0, 0.0]
 
     def note(self, instant: Instant, *, arrived: int, travelled: float) -> None:
-        """Take in a decision: `arrived` vehicles so far have been on their way for `travelled` seconds."""
+        """Take in a decision: `arrived` vehicles so far have been on their way for `travelled` seconds.
+
+        Args:
+            instant: the decision.
+            arrived: vehicles since the episode's begin.
+            travelled: seconds, of all those together.
+        """
         self._time = instant.time
         self._decisions += 1
         sums = self._sums
@@ -63,6 +69,9 @@ class Metrics:
             trips: every vehicle that has departed.
             pending_delays: (n,) how long those wait that have not.
             losses: the sum of SUMO's time losses, and of how many vehicles.
+
+        Returns:
+            Figures by name; those of modes and movements are grouped by them.
         """
         decisions = max(self._decisions, 1)
         durations = [t.arrival - t.depart for t in trips.values() if t.arrival is not None]

@@ -8,5 +8,9 @@ _LOG = logging.getLogger("dojo_env")
 
 @cache
 def say_once(note: str) -> None:
-    """Log a warning on one line, unless this process has already."""
+    """Log a warning on one line, unless this process has already.
+
+    Args:
+        note: what to say.
+    """
     _LOG.warning(" ".join(note.split()))

@@ -22,15 +22,34 @@ class Observer(Protocol):
     """Sees for every signal. `reset` tells the seed of an episode, for those that draw noise."""
 
     def space(self, signal: str) -> spaces.Space[Any]:
-        """Give the space of a signal's observations."""
+        """Give the space of a signal's observations.
+
+        Args:
+            signal: its id.
+
+        Returns:
+            The space.
+        """
         ...
 
     def reset(self, seed: int) -> None:
-        """Begin an episode."""
+        """Begin an episode.
+
+        Args:
+            seed: of the episode.
+        """
         ...
 
     def observe(self, signal: str, instant: Instant) -> Any:
-        """Observe for a signal."""
+        """Observe for a signal.
+
+        Args:
+            signal: its id.
+            instant: the decision.
+
+        Returns:
+            What its space holds.
+        """
         ...
 
 
@@ -39,7 +58,14 @@ class Perceiver(Protocol):
     """An observer that measures what controllers act on, in place of the truth."""
 
     def perceive(self, instant: Instant) -> Instant:
-        """Give a decision as it has been observed; the instant itself where no sensor measures lanes."""
+        """Give a decision as it has been observed; the instant itself where no sensor measures lanes.
+
+        Args:
+            instant: the decision, as it is.
+
+        Returns:
+            The decision, as it was measured.
+        """
         ...
 
 
@@ -167,6 +193,9 @@ def build_observer(wanted: Any, eyes: Eyes, plans: Mapping[str, SignalPlan], *, 
         eyes: what sensors draw with.
         plans: of the signals to observe.
         interval: seconds from decision to decision.
+
+    Returns:
+        The observer.
 
     Raises:
         ConfigError: there is none of that name.

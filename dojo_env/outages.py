@@ -38,7 +38,16 @@ class CameraOutage:
 
 
 def find_outage(outages: Iterable[CameraOutage], camera: str, time: float) -> CameraOutage | None:
-    """Find what keeps a camera from delivering at a time, in seconds after the episode's begin."""
+    """Find what keeps a camera from delivering at a time, in seconds after the episode's begin.
+
+    Args:
+        outages: of the episode.
+        camera: its name.
+        time: seconds after the episode's begin.
+
+    Returns:
+        The outage, or None where the camera delivers.
+    """
     for outage in outages:
         if outage.camera in ("", camera) and outage.begin <= time < outage.end:
             return outage

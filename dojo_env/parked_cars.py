@@ -17,7 +17,14 @@ _SMALLEST, _LARGEST = 0.5, 30.0
 
 
 def list_parked(road_map: RoadMap) -> Snapshot:
-    """List the parked cars of a map: props whose outlines begin at the right front corner, then the left."""
+    """List the parked cars of a map: props whose outlines begin at the right front corner, then the left.
+
+    Args:
+        road_map: the map.
+
+    Returns:
+        The cars, numbered from 1.
+    """
     props = [
         prop
         for prop in road_map.props

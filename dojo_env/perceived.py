@@ -57,7 +57,15 @@ class PerceivedInstant(Instant):
 
 
 def read_lanes(measured: LaneMeasurements, plan: SignalPlan) -> LaneReading:
-    """Turn measurements into the figures of the lanes that lead to a signal."""
+    """Turn measurements into the figures of the lanes that lead to a signal.
+
+    Args:
+        measured: what a sensor has measured, by lane.
+        plan: of the signal.
+
+    Returns:
+        Their figures, without CO2.
+    """
     rows = [measured.lanes.index(lane) for lane in plan.lanes]
     speed = measured.mean_speed[rows]
     raw = (

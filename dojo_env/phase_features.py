@@ -126,6 +126,9 @@ class PhaseReader:
     def constraints(self, view: SignalView) -> Array:
         """Tell what the signal may do.
 
+        Args:
+            view: the signal.
+
         Returns:
             (5,): its least green in 20 s, its longest red in 240 s (0 for none), yellow and all-red in 5 s,
             and whether a change would be granted.

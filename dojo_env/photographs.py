@@ -36,6 +36,13 @@ def read_photograph(path: Path) -> Image:
 def decode_photograph(data: bytes, path: Path) -> Image:
     """Read a photograph out of bytes; `path` is named in errors.
 
+    Args:
+        data: of a JPEG or PNG file.
+        path: of the file, for errors.
+
+    Returns:
+        (h, w, 3) uint8 RGB.
+
     Raises:
         PhotographError: as `read_photograph`.
     """

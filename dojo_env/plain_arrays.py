@@ -50,6 +50,9 @@ def read_arrays(
         error: raised for whatever is wrong.
         what: the file should be, for errors.
 
+    Returns:
+        The arrays, by name.
+
     Raises:
         SourceError: of the class `error`: missing, damaged, too large, other arrays, or of other kinds.
     """

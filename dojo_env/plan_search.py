@@ -269,6 +269,9 @@ def list_sequences(plan: SignalPlan) -> tuple[tuple[int, ...], ...]:
 
     Args:
         plan: of the signal.
+
+    Returns:
+        Phases by their numbers; the first sequence is the network's own, where it has one.
     """
     served = [{link for link, letter in enumerate(state) if letter in GREEN} for state in plan.phases]
     every = set[int]().union(*served)
@@ -297,6 +300,9 @@ def compute_stages(
         sequence: phases.
         ways: how many vehicles drive from each road to the next.
         seconds: in which they do.
+
+    Returns:
+        Each phase with its seconds of green.
     """
     pairs = {
         link: (source.rpartition("_")[0], target.rpartition("_")[0]) for link, source, target in plan.links
@@ -393,7 +399,12 @@ class Memory:
         self.scores = known
 
     def add(self, key: str, score: float) -> None:
-        """Keep an episode's score."""
+        """Keep an episode's score.
+
+        Args:
+            key: what the episode depends on, as `describe_episode` tells it.
+            score: of the episode; less is better.
+        """
         self.scores[key] = score
         if self._path is not None:
             write_json(self._path, self.scores)
@@ -405,7 +416,16 @@ class Memory:
 
 
 def describe_episode(plan: TimingPlan, seed: int, about: Mapping[str, str]) -> str:
-    """Tell what an episode depends on as a hash."""
+    """Tell what an episode depends on as a hash.
+
+    Args:
+        plan: that was run.
+        seed: of the episode.
+        about: all else, by name.
+
+    Returns:
+        24 hexadecimal digits.
+    """
     text = json.dumps([describe_plan(plan), seed, about], sort_keys=True)
     return hashlib.sha256(text.encode()).hexdigest()[:24]
 

@@ -30,6 +30,9 @@ def read_playback(path: Path, road_map: RoadMap) -> Playback:
         path: a file that `dojo-env run --record` wrote.
         road_map: the map of its episode.
 
+    Returns:
+        What a page plays.
+
     Raises:
         RecordingError: the file is missing, damaged, or of another map.
     """
@@ -43,7 +46,15 @@ def read_playback(path: Path, road_map: RoadMap) -> Playback:
 
 
 def make_playback(recording: Recording, road_map: RoadMap) -> Playback:
-    """Give every road user of a recording the model, the pose and the colours that cameras would see."""
+    """Give every road user of a recording the model, the pose and the colours that cameras would see.
+
+    Args:
+        recording: the episode.
+        road_map: its map.
+
+    Returns:
+        What a page plays.
+    """
     from dojo_env.rendering.drawing import OWN, PALETTE  # noqa: PLC0415 - compiles
     from dojo_env.rendering.fleet import usual_fleet  # noqa: PLC0415
     from dojo_env.rendering.traffic import place_users  # noqa: PLC0415

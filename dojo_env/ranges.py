@@ -32,6 +32,15 @@ def draw_values(
 ) -> dict[str, float]:
     """Draw a value from each range, uniform and on its own, in order of their names.
 
+    Args:
+        ranges: (low, high) by name.
+        names: those that there are.
+        random: where the values come from.
+        what: is drawn, for messages.
+
+    Returns:
+        A value by name.
+
     Raises:
         ConfigError: a name is none of `names`, or a range is empty.
     """
@@ -47,6 +56,15 @@ def draw_values(
 
 def read_values(text: str, names: Iterable[str], presets: Iterable[str], what: str) -> dict[str, float]:
     """Read values such as `hour=20,rain=0.4`.
+
+    Args:
+        text: values with commas between.
+        names: those that there are.
+        presets: what may be named instead, for messages.
+        what: is read, for messages.
+
+    Returns:
+        A value by name.
 
     Raises:
         ConfigError: a part has no number, or a name is none of `names`.

@@ -125,7 +125,14 @@ class LaneGroups:
             self._groups.append((slice(start, end), limits.tolist(), lengths.tolist()))
 
     def divide(self, raw: Sequence[Sequence[float]]) -> list[LaneReading]:
-        """Give each signal its figures, from the six rows that SUMO has measured of all lanes."""
+        """Give each signal its figures, from the six rows that SUMO has measured of all lanes.
+
+        Args:
+            raw: six rows with a value for each of `lanes`.
+
+        Returns:
+            A reading per signal, in the order of the groups.
+        """
         return [
             _read_lanes([list(row[part]) for row in raw], limits, lengths)
             for part, limits, lengths in self._groups

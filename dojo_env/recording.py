@@ -60,7 +60,11 @@ class Recorder:
         return len(self._times)
 
     def add(self, snapshot: Snapshot) -> None:
-        """Add the next snapshot."""
+        """Add the next snapshot.
+
+        Args:
+            snapshot: a later instant of the same episode.
+        """
         self._signals = self._signals or tuple(snapshot.signals)
         self._times.append(snapshot.time)
         self._counts.append(len(snapshot.ids))
@@ -83,6 +87,9 @@ class Recorder:
 
     def write(self, path: Path) -> None:
         """Write the recording, whole or not at all.
+
+        Args:
+            path: of the file.
 
         Raises:
             RecordingError: nothing has been recorded.
@@ -337,6 +344,12 @@ class Recording(Sequence[Snapshot]):
 
 def read_recording(path: Path | str) -> Recording:
     """Read a recording.
+
+    Args:
+        path: of the file, such as out_ep1.npz.
+
+    Returns:
+        The recording.
 
     Raises:
         RecordingError: the file is missing, damaged, too large, or no recording.

@@ -110,6 +110,14 @@ def _open_scanner(eyes: Eyes) -> "LidarScanner":
 def open_eyes(recording: Recording, bundle: Bundle, **sensing: Any) -> Eyes:
     """Open what draws a recording, with everything random as in its episode.
 
+    Args:
+        recording: the episode.
+        bundle: its map.
+        sensing: as an environment takes it.
+
+    Returns:
+        What draws; `close` it.
+
     Raises:
         ConfigError: a setting cannot work.
     """
@@ -128,6 +136,9 @@ def find_map(recording: Recording, map: str | Path | None = None) -> Bundle:  # 
     Args:
         recording: the episode.
         map: a bundle, a network, or a packaged scenario's name; None for the scenario that was recorded.
+
+    Returns:
+        The map.
 
     Raises:
         RecordingError: it is another map, or none is given and the scenario is not a packaged one.

@@ -64,6 +64,13 @@ REWARDS: dict[str, Reward] = {
 def build_rewards(wanted: Any, signals: Sequence[str]) -> dict[str, Reward]:
     """Give each signal its reward: one for all, or a dict that names every signal.
 
+    Args:
+        wanted: a name, a function, a dict of names and weights; or a dict of such by signal.
+        signals: ids.
+
+    Returns:
+        A function by signal.
+
     Raises:
         ConfigError: a name is unknown, or a dict names neither rewards nor all signals.
     """
@@ -73,7 +80,14 @@ def build_rewards(wanted: Any, signals: Sequence[str]) -> dict[str, Reward]:
 
 
 def is_own(reward: Reward) -> bool:
-    """Tell whether a reward is one of these, or made of them: those ask nothing late of a past decision."""
+    """Tell whether a reward is one of these, or made of them: those ask nothing late of a past decision.
+
+    Args:
+        reward: any.
+
+    Returns:
+        Whether it is.
+    """
     return isinstance(reward, _Weighted) or any(reward is own for own in REWARDS.values())
 
 

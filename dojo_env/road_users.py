@@ -71,6 +71,9 @@ class RoadUsers:
             time: of this instant, seconds.
             ids: of the vehicles.
             speeds: of them, m/s.
+
+        Returns:
+            The instant.
         """
         get = self._get
         people = tuple(name for name in get.person_getIDList() if not get.person_getVehicle(name))

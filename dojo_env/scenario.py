@@ -222,6 +222,12 @@ def _read_scenario(path: Path) -> Scenario:
 def find_map(value: str | Path) -> Scenario:
     """Find a map, with or without demand: a scenario's, or any bundle or network by path.
 
+    Args:
+        value: a scenario's name, or a path.
+
+    Returns:
+        A scenario, which may lack routes.
+
     Raises:
         ConfigError: there is none.
     """
@@ -233,6 +239,12 @@ def find_map(value: str | Path) -> Scenario:
 
 def packaged_scenario(name: str) -> Scenario:
     """Build a packaged scenario from the installed sumo-rl package, which is not imported.
+
+    Args:
+        name: one of `PACKAGED`.
+
+    Returns:
+        The scenario.
 
     Raises:
         ConfigError: the package is not installed, or lacks the files.
@@ -257,6 +269,13 @@ def packaged_scenario(name: str) -> Scenario:
 def open_map(scenario: Scenario, *, on_stage: Callable[[str], None] = lambda _stage: None) -> Bundle:
     """Read the scenario's bundle; convert its network into the cache first where there is none.
 
+    Args:
+        scenario: whose map it is.
+        on_stage: told what begins, where it is converted.
+
+    Returns:
+        The bundle.
+
     Raises:
         SourceError: the map is neither a whole bundle of this version nor a readable network.
         ConfigError: the cache cannot be written.
@@ -269,7 +288,16 @@ def open_map(scenario: Scenario, *, on_stage: Callable[[str], None] = lambda _st
 def with_files(
     scenario: Scenario, *, net_file: str | Path | None = None, route_file: Files | None = None
 ) -> Scenario:
-    """Replace a scenario's network or routes."""
+    """Replace a scenario's network or routes.
+
+    Args:
+        scenario: to start from.
+        net_file: the network; None keeps the scenario's.
+        route_file: one or several; None keeps the scenario's.
+
+    Returns:
+        The other scenario.
+    """
     changed = scenario if net_file is None else replace(scenario, map=Path(net_file))
     return changed if route_file is None else replace(changed, routes=_paths(route_file))
 

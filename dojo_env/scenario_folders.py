@@ -25,7 +25,14 @@ _ROUTES = (".rou.xml", ".rou.xml.gz")
 
 
 def is_other_project_s(path: Path) -> bool:
-    """Tell whether this is a folder of a scenario, or a file of settings of CityFlow's or LibSignal's."""
+    """Tell whether this is a folder of a scenario, or a file of settings of CityFlow's or LibSignal's.
+
+    Args:
+        path: of a folder or a file.
+
+    Returns:
+        Whether it is.
+    """
     if (path / DESCRIPTION).exists():
         return False  # A bundle, which lacks demand.
     if path.is_dir():
@@ -61,6 +68,12 @@ def find_start(path: Path) -> tuple[Path, tuple[Path, ...]]:
 
 def first_departure(routes: Path) -> float:
     """Find when the first vehicle, flow or person of a route file departs, seconds.
+
+    Args:
+        routes: the file.
+
+    Returns:
+        Seconds; 0 where nobody departs.
 
     Raises:
         ScenarioError: it cannot be read.

@@ -47,12 +47,23 @@ class SensorObserver:
         self._views: dict[tuple[str, tuple[str, ...]], tuple[Sequence[Camera], Sequence[str]]] = {}
 
     def space(self, signal: str) -> spaces.Space[Any]:
-        """Give the space of one signal's sensors."""
+        """Give the space of one signal's sensors.
+
+        Args:
+            signal: its id.
+
+        Returns:
+            The space of a bare sensor, or a dict of spaces by the sensors' names.
+        """
         parts = {channel.name: channel.sensor.space for channel in self._channels[signal]}
         return next(iter(parts.values())) if self._bare else spaces.Dict(parts)
 
     def reset(self, seed: int) -> None:
-        """Begin an episode: every name has a noise of its own, which its sensors at all signals share."""
+        """Begin an episode: every name has a noise of its own, which its sensors at all signals share.
+
+        Args:
+            seed: of the episode.
+        """
         noises: dict[str, np.random.Generator] = {}
         for channels in self._channels.values():
             for channel in channels:
@@ -63,16 +74,35 @@ class SensorObserver:
                 channel.reset(noises[name])
 
     def is_due(self, time: float) -> bool:
-        """Tell whether a sensor wants to look now, at a time between decisions."""
+        """Tell whether a sensor wants to look now, at a time between decisions.
+
+        Args:
+            time: simulated seconds.
+
+        Returns:
+            Whether one does.
+        """
         return any(channel.is_due(time) for _, timed in self._timed for channel in timed)
 
     def look(self, snapshot: Snapshot) -> None:
-        """Let the sensors look that want to, at a time between decisions."""
+        """Let the sensors look that want to, at a time between decisions.
+
+        Args:
+            snapshot: the present second.
+        """
         for signal, timed in self._timed:
             self._look(signal, snapshot, [channel for channel in timed if channel.is_due(snapshot.time)])
 
     def observe(self, signal: str, instant: Instant) -> Any:
-        """Let the sensors look that want to, and give what has arrived of all."""
+        """Let the sensors look that want to, and give what has arrived of all.
+
+        Args:
+            signal: its id.
+            instant: the decision.
+
+        Returns:
+            What its space holds.
+        """
         channels = self._channels[signal]
         due = [channel for channel in channels if channel.is_due(instant.time)]
         if due:
@@ -82,7 +112,14 @@ class SensorObserver:
         return next(iter(seen.values())) if self._bare else seen
 
     def perceive(self, instant: Instant) -> Instant:
-        """Give a decision as sensors have measured it, if every signal has such, or else as it is."""
+        """Give a decision as sensors have measured it, if every signal has such, or else as it is.
+
+        Args:
+            instant: the decision, as it is.
+
+        Returns:
+            The decision, as it was measured.
+        """
         measured = {
             signal: found
             for signal, channels in self._channels.items()
@@ -160,6 +197,9 @@ def build_sensor_observer(
         eyes: what draws.
         plans: of the signals to observe.
         interval: seconds from decision to decision.
+
+    Returns:
+        The observer.
 
     Raises:
         ConfigError: no sensor is named, or one is nothing of the kind.

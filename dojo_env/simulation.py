@@ -182,16 +182,34 @@ class Simulation:
             self._note_arrival(vehicle)
 
     def show(self, signal: str, state: str) -> None:
-        """Set a signal's letters."""
+        """Set a signal's letters.
+
+        Args:
+            signal: its id.
+            state: a letter per link.
+        """
         self._running().trafficlight.setRedYellowGreenState(signal, state)
 
     def read_state(self, signal: str) -> str:
-        """Read the letters that a signal shows."""
+        """Read the letters that a signal shows.
+
+        Args:
+            signal: its id.
+
+        Returns:
+            A letter per link.
+        """
         state: str = self._get.trafficlight_getRedYellowGreenState(signal)
         return state
 
     def list_vehicles(self, lane: str) -> tuple[str, ...]:
         """List the vehicles on a lane by their ids.
+
+        Args:
+            lane: its id.
+
+        Returns:
+            Their ids.
 
         Raises:
             SimulationError: there is no such lane.
@@ -203,6 +221,10 @@ class Simulation:
 
     def list_approaching(self, signal: str, lanes: Iterable[str]) -> list[tuple[int, float, float, bool]]:
         """List the vehicles on these lanes whose next signal this is.
+
+        Args:
+            signal: its id.
+            lanes: ids.
 
         Returns:
             The link that each will take, metres to the stop line, m/s, and whether it is an emergency
@@ -217,22 +239,48 @@ class Simulation:
         return found
 
     def list_next_links(self, vehicles: Iterable[str]) -> list[tuple[str, int, float] | None]:
-        """Tell the next signal of each vehicle, the link that it will take, and metres to the stop line."""
+        """Tell the next signal of each vehicle, the link that it will take, and metres to the stop line.
+
+        Args:
+            vehicles: ids.
+
+        Returns:
+            The signal, the link and the metres of each; None where no signal comes.
+        """
         coming = (self._get.vehicle_getNextTLS(vehicle)[:1] for vehicle in vehicles)
         return [found[0][:3] if found else None for found in coming]
 
     def count_halting(self, lanes: Iterable[str]) -> list[int]:
-        """Count the vehicles slower than 0.1 m/s on each lane."""
+        """Count the vehicles slower than 0.1 m/s on each lane.
+
+        Args:
+            lanes: ids.
+
+        Returns:
+            A number per lane.
+        """
         return list(map(self._get.lane_getLastStepHaltingNumber, lanes))
 
     def list_wanted_crossings(self) -> set[str]:
-        """List the crossings at which somebody on foot stands and waits."""
+        """List the crossings at which somebody on foot stands and waits.
+
+        Returns:
+            Ids of the crossings.
+        """
         get = self._get
         people = (person for person in get.person_getIDList() if get.person_getWaitingTime(person))
         return set(map(get.person_getNextEdge, people))
 
     def read_lanes(self, lanes: Sequence[str]) -> tuple[list[tuple[str, ...]], list[list[float]]]:
-        """Measure lanes; returns the vehicles on each, and the first rows of a `LaneReading`."""
+        """Measure lanes; returns the vehicles on each, and the first rows of a `LaneReading`.
+
+        Args:
+            lanes: ids, n of them.
+
+        Returns:
+            The vehicles on each lane, and six rows of n values: vehicles, halting ones, mean speed, mean
+            length, waiting, CO2.
+        """
         get = self._get
         on_lane = list(map(get.lane_getLastStepVehicleIDs, lanes))
         waiting = get.vehicle_getAccumulatedWaitingTime
@@ -246,7 +294,14 @@ class Simulation:
         ]
 
     def read_position(self, signal: str) -> tuple[int, float]:
-        """Tell the number of the phase that a signal's program shows, and for how many seconds it has."""
+        """Tell the number of the phase that a signal's program shows, and for how many seconds it has.
+
+        Args:
+            signal: its id.
+
+        Returns:
+            The phase's number, and seconds.
+        """
         get = self._get
         return get.trafficlight_getPhase(signal), get.trafficlight_getSpentDuration(signal)
 
@@ -285,7 +340,11 @@ class Simulation:
             lights.setPhaseDuration(signal, left)
 
     def read_traffic(self) -> TrafficReading:
-        """Measure all traffic."""
+        """Measure all traffic.
+
+        Returns:
+            Figures of the whole network.
+        """
         self._running()
         get = self._get
         self._force_emission_class()
@@ -307,12 +366,20 @@ class Simulation:
         )
 
     def read_pending_delays(self) -> Figures:
-        """Measure how long each vehicle waits that has not found a place yet, seconds."""
+        """Measure how long each vehicle waits that has not found a place yet, seconds.
+
+        Returns:
+            (n,) seconds.
+        """
         self._running()
         return _floats(map(self._get.vehicle_getDepartDelay, self._get.simulation_getPendingVehicles()))
 
     def read_time_losses(self) -> tuple[float, int]:
-        """Add up what vehicles have lost by driving slower than they may, seconds, and count them."""
+        """Add up what vehicles have lost by driving slower than they may, seconds, and count them.
+
+        Returns:
+            Seconds of all vehicles together, and how many these are.
+        """
         get = self._get
         arrived = int(float(get.simulation_getParameter("", "device.tripinfo.count")))
         running = list(map(get.vehicle_getTimeLoss, get.vehicle_getIDList()))
@@ -320,7 +387,14 @@ class Simulation:
         return mean * arrived + sum(running), arrived + len(running)
 
     def read_snapshot(self) -> Snapshot:
-        """Picture every road user and every signal."""
+        """Picture every road user and every signal.
+
+        Returns:
+            The present second.
+
+        Raises:
+            SimulationError: no simulation has been started.
+        """
         self._running()
         if self._users is None:
             raise SimulationError("the simulation has not been started; call reset first")

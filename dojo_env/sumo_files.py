@@ -91,7 +91,15 @@ class SumoFiles:
             self._add_outputs(self._outputs, scenario)
 
     def keep(self, name: str, text: str) -> Path:
-        """Keep a text of ours in memory, in place of the last one of that name; returns its path."""
+        """Keep a text of ours in memory, in place of the last one of that name; returns its path.
+
+        Args:
+            name: of the text.
+            text: to keep.
+
+        Returns:
+            The path that SUMO reads it by.
+        """
         if name not in self._kept:
             self._kept[name] = _open_private(name)
             weakref.finalize(self, self._kept[name][0].close)
@@ -103,7 +111,14 @@ class SumoFiles:
         return place
 
     def name_originals(self, words: str) -> str:
-        """Name the files themselves in what SUMO says of their copies."""
+        """Name the files themselves in what SUMO says of their copies.
+
+        Args:
+            words: SUMO's.
+
+        Returns:
+            The same with the files' own names.
+        """
         for path, safe in self._safe.items():
             words = words.replace(str(safe), str(path))
         return words
@@ -173,7 +188,13 @@ class SumoFiles:
         return place
 
     def redirect(self, name: str, attributes: dict[str, str], path: Path) -> None:
-        """Change where an element of a file writes, and give what it reads its full path."""
+        """Change where an element of a file writes, and give what it reads its full path.
+
+        Args:
+            name: of the element.
+            attributes: of it, which are changed.
+            path: of its file.
+        """
         for key in _find_written(name, attributes):
             attributes[key] = self._place(attributes[key], path.parent, path)
         for other in _find_read(name, attributes, path.parent):

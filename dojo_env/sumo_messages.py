@@ -64,6 +64,9 @@ class SumoMessages:
 
         Args:
             error: what libsumo or TraCI has raised.
+
+        Returns:
+            The line.
         """
         self._stop_listening()
         raised = " ".join(str(error).split())

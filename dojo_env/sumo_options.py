@@ -253,7 +253,14 @@ class Configuration:
 
 
 def full_name(name: str) -> str:
-    """Find an option's full name, given that, a short one or an old one."""
+    """Find an option's full name, given that, a short one or an old one.
+
+    Args:
+        name: any of an option's names.
+
+    Returns:
+        The full one; what is no option comes back as it is.
+    """
     for other, beginning in _OTHER_BEGINNINGS.items():
         if name.startswith(other):
             name = beginning + name.removeprefix(other)
@@ -267,6 +274,12 @@ def read_configuration(path: Path) -> Configuration:
 
     Options may stand anywhere below the root, by any of their names, with `value` or `v`. Paths are relative
     to the file's folder.
+
+    Args:
+        path: of the file.
+
+    Returns:
+        What it asks for.
 
     Raises:
         ScenarioError: it cannot be read, an option stands in it twice, or a value asks for the environment.

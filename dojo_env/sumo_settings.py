@@ -77,6 +77,9 @@ def settle(
         seconds: how long an episode lasts; None leaves that to the scenario.
         interval: seconds from decision to decision; None takes 5, or the next whole number of steps.
 
+    Returns:
+        The options, and the times of an episode.
+
     Raises:
         ConfigError: a value is none, or a time is no whole number of SUMO's steps.
         ScenarioError: a value of the scenario's is none.
@@ -122,6 +125,12 @@ def read_words(text: str) -> dict[str, str]:
     """Read options as they stand on SUMO's command line, by their full names.
 
     `--name value`, `--name=value`, `-n value`, and `--name` alone, which says true.
+
+    Args:
+        text: the options.
+
+    Returns:
+        Values by full name.
 
     Raises:
         ConfigError: a word belongs to no option, or an option is none that a user may set here.

@@ -70,7 +70,14 @@ class TimingPlan:
 
 
 def describe_plan(plan: TimingPlan) -> dict[str, Any]:
-    """Describe a plan as JSON values."""
+    """Describe a plan as JSON values.
+
+    Args:
+        plan: to describe.
+
+    Returns:
+        The values of its file.
+    """
     described: dict[str, Any] = {"format": FORMAT, "version": VERSION, "logic": plan.logic}
     if plan.logic != "fixed":
         described |= {"max_green": plan.max_green, "parameters": dict(plan.parameters)}
@@ -82,12 +89,24 @@ def describe_plan(plan: TimingPlan) -> dict[str, Any]:
 
 
 def write_plan(plan: TimingPlan, path: Path, **about: Any) -> None:
-    """Write a plan as JSON; `about` is for people to read."""
+    """Write a plan as JSON; `about` is for people to read.
+
+    Args:
+        plan: to write.
+        path: of the file.
+        about: what else the file says.
+    """
     write_json(path, {**describe_plan(plan), **about})
 
 
 def read_plan(path: Path) -> TimingPlan:
     """Read a plan's file.
+
+    Args:
+        path: of the file.
+
+    Returns:
+        The plan.
 
     Raises:
         PlanError: it cannot be read, or holds no plan.

@@ -61,6 +61,9 @@ def settle_models(models: "Mapping[str, Any] | Path | str") -> Mapping[str, Vehi
         models: by SUMO's vehicle type, each a file, a `VehicleModel`, or a table with its fields; or a TOML
             file of these, whose paths count from its folder.
 
+    Returns:
+        A model by vehicle type.
+
     Raises:
         ConfigError: something of it cannot be.
     """

@@ -63,11 +63,19 @@ class LiveShow:
         return self._server.url
 
     def begin(self, seed: int) -> None:
-        """Take the conditions of an episode."""
+        """Take the conditions of an episode.
+
+        Args:
+            seed: of the episode.
+        """
         self._eyes.reset(seed)
 
     def add(self, snapshot: Snapshot) -> None:
-        """Show a second; returns when the next one's turn has come."""
+        """Show a second; returns when the next one's turn has come.
+
+        Args:
+            snapshot: the second.
+        """
         board = self._scores.note(snapshot)
         self.page.note(board)
         self._last, self._drawn = (snapshot, board), ""
@@ -110,11 +118,19 @@ class FilmShow:
         self._on_stage, self._seconds = on_stage, 0
 
     def begin(self, seed: int) -> None:
-        """Take the conditions of an episode."""
+        """Take the conditions of an episode.
+
+        Args:
+            seed: of the episode.
+        """
         self._eyes.reset(seed)
 
     def add(self, snapshot: Snapshot) -> None:
-        """Add a second."""
+        """Add a second.
+
+        Args:
+            snapshot: the second.
+        """
         heed()
         board = self._scores.note(snapshot)
         if self._history and board.time <= self._history[-1].time:
@@ -146,7 +162,14 @@ def open_views(config: EnvConfig) -> tuple[Eyes, Plans]:
 
 
 def choose_looks(settings: Mapping[str, Any]) -> dict[str, Any]:
-    """Choose from an environment's settings what people see, too: not how large agents' pictures are."""
+    """Choose from an environment's settings what people see, too: not how large agents' pictures are.
+
+    Args:
+        settings: keywords of an environment.
+
+    Returns:
+        Those that people's views take.
+    """
     return {name: value for name, value in settings.items() if name not in ("observation", "width", "height")}
 
 
@@ -231,6 +254,10 @@ class Rerun:
     def watch(self, *, port: int = 0, browser: bool = True) -> None:
         """Show it on a live page, until interrupted.
 
+        Args:
+            port: of the page; 0 takes any that is free.
+            browser: open one on the page.
+
         Raises:
             ConfigError: the port is taken.
         """
@@ -257,6 +284,12 @@ class Rerun:
 
     def export(self, folder: Path) -> int:
         """Write MetaDrive's format; returns how many scenarios it makes.
+
+        Args:
+            folder: to make.
+
+        Returns:
+            How many scenarios there are.
 
         Raises:
             ConfigError: the folder is there already.

@@ -40,7 +40,11 @@ class World(Protocol):
         ...
 
     def spaces(self) -> dict[str, tuple[spaces.Space[Any], spaces.Discrete]]:
-        """Give each signal's observation and action space."""
+        """Give each signal's observation and action space.
+
+        Returns:
+            Both, by signal.
+        """
         ...
 
     def reset(self, seed: int) -> Beginning:
@@ -89,11 +93,21 @@ class World(Protocol):
         ...
 
     def watch(self, on_second: Callable[[Snapshot], None]) -> None:
-        """Show every simulated second to a function, which may take its time, from the next reset on."""
+        """Show every simulated second to a function, which may take its time, from the next reset on.
+
+        Args:
+            on_second: takes each second, as a snapshot.
+        """
         ...
 
     def draw(self, signal: str | None = None) -> Frame:
         """Draw what there is to see of the present decision, or of one signal, with the figures of all.
+
+        Args:
+            signal: the only one to look at; None for all.
+
+        Returns:
+            The views, and the figures.
 
         Raises:
             EpisodeOverError: no episode is running.
@@ -101,13 +115,20 @@ class World(Protocol):
         ...
 
     def metrics(self) -> dict[str, Any]:
-        """Compute the figures of the episode so far; see `metrics`."""
+        """Compute the figures of the episode so far; see `metrics`.
+
+        Returns:
+            Figures by name.
+        """
         ...
 
     def save(self) -> dict[str, Any]:
         """Save the full state: the seed and every action, from which `restore` simulates it anew, exactly.
 
         SUMO's own saved states lose the last digits of positions, so that a branch would drift.
+
+        Returns:
+            The seed, and the actions of each step.
 
         Raises:
             EpisodeOverError: no episode is running.
@@ -116,6 +137,12 @@ class World(Protocol):
 
     def restore(self, state: Mapping[str, Any]) -> Beginning:
         """Go to a saved state; returns its observations and figures.
+
+        Args:
+            state: what `save` gave.
+
+        Returns:
+            Observations and figures.
 
         Raises:
             ConfigError: the state was not made by `save`, or by another scenario's.

@@ -80,6 +80,9 @@ def open_world(config: EnvConfig, *, own_process: bool) -> World:
         config: all settings.
         own_process: whether it gets one.
 
+    Returns:
+        The world; `close` it.
+
     Raises:
         ConfigError: a setting cannot work.
         SourceError: a file of the scenario cannot be read.
@@ -397,7 +400,14 @@ def _show_second(pipe: Connection, snapshot: Snapshot) -> None:
 
 
 def portable(error: Exception) -> Exception:
-    """Make an error fit for a pipe: with where it was raised, if that is not our own, and always readable."""
+    """Make an error fit for a pipe: with where it was raised, if that is not our own, and always readable.
+
+    Args:
+        error: any.
+
+    Returns:
+        The same, or one that says the same.
+    """
     if not isinstance(error, DojoError):
         error.add_note("In the simulation's process:\n" + "".join(traceback.format_exception(error)))
     try:

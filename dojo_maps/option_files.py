@@ -77,7 +77,9 @@ def _read_value(action: argparse.Action, value: Any) -> Any:
     try:
         read = [convert(str(part)) for part in parts]
     except ValueError:
-        raise ValueError(f"expected {NUMBERS.get(getattr(convert, '__name__', ''), 'another value')}") from None
+        raise ValueError(
+            f"expected {NUMBERS.get(getattr(convert, '__name__', ''), 'another value')}"
+        ) from None
     if action.choices is not None and (wrong := [part for part in read if part not in action.choices]):
         raise ValueError(f"{wrong[0]!r} is not among {', '.join(map(str, action.choices))}")
     return read if action.nargs in ("+", "*") else read[0]
