@@ -23,7 +23,7 @@ def list_parked(road_map: RoadMap) -> Snapshot:
         road_map: the map.
 
     Returns:
-        The cars, numbered from 1.
+        The cars, numbered from `FIRST_NUMBER` on.
     """
     props = [
         prop

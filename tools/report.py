@@ -11,17 +11,18 @@ from pathlib import Path
 from statistics import fmean, median
 
 from dojo_env.benchmark.kept_rows import KeptRow, read_kept
+from dojo_env.benchmark.pictures import WINDOW, draw_all
 from dojo_env.benchmark.rows import SCENARIOS, list_rows, read_packaged_rows
 from dojo_env.benchmark.tables import write_tables
 from dojo_env.config import SignalConfig
 from dojo_env.learning.result_files import Published, read_published
 from dojo_env.learning.settings import ALGORITHMS, INTERVAL, REWARD, RunFileError, Training
 from dojo_env.metrics import SIX
+from dojo_env.series import TITLES
 from dojo_maps.command import Parser, run_command
 from dojo_maps.input_files import read_bytes
 from dojo_maps.interruption import begin
 from dojo_maps.whole_file import write_text
-from plot import TITLES, WINDOW, draw_all
 
 RIVAL = "MaxPressure"
 """What a policy must beat to be worth its training: a rule that knows all vehicles."""

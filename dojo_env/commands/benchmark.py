@@ -47,6 +47,7 @@ def add_benchmark(commands: Commands) -> None:
     benchmark.add_argument("--jobs", type=int, default=2, metavar="N", help="rows at once (default: 2)")
     benchmark.add_argument("--results", type=Path, default=Path("results"), metavar="FOLDER")
     benchmark.add_argument("--paper", type=Path, metavar="FILE", help="JSON of published figures")
+    benchmark.add_argument("--pictures", action="store_true", help="also draw them, into FOLDER/pictures")
     add_ray_option(benchmark, "run rows on a Ray cluster")
 
 
@@ -76,6 +77,11 @@ def _benchmark(options: argparse.Namespace) -> int:
     elif left:
         local.run_rows(left, results, options.jobs)
     print(write_tables(results, published if is_paper else {}))
+    if options.pictures:
+        from dojo_env.benchmark.pictures import draw_all
+
+        for path in draw_all(results, published):
+            print(path)
     return 0
 
 

@@ -12,7 +12,7 @@ from dojo_env.metrics import SIX
 
 pytest.importorskip("stable_baselines3")
 kept = pytest.importorskip("dojo_env.benchmark.kept_rows")
-plot = pytest.importorskip("plot")
+pictures = pytest.importorskip("dojo_env.benchmark.pictures")
 
 ROWS = ("MaxPressure", "Cycle")
 KINDS = ("hour", "training", "figures")
@@ -33,7 +33,7 @@ def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_pictures_have_the_same_bytes_each_time(results: Path) -> None:
     drawn = []
     for _ in range(2):
-        done = run_tool("plot", "--results", results, "--paper", results / "paper.json")
+        done = run_env("benchmark", "--results", results, "--paper", results / "paper.json", "--pictures")
         assert done.returncode == 0, done.stderr
         paths = sorted((results / "pictures").iterdir())
         assert [path.name for path in paths] == sorted(f"two-way-{kind}.png" for kind in KINDS)
@@ -51,7 +51,7 @@ def test_rows_that_jam_are_not_chosen(results: Path) -> None:
         return kept.KeptRow(results, {"row": name, "training": {}, "figures": figures})
 
     rows = {f"PPO-{k}": row(f"PPO-{k}", 40 + k, 50 + k) for k in range(4)} | {"jam": row("jam", 20, 900)}
-    assert plot.choose_rows(rows) == [f"PPO-{k}" for k in range(4)]
+    assert pictures.choose_rows(rows) == [f"PPO-{k}" for k in range(4)]
 
 
 def test_report_is_made_whole_from_the_rows(results: Path) -> None:

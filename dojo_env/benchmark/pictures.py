@@ -1,30 +1,24 @@
-"""Draw a results folder: the hour's curves, the trainings, and the six figures beside published ones.
+"""Pictures of a results folder: the hour's curves, the trainings, the six figures beside published ones.
 
 The same files give the same bytes: pictures carry no date and no version.
 """
 
-import argparse
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-import matplotlib as mpl
 import numpy as np
-
-mpl.use("Agg")
-from matplotlib import pyplot as plt
+from matplotlib import ticker
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import ScalarFormatter
+from matplotlib.patches import Rectangle
 
 from dojo_env.benchmark.kept_rows import KeptRow, read_kept
 from dojo_env.benchmark.tables import BLIND
 from dojo_env.charts import COLOURS, average, styled
-from dojo_env.learning.result_files import Numbers, Published, read_published
+from dojo_env.learning.result_files import Numbers, Published
 from dojo_env.metrics import SIX
 from dojo_env.series import TITLES
-from dojo_maps.command import Parser, run_command
-from dojo_maps.interruption import begin
 from dojo_maps.whole_file import replaced
 
 REFERENCE = "MaxPressure"
@@ -42,20 +36,22 @@ PAPER_CHOICES = {
 TICKS = (30, 40, 50, 60, 80, 100, 150, 200, 300, 500, 1000, 2000)
 
 
-def draw_all(results: Path, published: Mapping[str, Published], rows: Sequence[str] = ()) -> list[Path]:
-    """Draw every picture of every scenario that has rows, under `pictures`; returns their paths.
+def draw_all(results: Path, published: Mapping[str, Published]) -> list[Path]:
+    """Draw every picture of every scenario that has rows, under `pictures`.
 
     Args:
         results: holds a folder per scenario, and in it one per row.
         published: figures by scenario, to show beside ours.
-        rows: whose hours are drawn; without any, the best and those that the paper shows.
+
+    Returns:
+        Their paths.
     """
     folder, drawn = results / "pictures", []
     folder.mkdir(exist_ok=True)
     with styled():
         for scenario, kept in read_kept(results).items():
             figures = {
-                "hour": draw_hour(scenario, [kept[n] for n in rows or choose_rows(kept) if n in kept]),
+                "hour": draw_hour(scenario, [kept[name] for name in choose_rows(kept)]),
                 "paper": draw_hour(scenario, _paper_choice(scenario, kept)),
                 "training": draw_training(scenario, kept),
                 "figures": draw_bars(scenario, kept, published.get(scenario, {})),
@@ -67,7 +63,6 @@ def draw_all(results: Path, published: Mapping[str, Published], rows: Sequence[s
                     continue
                 with replaced(path) as fresh:
                     figure.savefig(fresh, metadata={"Software": None})
-                plt.close(figure)
                 drawn.append(path)
     return drawn
 
@@ -89,7 +84,8 @@ def draw_hour(scenario: str, rows: Sequence[KeptRow]) -> Figure | None:
     """Draw what was measured over the first seed's hour."""
     if not rows:
         return None
-    figure, axes = plt.subplots(2, 2, figsize=(9.5, 6.2), sharex=True, layout="constrained")
+    figure = Figure(figsize=(9.5, 6.2), layout="constrained")
+    axes = figure.subplots(2, 2, sharex=True)
     looks = _looks(rows)
     for place, name in zip(axes.flat, ("co2", "delay", "accumulated_waiting", "queue"), strict=True):
         for row in rows:
@@ -99,7 +95,7 @@ def draw_hour(scenario: str, rows: Sequence[KeptRow]) -> Figure | None:
         highest = [line.get_ydata().max() for line in place.get_lines()]
         place.set_ylim(0, 1.05 * min(max(highest), CUT * min(highest)) or None)
         place.set_xlim(0, minutes[-1])
-        place.xaxis.set_major_locator(plt.MultipleLocator(minutes[-1] / 4))
+        place.xaxis.set_major_locator(ticker.MultipleLocator(minutes[-1] / 4))
     for place in axes[1]:
         place.set_xlabel("minutes since the episode's begin")
     figure.suptitle(f"{scenario}: one episode, each curve the mean of the last {WINDOW} minutes")
@@ -120,10 +116,8 @@ def draw_training(scenario: str, kept: Mapping[str, KeptRow]) -> Figure | None:
         return None
     columns = min(len(panels), 4)
     lines = -(-len(panels) // columns)
-    figure, axes = plt.subplots(
-        lines, columns, figsize=(max(2.9 * columns, 5.5), 2.6 * lines + 0.9),
-        sharey=True, squeeze=False, layout="constrained",
-    )  # fmt: skip
+    figure = Figure(figsize=(max(2.9 * columns, 5.5), 2.6 * lines + 0.9), layout="constrained")
+    axes = figure.subplots(lines, columns, sharey=True, squeeze=False)
     reference = kept[REFERENCE].figures[ALL_TRIPS]["mean"] if REFERENCE in kept else None
     for place, (seen, curves) in zip(axes.flat, panels.items(), strict=False):
         for row, curve in curves:
@@ -149,9 +143,9 @@ def _scale(axes: Sequence[Axes]) -> None:
     axes[0].set_ylim(0.96 * min(values), 1.04 * max(values))
     if max(values) > 2 * min(values):
         axes[0].set_yscale("log")
-        axes[0].yaxis.set_major_locator(plt.FixedLocator(TICKS))
-        axes[0].yaxis.set_major_formatter(ScalarFormatter())
-        axes[0].yaxis.set_minor_locator(plt.NullLocator())
+        axes[0].yaxis.set_major_locator(ticker.FixedLocator(TICKS))
+        axes[0].yaxis.set_major_formatter(ticker.ScalarFormatter())
+        axes[0].yaxis.set_minor_locator(ticker.NullLocator())
 
 
 def _draw_curve(place: Axes, row: KeptRow, curve: Mapping[str, Numbers]) -> None:
@@ -168,7 +162,8 @@ def draw_bars(scenario: str, kept: Mapping[str, KeptRow], published: Published) 
     """Draw the six figures of every row, published ones below where there are any."""
     names = list(kept)
     size = 0.26 * len(names) + 0.9
-    figure, axes = plt.subplots(2, 3, figsize=(11, 2 * size), sharey=True, layout="constrained")
+    figure = Figure(figsize=(11, 2 * size), layout="constrained")
+    axes = figure.subplots(2, 3, sharey=True)
     spots = np.arange(len(names))[::-1]
     for place, figure_name in zip(axes.flat, SIX, strict=True):
         ours = [kept[name].figures[figure_name] for name in names]
@@ -191,7 +186,7 @@ def draw_bars(scenario: str, kept: Mapping[str, KeptRow], published: Published) 
         *([("#bdbdbd", "published")] if published else []),
     ]
     figure.legend(
-        handles=[plt.Rectangle((0, 0), 1, 1, color=c, label=t) for c, t in handles],
+        handles=[Rectangle((0, 0), 1, 1, color=c, label=t) for c, t in handles],
         loc="outside lower center", ncols=3,
     )  # fmt: skip
     return figure
@@ -243,30 +238,3 @@ def _legend(figure: Figure, *axes: Axes) -> None:
         for handle, text in zip(*place.get_legend_handles_labels(), strict=True)
     }
     figure.legend(found.values(), found.keys(), loc="outside lower center", ncols=6)
-
-
-def build_parser() -> Parser:
-    """Declare what the command takes."""
-    parser = Parser(description=__doc__)
-    parser.add_argument("--results", type=Path, default=Path(__file__).parent / "results", metavar="FOLDER")
-    parser.add_argument("--rows", nargs="+", default=[], metavar="ROW", help="whose hours are drawn")
-    parser.add_argument("--paper", type=Path, metavar="FILE", help="JSON of published figures")
-    parser.set_defaults(run=run)
-    return parser
-
-
-def run(options: argparse.Namespace) -> int:
-    """Draw what there is."""
-    for path in draw_all(options.results, read_published(options.paper), options.rows):
-        print(path)
-    return 0
-
-
-def main() -> int:
-    """Draw; see `dojo_maps.command`."""
-    return run_command("plot", build_parser, None)
-
-
-if __name__ == "__main__":
-    begin("plot: interrupted")
-    main()
