@@ -150,7 +150,12 @@ def _read_description(folder: Path) -> tuple[Path, Any]:
 
 
 def write_json(path: Path, value: Any) -> None:
-    """Write JSON values, compact, UTF-8, numbers in full precision."""
+    """Write JSON values, compact, UTF-8, numbers in full precision.
+
+    Args:
+        path: of the file.
+        value: to write.
+    """
     path.write_text(
         json.dumps(value, ensure_ascii=False, separators=(",", ":"), allow_nan=False) + "\n", encoding="utf-8"
     )
@@ -161,6 +166,12 @@ def replace_bundle(folder: Path) -> Iterator[Path]:
     """Give a new folder to fill, and put it in the place of `folder` only once all went well.
 
     Files in an older bundle that are not part of the format, such as saved cameras, move along.
+
+    Args:
+        folder: of the bundle.
+
+    Yields:
+        The new folder, to be filled.
 
     Raises:
         UsageError: `folder` exists and is something else than a bundle.
@@ -173,6 +184,9 @@ def replace_bundle(folder: Path) -> Iterator[Path]:
 
 def check_replaceable(folder: Path) -> None:
     """Refuse a target that is not a bundle, before any work is done and so that nothing of a user's is lost.
+
+    Args:
+        folder: where a bundle is wanted.
 
     Raises:
         UsageError: the target is a file, or a folder with other things in it, or its parent is missing.

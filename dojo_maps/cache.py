@@ -14,6 +14,9 @@ _ADVICE = "name a folder for it in DOJO_CACHE"
 def cache_folder() -> Path:
     """Find and make the user's cache: $DOJO_CACHE, or the platform's own place.
 
+    Returns:
+        The folder.
+
     Raises:
         UsageError: the folder cannot be made, or no home is known where it would lie.
     """

@@ -26,6 +26,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
     Args:
         arguments: None for the process's own.
+
+    Returns:
+        The exit status.
     """
     return run_command(
         "dojo-maps", build_parser, join_signed(sys.argv[1:] if arguments is None else arguments)
@@ -33,7 +36,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def build_parser() -> argparse.ArgumentParser:
-    """Declare the commands and what each takes."""
+    """Declare the commands and what each takes.
+
+    Returns:
+        The parser, which sets `run` to a command's function.
+    """
     parser = Parser(prog="dojo-maps", description="Road maps for vision-based traffic signal control.")
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
 

@@ -9,7 +9,11 @@ _SIGNED = ("--point", "--bbox")
 
 
 def add_area_options(parser: argparse.ArgumentParser) -> None:
-    """Declare the options; exactly one of the file and the three kinds of area must be given."""
+    """Declare the options; exactly one of the file and the three kinds of area must be given.
+
+    Args:
+        parser: of the command.
+    """
     area = parser.add_mutually_exclusive_group(required=True)
     area.add_argument(
         "source", metavar="FILE", nargs="?", help=".osm, .osm.xml, .osm.gz, .osm.bz2 or .osm.pbf"
@@ -26,7 +30,14 @@ def add_area_options(parser: argparse.ArgumentParser) -> None:
 
 
 def join_signed(arguments: Sequence[str]) -> list[str]:
-    """Write `--point -33.9,151.2` as `--point=-33.9,151.2`, for argparse takes a minus for an option."""
+    """Write `--point -33.9,151.2` as `--point=-33.9,151.2`, for argparse takes a minus for an option.
+
+    Args:
+        arguments: of the command line.
+
+    Returns:
+        The same, each such pair in one.
+    """
     joined: list[str] = []
     for argument in arguments:
         if joined and joined[-1] in _SIGNED and re.match(r"-[\d.]", argument):

@@ -20,7 +20,11 @@ _MOST_SHOWN = 40
 
 
 def add_demand(commands: Commands) -> None:
-    """Add the command to the parser."""
+    """Add the command to the parser.
+
+    Args:
+        commands: what `add_subparsers` made.
+    """
     demand = add_command(
         commands,
         "demand",
@@ -67,6 +71,12 @@ def add_demand(commands: Commands) -> None:
 
 def read_volume(text: str) -> float:
     """Read a number per hour.
+
+    Args:
+        text: of the command line.
+
+    Returns:
+        The number.
 
     Raises:
         argparse.ArgumentTypeError: it is negative or beyond any map.

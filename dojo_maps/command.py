@@ -64,7 +64,15 @@ class Parser(argparse.ArgumentParser):
         self.add_argument("--version", action=_Version, nargs=0, help="show the version and exit")
 
     def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
-        """Parse arguments, and what `--config` names beneath them."""
+        """Parse arguments, and what `--config` names beneath them.
+
+        Args:
+            args: of the command line.
+            namespace: that takes what is found; None for a new one.
+
+        Returns:
+            What was found, and nothing unknown.
+        """
         take_file(self, args or ())
         found, unknown = super().parse_known_args(args, namespace)
         if unknown:  # Here, where it is known which command's options are meant.
@@ -77,6 +85,9 @@ class Parser(argparse.ArgumentParser):
 
     def error(self, message: str) -> NoReturn:
         """Refuse the arguments.
+
+        Args:
+            message: what is wrong.
 
         Raises:
             UsageError: always.

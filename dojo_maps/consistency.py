@@ -29,6 +29,9 @@ def check_description(value: Any, network: RoadMap, path: object) -> RoadMap:
         network: the bundle's network, described anew.
         path: of map.json, for errors.
 
+    Returns:
+        The description.
+
     Raises:
         DescriptionError: map.json is no description, contradicts the network, or refers to what is not there;
             or a signal of the network has other letters than links.

@@ -23,7 +23,17 @@ Points = NDArray[np.float64]
 
 
 def points(values: Any) -> Points:
-    """Make a read-only (n, 3) array of positions; two-dimensional input gets z = 0, none is fine."""
+    """Make a read-only (n, 3) array of positions; two-dimensional input gets z = 0, none is fine.
+
+    Args:
+        values: positions, (n, 2) or (n, 3), metres.
+
+    Returns:
+        (n, 3), metres.
+
+    Raises:
+        ValueError: they have another shape.
+    """
     array = np.array(values, dtype=np.float64)
     if array.size == 0:
         array = np.empty((0, 3))
@@ -283,7 +293,14 @@ class SignalHead:
     far_side: bool = False
 
     def lamps(self, count: int) -> Points:
-        """Place the centres of `count` lamps, red on top: (count, 3)."""
+        """Place the centres of `count` lamps, red on top: (count, 3).
+
+        Args:
+            count: of lamps.
+
+        Returns:
+            (count, 3), metres, map frame.
+        """
         ahead = LAMP_AHEAD * np.array([np.cos(self.heading), np.sin(self.heading), 0.0])
         up = ((count - 1) / 2 - np.arange(count)) * LAMP_SPACING
         return points(np.array(self.position) + ahead + np.column_stack([np.zeros((count, 2)), up]))
@@ -326,13 +343,27 @@ STREET_LAMP_REACH = 1.4
 
 
 def heading_of(prop: Prop) -> float:
-    """Tell which way a prop faces by its tag, radians counter-clockwise from east; 0 where it has none."""
+    """Tell which way a prop faces by its tag, radians counter-clockwise from east; 0 where it has none.
+
+    Args:
+        prop: any.
+
+    Returns:
+        Radians.
+    """
     found = re.fullmatch(r"-?\d{1,4}(\.\d{1,17})?", dict(prop.tags).get("heading", ""), re.ASCII)
     return float(found[0]) if found else 0.0
 
 
 def hung_lamp(post: Prop) -> Points:
-    """Tell where the light of a prop of kind `lamp` is: (3,) metres, at the end of its arm."""
+    """Tell where the light of a prop of kind `lamp` is: (3,) metres, at the end of its arm.
+
+    Args:
+        post: of kind `lamp`.
+
+    Returns:
+        (3,), metres, map frame.
+    """
     heading = heading_of(post)
     arm = STREET_LAMP_REACH * np.array([np.cos(heading), np.sin(heading), 0.0])
     hung: Points = np.array(post.position) + arm + [0.0, 0.0, post.height]

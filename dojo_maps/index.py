@@ -94,11 +94,25 @@ class MapIndex:
         return found
 
     def kind(self, junction: str) -> str:
-        """Name a junction's type; an unknown junction has none."""
+        """Name a junction's type; an unknown junction has none.
+
+        Args:
+            junction: its id.
+
+        Returns:
+            The type, or an empty text.
+        """
         return self.junctions[junction].kind if junction in self.junctions else ""
 
     def legs(self, junction: str) -> int:
-        """Count a junction's neighbours."""
+        """Count a junction's neighbours.
+
+        Args:
+            junction: its id.
+
+        Returns:
+            How many there are.
+        """
         if junction not in self.junctions:
             return 0
         found = self.junctions[junction]
@@ -106,5 +120,12 @@ class MapIndex:
         return len(ends | {self.roads[road].to_junction for road in found.outgoing})
 
     def lanes_of(self, road: str) -> list[Lane]:
-        """List a road's lanes, the outermost first."""
+        """List a road's lanes, the outermost first.
+
+        Args:
+            road: its id.
+
+        Returns:
+            The lanes.
+        """
         return [self.lanes[lane] for lane in self.roads[road].lanes if lane in self.lanes]

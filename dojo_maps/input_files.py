@@ -45,6 +45,9 @@ def opened(
         most: bytes that it may have.
         error: raised for whatever is wrong with it, also with reading inside of the context.
 
+    Yields:
+        The file, open; it closes with the context.
+
     Raises:
         SourceError: of the class `error`: the file is missing, not a regular file, or too large; or the
             system refuses to read it.
@@ -67,7 +70,14 @@ def opened(
 
 
 def is_there(path: Path) -> bool:
-    """Tell whether a path leads to something; what cannot be a path, as one far too long, does not."""
+    """Tell whether a path leads to something; what cannot be a path, as one far too long, does not.
+
+    Args:
+        path: any.
+
+    Returns:
+        Whether it does.
+    """
     try:
         return path.exists()
     except (OSError, ValueError):
@@ -76,6 +86,11 @@ def is_there(path: Path) -> bool:
 
 def check_file(path: Path, *, most: int = MAX_BYTES, error: ErrorClass = SourceError) -> None:
     """See that a library which opens files itself gets a regular one within bounds.
+
+    Args:
+        path: the file.
+        most: bytes that it may have.
+        error: raised for whatever is wrong with it.
 
     Raises:
         SourceError: as `opened`.
@@ -91,6 +106,9 @@ def read_pieces(path: Path, *, most: int = MAX_BYTES, error: ErrorClass = Source
         path: the file.
         most: bytes that it may have, unpacked.
         error: raised for whatever is wrong with it.
+
+    Yields:
+        Its bytes, unpacked, piece by piece.
 
     Raises:
         SourceError: of the class `error`: as `opened`; or empty, broken as what it is packed by, or
@@ -115,6 +133,14 @@ def read_pieces(path: Path, *, most: int = MAX_BYTES, error: ErrorClass = Source
 def read_bytes(path: Path, *, most: int = MAX_BYTES, error: ErrorClass = SourceError) -> bytes:
     """Read a file whole, unpacked if it is gzip, bzip2, xz or a zip of one file.
 
+    Args:
+        path: the file.
+        most: bytes that it may have, unpacked.
+        error: raised for whatever is wrong with it.
+
+    Returns:
+        Its bytes.
+
     Raises:
         SourceError: as `read_pieces`.
     """
@@ -125,6 +151,14 @@ def read_table(
     path: Path, columns: Collection[str], *, error: ErrorClass = SourceError
 ) -> list[dict[str, str]]:
     """Read a CSV file with a head; each row by its columns' names.
+
+    Args:
+        path: the file.
+        columns: that every row must have.
+        error: raised for whatever is wrong with it.
+
+    Returns:
+        Texts by column, row by row.
 
     Raises:
         SourceError: of the class `error`: as `read_pieces`; no UTF-8, or a row lacks one of `columns`.
@@ -145,6 +179,14 @@ def read_table(
 
 def sha256_of(path: Path, *, most: int = MAX_BYTES, error: ErrorClass = SourceError) -> str:
     """Hash a file as it lies on disk.
+
+    Args:
+        path: the file.
+        most: bytes that it may have.
+        error: raised for whatever is wrong with it.
+
+    Returns:
+        64 hexadecimal digits.
 
     Raises:
         SourceError: as `opened`.
@@ -241,6 +283,9 @@ def find_named(path: Path, folder: str, name: str) -> Path:
         path: of the configuration.
         folder: that it names beside, where the program that it is for is started; "" for none.
         name: of the file.
+
+    Returns:
+        The path.
 
     Raises:
         SourceError: it is not there.

@@ -38,6 +38,12 @@ class Inspected:
 def read_source(source: str) -> Inspected:
     """Read a network by path or name, or the network and the scene of a bundle.
 
+    Args:
+        source: a path, a packaged scenario's name, or a bundle.
+
+    Returns:
+        What was read.
+
     Raises:
         SourceError: it cannot be read.
     """
@@ -56,6 +62,11 @@ def inspect(
     source: str, profile: Profile = DEFAULT, exclusions: Sequence[Exclusion] = ()
 ) -> tuple[Inspected, Report]:
     """Check a network or bundle.
+
+    Args:
+        source: a path, a packaged scenario's name, or a bundle.
+        profile: limits and severities.
+        exclusions: known issues to leave out.
 
     Returns:
         What was read, and the report as JSON values.
@@ -81,6 +92,15 @@ def write_reports(
     netedit: Path | None = None,
 ) -> None:
     """Write a report in each format that has a path; each file whole or not at all.
+
+    Args:
+        read: the network.
+        report: what was found in it.
+        json: a file for the report.
+        html: a file for the page.
+        sarif: a file for SARIF.
+        geojson: a file for the issues as GeoJSON.
+        netedit: a folder for netedit's selections and views.
 
     Raises:
         UsageError: a path is a folder, or lies in none.

@@ -47,15 +47,27 @@ class Interruption:
         sys.unraisablehook = self._note_unraisable
 
     def work_in(self, function: Callable[..., int]) -> None:
-        """Raise from here on, but where the module of this function imports what it needs."""
+        """Raise from here on, but where the module of this function imports what it needs.
+
+        Args:
+            function: of the command.
+        """
         self._work = function.__code__
 
     def explain(self, words: str) -> None:
-        """Tell the user more of it, such as how to go on."""
+        """Tell the user more of it, such as how to go on.
+
+        Args:
+            words: to say.
+        """
         self._words = words
 
     def take(self) -> bool:
-        """Make it happen, unless it has happened."""
+        """Make it happen, unless it has happened.
+
+        Returns:
+            Whether it happens now.
+        """
         if not self._first.acquire(blocking=False):
             return False
         if not self.happened:
@@ -119,7 +131,11 @@ class Interruption:
 
 
 def begin(words: str) -> None:
-    """Make this process a command's own, which `words` tell the end of where it is interrupted."""
+    """Make this process a command's own, which `words` tell the end of where it is interrupted.
+
+    Args:
+        words: to say on standard error.
+    """
     global present  # noqa: PLW0603 - signals are the whole process's, too
     present = Interruption(words)
     present.answer_signals()
@@ -142,13 +158,21 @@ def begin_command(name: str, words: str) -> None:
 
 
 def explain(words: str) -> None:
-    """Say this when the command is interrupted, instead of what was said at its beginning."""
+    """Say this when the command is interrupted, instead of what was said at its beginning.
+
+    Args:
+        words: to say.
+    """
     if present is not None:
         present.explain(words)
 
 
 def held() -> contextlib.AbstractContextManager[None]:
-    """Hold an interruption back where one half of what is done would be worse than none."""
+    """Hold an interruption back where one half of what is done would be worse than none.
+
+    Returns:
+        The context in which it waits.
+    """
     return contextlib.nullcontext() if present is None else present.held()
 
 

@@ -9,7 +9,11 @@ DISTRIBUTION = "traffic-dojo"
 
 
 def read_version() -> str:
-    """Tell the version of this project, as it is installed."""
+    """Tell the version of this project, as it is installed.
+
+    Returns:
+        The version, or that it is not installed.
+    """
     from importlib import metadata  # noqa: PLC0415 - it takes longer than all else here
 
     try:

@@ -44,7 +44,11 @@ def _tell_left(stage: str, seconds: float) -> str:
 
 
 def say(words: str) -> None:
-    """Say a line of a run of minutes or hours on standard error, at a terminal or not."""
+    """Say a line of a run of minutes or hours on standard error, at a terminal or not.
+
+    Args:
+        words: the line.
+    """
     _LOG.info(words, extra={"is_shown": True})
     print(words, file=sys.stderr, flush=True)  # noqa: T201
 

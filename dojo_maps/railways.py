@@ -7,7 +7,14 @@ _JUNCTIONS = ("rail_signal", "rail_crossing")
 
 
 def street_signals(road_map: RoadMap) -> tuple[Signal, ...]:
-    """List the signals of the street; SUMO itself sees to those that guard railways only."""
+    """List the signals of the street; SUMO itself sees to those that guard railways only.
+
+    Args:
+        road_map: the map.
+
+    Returns:
+        The signals.
+    """
     junctions = {junction.id: junction.kind for junction in road_map.junctions}
     lanes = {lane.id: lane.kind for lane in road_map.lanes}
 

@@ -25,6 +25,9 @@ def read_json(path: Path, *, error: type[SourceError] = SourceError) -> Any:
         path: the file.
         error: raised for whatever is wrong with it.
 
+    Returns:
+        The value.
+
     Raises:
         SourceError: of the class `error`: missing, no regular file, too large or too deeply nested, not
             UTF-8, not JSON as its standard has it (NaN, Infinity, a name twice in one object), or text that
@@ -35,6 +38,14 @@ def read_json(path: Path, *, error: type[SourceError] = SourceError) -> Any:
 
 def parse_json(data: bytes, path: Path, *, error: type[SourceError] = SourceError) -> Any:
     """Read JSON out of bytes; `path` is named in errors.
+
+    Args:
+        data: the file's bytes.
+        path: of the file.
+        error: raised for whatever is wrong.
+
+    Returns:
+        The value.
 
     Raises:
         SourceError: as `read_json`.

@@ -20,13 +20,27 @@ from dojo_maps.errors import DescriptionError
 
 
 def to_json(road_map: RoadMap) -> dict[str, Any]:
-    """Turn a description into JSON values, in the order of its fields."""
+    """Turn a description into JSON values, in the order of its fields.
+
+    Args:
+        road_map: the description.
+
+    Returns:
+        Objects, lists, texts and numbers.
+    """
     encoded: dict[str, Any] = _encode(road_map)
     return {"format": FORMAT, "version": VERSION, **encoded}
 
 
 def from_json(value: Any, *, path: object = "map.json") -> RoadMap:
     """Build a description from JSON values.
+
+    Args:
+        value: what `to_json` gave.
+        path: of the file, for errors.
+
+    Returns:
+        The description.
 
     Raises:
         DescriptionError: a field is missing or has another type than the format gives it.
@@ -43,6 +57,10 @@ def from_json(value: Any, *, path: object = "map.json") -> RoadMap:
 
 def check_format(value: Any, path: object) -> None:
     """Refuse JSON values that are no description, or one of another version.
+
+    Args:
+        value: any.
+        path: of the file, for errors.
 
     Raises:
         DescriptionError: they are.

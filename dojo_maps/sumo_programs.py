@@ -24,6 +24,9 @@ def find_program(name: str) -> Path:
     Args:
         name: without an ending, such as `netconvert`.
 
+    Returns:
+        Its path.
+
     Raises:
         ToolMissingError: it is in none of them.
     """
@@ -44,6 +47,9 @@ def find_tool(name: str) -> Path:
     Args:
         name: of the file, such as `routeSampler.py`.
 
+    Returns:
+        Its path.
+
     Raises:
         ToolMissingError: it is in neither.
     """
@@ -62,7 +68,14 @@ def _find_homes() -> list[Path]:
 
 
 def sumo_environment(program: Path) -> dict[str, str]:
-    """Name SUMO's own data for the child; the wheel's PROJ reads PROJ_LIB, later ones PROJ_DATA."""
+    """Name SUMO's own data for the child; the wheel's PROJ reads PROJ_LIB, later ones PROJ_DATA.
+
+    Args:
+        program: that will run.
+
+    Returns:
+        Its environment variables.
+    """
     environment = dict(os.environ)
     home = program.parent.parent
     if (home / "data").is_dir():
@@ -123,6 +136,9 @@ def kill_program(child: "subprocess.Popen[bytes]") -> None:
     """End a program and what it started, if it still runs.
 
     Not by its own means: an interruption inside of `wait` may have left that locked for ever.
+
+    Args:
+        child: that was started.
     """
     with held():
         if child.returncode is not None:
@@ -138,7 +154,14 @@ def kill_program(child: "subprocess.Popen[bytes]") -> None:
 
 
 def signal_name(number: int) -> str:
-    """Name a signal that ended a program."""
+    """Name a signal that ended a program.
+
+    Args:
+        number: of the signal.
+
+    Returns:
+        Its name, such as SIGKILL.
+    """
     try:
         return signal.Signals(number).name
     except ValueError:

@@ -42,6 +42,9 @@ def replaced(path: Path, *, overwrite: bool = True, parents: bool = False) -> It
         overwrite: False raises FileExistsError in the end where the file is there by then.
         parents: make its folder where there is none.
 
+    Yields:
+        The new file's path.
+
     Raises:
         UsageError: the path is a folder, or lies in none.
         WriteError: the system refuses: no room, no right, nobody who reads the pipe.
@@ -74,6 +77,9 @@ def replaced_folder(
         keeps: tells which of an older folder's entries move along.
         parents: make the folder around it where there is none.
 
+    Yields:
+        The new folder.
+
     Raises:
         UsageError: there is no folder to make it in.
         WriteError: the system refuses.
@@ -98,6 +104,12 @@ def replaced_folder(
 def added_files(folder: Path) -> Iterator[Path]:
     """Give a folder to fill, whose files move into `folder`, which may hold others, once all are written.
 
+    Args:
+        folder: that they move into; it is made where there is none.
+
+    Yields:
+        The folder to fill.
+
     Raises:
         UsageError: a file is in the folder's way.
         WriteError: the system refuses.
@@ -120,6 +132,9 @@ def added_files(folder: Path) -> Iterator[Path]:
 def scratch_folder() -> Iterator[Path]:
     """Give a folder for what other programs read and write, for as long as the context lasts.
 
+    Yields:
+        The folder, which goes with the context.
+
     Raises:
         WriteError: it cannot be made, or has no room.
     """
@@ -129,18 +144,35 @@ def scratch_folder() -> Iterator[Path]:
 
 
 def write_text(path: Path, text: str) -> None:
-    """Write a text as UTF-8, whole or not at all."""
+    """Write a text as UTF-8, whole or not at all.
+
+    Args:
+        path: of the file.
+        text: to write.
+    """
     with replaced(path) as fresh:
         fresh.write_text(text, encoding="utf-8")
 
 
 def write_json(path: Path, value: Any) -> None:
-    """Write a value as JSON that people can read, whole or not at all."""
+    """Write a value as JSON that people can read, whole or not at all.
+
+    Args:
+        path: of the file.
+        value: to write.
+    """
     write_text(path, json.dumps(value, indent=1) + "\n")
 
 
 def write_table(path: Path, head: Sequence[str], rows: Iterable[Sequence[Any]], **options: bool) -> None:
-    """Write comma-separated values, whole or not at all; options as `replaced` has them."""
+    """Write comma-separated values, whole or not at all; options as `replaced` has them.
+
+    Args:
+        path: of the file.
+        head: names of the columns.
+        rows: values, as many as there are columns.
+        options: as `replaced` has them.
+    """
     with replaced(path, **options) as fresh, fresh.open("w", newline="", encoding="utf-8") as file:
         csv.writer(file).writerows([head, *rows])
 
