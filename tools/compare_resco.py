@@ -1,4 +1,4 @@
-"""Run controllers on RESCO's eight scenarios under RESCO's settings, and put them beside its published delays.
+"""Run controllers on RESCO's eight scenarios under its settings, and put them beside its published delays.
 
 A delay is time loss plus depart delay, of all vehicles, those that have not arrived too: RESCO's own figure.
 
@@ -11,6 +11,7 @@ import csv
 import sys
 from collections.abc import Iterable, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
+from itertools import product
 from multiprocessing import get_context
 from pathlib import Path
 from statistics import fmean, pstdev
@@ -32,13 +33,13 @@ _USUAL = {"delta_time": 10, "yellow_time": 3, "min_green": 7}
 _ARTERIAL = {"delta_time": 5, "yellow_time": 2, "min_green": 3}
 _TEXT = """# RESCO's scenarios
 
-Mean delay in seconds: time loss plus depart delay, of all vehicles, those that have not arrived too. An hour \
-of each scenario, ± the standard deviation over {seeds} seeds.
+Mean delay in seconds: time loss plus depart delay, of all vehicles, those that have not arrived too. One \
+hour of each scenario, ± the standard deviation over {seeds} seeds.
 
 The settings are RESCO's: a decision every 10 s and 3 s of yellow (arterial4x4: 5 s and 2 s), no all-red, no \
-minimum green but what a decision leaves, no longest red, no teleporting. Three things differ. Its figures were \
-made with SUMO 1.9. On grid4x4 and arterial4x4 it draws another demand for each episode, where these are runs \
-of the one demand that the package `sumo-rl` holds. Its signals see 200 m, these 150 m.
+minimum green but what a decision leaves, no longest red, no teleporting. Three things differ. Its figures \
+were made with SUMO 1.9. On grid4x4 and arterial4x4 it draws another demand for each episode, where these \
+are runs of the one demand that the package `sumo-rl` holds. Its signals see 200 m, these 150 m.
 
 Published figures of rules are means of all episodes; of learners, the mean of the last ten episodes of \
 training, and in brackets the best episode, which is what its paper shows. Source: Ault and Sharon, \
@@ -52,9 +53,7 @@ NeurIPS 2021; `avg_timeLoss.py` of Pi-Star-Lab/RESCO.
 
 def run_all(controllers: Sequence[str], seeds: int, processes: int) -> dict[tuple[str, str], list[float]]:
     """Measure each controller's delays on each scenario: seconds, one a seed."""
-    tasks = [
-        (name, scenario, seed) for scenario in SCENARIOS for name in controllers for seed in range(seeds)
-    ]
+    tasks = list(product(controllers, SCENARIOS, range(seeds)))
     found: dict[tuple[str, str], list[float]] = {}
     with ProcessPoolExecutor(processes, mp_context=get_context("spawn")) as pool:
         for (name, scenario, seed), delay in zip(tasks, pool.map(_measure, tasks), strict=True):
@@ -98,9 +97,7 @@ def build_parser() -> Parser:
     """Declare what the command takes."""
     parser = Parser(description=__doc__)
     parser.add_argument("--controllers", nargs="+", default=list(CONTROLLERS), metavar="NAME")
-    parser.add_argument(
-        "--seeds", type=int, default=5, help="episodes each, seeds 0 to N-1; 0 writes the page"
-    )
+    parser.add_argument("--seeds", type=int, default=5, help="episodes each, seeds 0 to N-1; 0 for none")
     parser.add_argument("--processes", type=int, default=2)
     parser.set_defaults(run=run)
     return parser
@@ -108,9 +105,8 @@ def build_parser() -> Parser:
 
 def run(options: argparse.Namespace) -> int:
     """Measure what is asked for, keep it beside what is known of other controllers, and write the page."""
-    known = (
-        {(each["controller"], each["scenario"]): each for each in read_table(OURS)} if OURS.is_file() else {}
-    )
+    kept = read_table(OURS) if OURS.is_file() else []
+    known = {(each["controller"], each["scenario"]): each for each in kept}
     for (name, scenario), delays in run_all(options.controllers, options.seeds, options.processes).items():
         figures = (name, scenario, f"{fmean(delays):.2f}", f"{pstdev(delays):.2f}", str(len(delays)))
         known[name, scenario] = dict(zip(COLUMNS, figures, strict=True))
