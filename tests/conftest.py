@@ -44,6 +44,10 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 def pytest_configure(config: pytest.Config) -> None:
     config.addinivalue_line(
         "markers",
+        "slow: takes longer than seven seconds; -m 'not slow' leaves it out",
+    )
+    config.addinivalue_line(
+        "markers",
         "sampled(count): without --whole, only so many of a test's cases run, chosen by a seed; with 0, none",
     )
 

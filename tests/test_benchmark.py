@@ -81,6 +81,7 @@ def test_rows_end_with_a_benchmark_that_is_killed(tmp_path: Path) -> None:
     wait_for_end_of_group(running.pid)
 
 
+@pytest.mark.slow
 def test_row_that_is_killed_is_one_line(tmp_path: Path) -> None:
     pytest.importorskip("stable_baselines3")
     running = start_row(tmp_path)

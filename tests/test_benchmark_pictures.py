@@ -30,6 +30,7 @@ def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+@pytest.mark.slow
 def test_pictures_have_the_same_bytes_each_time(results: Path) -> None:
     drawn = []
     for _ in range(2):

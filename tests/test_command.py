@@ -150,6 +150,7 @@ def is_possible(*command: str) -> bool:
         return False
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not is_possible(*UNKNOWN_USER, sys.executable, "-c", ""), reason="needs root and setpriv")
 def test_an_unknown_user_without_a_home_gets_all_that_needs_none(
     tmp_path: Path, network_path: Callable[[str], Path]

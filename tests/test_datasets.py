@@ -103,6 +103,7 @@ def test_masks_are_written_as_pycocotools_writes_them() -> None:
                 assert coco_masks.toBbox(theirs).tolist() == [left, top, right - left, bottom - top]
 
 
+@pytest.mark.slow
 def test_coco_has_equal_areas_and_boxes_in_pycocotools(
     pictures: Pictures, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -319,6 +320,7 @@ def sequences(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+@pytest.mark.slow
 def test_an_interrupted_data_set_goes_on_to_the_same_bytes(sequences: Path, tmp_path: Path) -> None:
     def stop(words: str) -> None:
         raise StopHereError(words)

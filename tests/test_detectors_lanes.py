@@ -154,6 +154,7 @@ def watched():
     return rows[20:], tracks
 
 
+@pytest.mark.slow
 def test_counts_and_queues_are_the_true_ones(watched):
     rows, _ = watched
     counts = np.array([measured.vehicles for measured, _ in rows])
@@ -248,6 +249,7 @@ def test_the_same_seed_gives_the_same_episode():
     assert first == again
 
 
+@pytest.mark.slow
 def test_run_takes_a_detector_file(tmp_path, capsys):
     file = tmp_path / "red.onnx"
     file.write_bytes(build_network("yolo8"))

@@ -132,6 +132,7 @@ def list_scripts(whole: bool) -> list[Path]:
     return [page for page in PAGES if runs(page) and (whole or not NEEDS.search(page.read_text("utf-8")))]
 
 
+@pytest.mark.slow
 @pytest.mark.sampled(2)
 @pytest.mark.parametrize("page", list_scripts(whole=True), ids=name_of)
 def test_page_runs(page: Path, tmp_path: Path, pytestconfig: pytest.Config) -> None:

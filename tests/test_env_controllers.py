@@ -96,6 +96,7 @@ def test_every_link_with_demand_is_served(
     assert not figures["violations"]
 
 
+@pytest.mark.slow
 @pytest.mark.sampled(2)
 @pytest.mark.parametrize("controller", OWN)
 @pytest.mark.parametrize("scenario", PACKAGED)

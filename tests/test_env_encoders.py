@@ -229,6 +229,7 @@ def test_clip_takes_tags_and_files(tmp_path: Path) -> None:
     assert encoder.encode(pictures(2)).shape == (2, 512)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("observation", ["bev", "multi_view"])
 def test_environment_shows_features_of_its_views(observation: str) -> None:
     env = TrafficSignalEnv(observation=observation, **SMALL)
@@ -251,6 +252,7 @@ def test_observations_without_pictures_are_refused(observation: Any) -> None:
     env.close()
 
 
+@pytest.mark.slow
 @pytest.mark.sampled(1)
 @pytest.mark.parametrize(("observation", "views"), [("bev", 1), ("multi_view", 4)])
 def test_pictures_of_all_environments_are_one_batch(observation: str, views: int) -> None:

@@ -54,6 +54,7 @@ def digest(env: TrafficSignalEnv, seed: int | None) -> str:
     return code.hexdigest()
 
 
+@pytest.mark.slow
 @pytest.mark.sampled(1)
 @pytest.mark.parametrize("scenario", ["two-way", "cologne1", "ingolstadt1"])
 def test_gymnasium_accepts_the_environment(scenario: str) -> None:
@@ -153,6 +154,7 @@ def test_own_process_gives_the_same_and_leaves_nothing_running(make: Make) -> No
     assert not process.is_alive()
 
 
+@pytest.mark.slow
 def test_an_own_process_gives_an_episode_wherever_it_stands(make: Make) -> None:
     alone, after = (make("cologne1", num_seconds=3600, own_process=True) for _ in range(2))
     for seed in (1, 2):

@@ -26,6 +26,7 @@ def fetch(url: str, after: int = 0) -> dict:
         return json.load(answer)
 
 
+@pytest.mark.slow
 @pytest.mark.sampled(1)
 @pytest.mark.parametrize("mode", [None, "rgb_array", "human"])
 def test_gymnasium_s_checker_accepts_every_render_mode(mode: str | None) -> None:

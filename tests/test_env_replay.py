@@ -98,6 +98,7 @@ def test_replayed_pictures_have_the_bytes_of_the_episode_s(
     assert json.loads(done.stdout) == live
 
 
+@pytest.mark.slow
 def test_a_recording_is_seen_through_other_cameras_lidars_and_light(record: Callable[..., Path]) -> None:
     recording = Recording.open(record("cologne1"))
     assert (recording.scenario, recording.seed, len(recording)) == ("cologne1", 1, 61)
@@ -145,6 +146,7 @@ def test_run_films_every_second(suffix: str, tmp_path: Path, capfd: pytest.Captu
     assert count_frames(target) == (31, 1456, 658)
 
 
+@pytest.mark.slow
 def test_a_long_film_tells_a_terminal_how_far_it_is(tmp_path: Path) -> None:
     command = [sys.executable, "-m", "dojo_env.cli", "run", "--scenario", "two-way", "--controller", "sotl"]
     command += ["--seconds", "300", "--video", str(tmp_path / "out.mp4")]
@@ -202,6 +204,7 @@ def find_map_of(scenario: str) -> Path:
     return packaged_scenario(scenario).map
 
 
+@pytest.mark.slow
 def test_replay_films_through_given_cameras_at_night(
     record: Callable[..., Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

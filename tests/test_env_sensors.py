@@ -45,6 +45,7 @@ def make():
         env.close()
 
 
+@pytest.mark.slow
 @pytest.mark.sampled(1)
 @pytest.mark.parametrize(
     ("scenario", "observation"),
@@ -107,6 +108,7 @@ env.close()
 """
 
 
+@pytest.mark.slow
 def test_same_seed_gives_the_same_pictures_in_every_process_and_after_reset():
     runs = [
         subprocess.run(

@@ -30,6 +30,7 @@ def test_named_sensors_are_accepted() -> None:
     env.close()
 
 
+@pytest.mark.slow
 def test_environments_run_in_processes_and_a_policy_learns_from_them() -> None:
     build = partial(
         TrafficSignalEnv, scenario="two-way", num_seconds=100, observation="multi_view", height=64, width=64

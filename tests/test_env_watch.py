@@ -60,6 +60,7 @@ def watching(*arguments: str) -> closing:
     return closing(watched)  # type: ignore[type-var]
 
 
+@pytest.mark.slow
 @pytest.mark.sampled(1)
 @needs_browser
 @pytest.mark.parametrize("scenario", ["two-way", "cologne1"])
@@ -115,6 +116,7 @@ def test_the_page_chooses_among_signals_while_it_is_paused(tmp_path: Path) -> No
         assert page.run("document.images[0].src") != before
 
 
+@pytest.mark.slow
 @needs_browser
 def test_a_recording_is_watched_to_its_end(tmp_path: Path) -> None:
     arguments = ["run", "--scenario", "two-way", "--controller", "sotl", "--seconds", "20"]
@@ -357,6 +359,7 @@ def test_a_request_for_anything_else_is_refused(
     assert ask(served[1], method, path, **headers)[0] == status
 
 
+@pytest.mark.slow
 def test_strangers_who_hold_connections_open_are_bounded_and_cut_off(served: Any) -> None:
     page, server, _ = served
     port = int(server.url.rsplit(":", 1)[1].strip("/"))

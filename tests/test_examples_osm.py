@@ -56,6 +56,7 @@ def test_readme_names_every_example() -> None:
     assert {path.stem for path in EXAMPLES.glob("*.osm")} == set(DRAWN)
 
 
+@pytest.mark.slow
 def test_training_runs_and_keeps_its_weights(tmp_path: Path) -> None:
     bundle = tmp_path / "dual.dojo"
     assert main(["import-osm", str(EXAMPLES / "dual_carriageway.osm"), "-o", str(bundle)]) == 0

@@ -20,6 +20,7 @@ print(fuzz.run_trial({{"kind": with_defect}}, "kind", 1, Path(sys.argv[2])).prob
 """
 
 
+@pytest.mark.slow
 def test_damaged_inputs_of_every_kind_end_fairly(request: pytest.FixtureRequest) -> None:
     count = 2 * request.config.getoption("--fuzz")
     done = subprocess.run(

@@ -190,6 +190,7 @@ def check_trial(trial: Trial, folder: Path, inputs: dict[str, str]) -> str:
     return "interrupted"
 
 
+@pytest.mark.slow
 def test_an_interruption_is_one_line_at_any_moment(
     interruption_seed: int, tmp_path: Path, inputs: dict[str, str]
 ) -> None:

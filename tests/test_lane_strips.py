@@ -152,6 +152,7 @@ def test_a_camera_that_is_dark_or_never_changes_is_noticed_and_comes_back() -> N
     assert (watch.fault, watch.since) == ("shows nothing", 132.0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["black", "frozen"])
 def test_a_dead_camera_is_told_of_and_its_lanes_get_their_turn(
     kind: str, caplog: pytest.LogCaptureFixture

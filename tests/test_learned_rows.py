@@ -31,6 +31,7 @@ def short_task(row: str) -> dict[str, Any]:
     return {**task, "training": dataclasses.asdict(training)}
 
 
+@pytest.mark.slow
 def test_row_is_trained_once_and_evaluated_to_the_same_figures(tmp_path: Path) -> None:
     task = short_task("PPO-F")
     assert not is_done(task, tmp_path)

@@ -59,6 +59,7 @@ def test_file_that_is_no_toml_is_told(tmp_path: Path, text: str) -> None:
         build_env_parser().parse_args(["run", "--config", write(tmp_path, text)])
 
 
+@pytest.mark.slow
 def test_log_is_written_where_asked_for(tmp_path: Path) -> None:
     command = [sys.executable, "-m", "dojo_maps", "convert", "cologne1", "-o", str(tmp_path / "x.dojo")]
     quiet = subprocess.run(command, capture_output=True, text=True, check=True)

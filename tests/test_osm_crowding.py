@@ -113,6 +113,7 @@ def test_a_stack_ends_the_command_with_one_line(tmp_path: Path) -> None:
     assert [path.name for path in tmp_path.iterdir()] == ["a.osm"]
 
 
+@pytest.mark.slow
 def test_a_junction_of_many_short_ways_is_crossed_in_time(tmp_path: Path) -> None:
     """Each way through a block of a metre was followed, of which there are more than anybody can count."""
     done = import_osm(grid(15, 8.0).write(tmp_path / "a.osm"), "--demand", 0)

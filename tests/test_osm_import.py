@@ -42,6 +42,7 @@ def drawn(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFacto
     return request.param, bundle, report
 
 
+@pytest.mark.slow
 def test_city_keeps_what_is_mapped(city: tuple[Bundle, dict[str, Any]]) -> None:
     _, report = city
     quality = report["osm"]

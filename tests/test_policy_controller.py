@@ -18,6 +18,7 @@ KINDS = {
 }  # fmt: skip
 
 
+@pytest.mark.slow
 @pytest.mark.sampled(1)
 @pytest.mark.parametrize("kind", KINDS)
 def test_policy_gives_its_figures_as_a_controller(kind: str, tmp_path: Path) -> None:
@@ -38,6 +39,7 @@ def test_policy_gives_its_figures_as_a_controller(kind: str, tmp_path: Path) -> 
     assert found[0] == found[1]
 
 
+@pytest.mark.slow
 def test_policy_for_one_signal_is_refused_where_there_are_several(tmp_path: Path) -> None:
     folder, size = tmp_path / "run", [f"--{name}={value}" for name, value in SHORT.items()]
     done = run_env("train", "--scenario", "two-way", *size, "--set", "n_steps=60", "batch_size=60",

@@ -88,6 +88,7 @@ def cluster() -> Iterator[Any]:
             started.shutdown()
 
 
+@pytest.mark.slow
 def test_benchmark_gives_the_same_figures_on_a_cluster(cluster: Any, tmp_path: Path) -> None:
     done = run_env(*BENCHMARK, "--results", tmp_path / "here", "--jobs", 1)
     assert done.returncode == 0, done.stderr

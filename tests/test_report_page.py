@@ -222,6 +222,7 @@ def test_page_copies_the_selection_and_moves_by_keys(tmp_path: Path) -> None:
     assert asked["chosen"] == asked["second"]
 
 
+@pytest.mark.slow
 @needs_browser
 def test_page_opens_on_the_issue_that_the_address_names(tmp_path: Path) -> None:
     page = _page("ingolstadt7", tmp_path)

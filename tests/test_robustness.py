@@ -23,6 +23,7 @@ def evaluate(results: Path, row: str, *under: str) -> str:
     return done.stderr
 
 
+@pytest.mark.slow
 @pytest.mark.sampled(1)
 @pytest.mark.parametrize(
     ("row", "settings", "own", "other"),

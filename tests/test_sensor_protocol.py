@@ -88,6 +88,7 @@ def test_own_kind_is_used_by_its_name(monkeypatch):
     env.close()
 
 
+@pytest.mark.slow
 def test_gymnasium_accepts_own_settings():
     env = gymnasium.make(
         "dojo_env/TrafficSignal-v0", scenario="two-way", num_seconds=30,

@@ -55,6 +55,7 @@ def interrupt(folder: Path, *arguments: object) -> None:
     running.communicate()
 
 
+@pytest.mark.slow
 @pytest.mark.sampled(1)
 @pytest.mark.parametrize("kind", QUICK)
 def test_interrupted_run_goes_on_to_the_same_result(kind: str, tmp_path: Path) -> None:
@@ -183,6 +184,7 @@ def test_processes_start_with_what_takes_long_to_import() -> None:
     assert process.exitcode == 0
 
 
+@pytest.mark.slow
 def test_bad_arguments_are_one_line_before_any_work(
     tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:

@@ -33,6 +33,7 @@ KINDS = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.sampled(1)
 @pytest.mark.parametrize("kind", KINDS)
 def test_interrupted_run_goes_on_to_the_same_result(kind: str, tmp_path: Path) -> None:

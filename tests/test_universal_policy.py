@@ -127,6 +127,7 @@ def test_the_policy_that_ships_serves_whoever_comes(scenario: str) -> None:
     assert "safety violations                  0" in done.stdout
 
 
+@pytest.mark.slow
 def test_a_policy_is_trained_and_serves_another_junction(tmp_path: Path) -> None:
     pytest.importorskip("torch")
     folder = tmp_path / "run"

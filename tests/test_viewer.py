@@ -91,6 +91,7 @@ def _project(browser: Browser, place) -> tuple[int, int]:
     return round(row), round(column)
 
 
+@pytest.mark.slow
 @needs_browser
 def test_view_opens_behind_the_stop_line_with_sky_road_and_lamps(bundle, tmp_path):
     page = tmp_path / "page.html"

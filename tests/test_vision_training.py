@@ -59,6 +59,7 @@ def test_cases_are_those_of_their_seed_and_vary() -> None:
     assert VisionTraining(scenarios=["a"]).scenarios == ("a",)
 
 
+@pytest.mark.slow
 def test_training_gives_the_same_network_however_many_processes_and_it_acts(tmp_path: Path) -> None:
     for name, processes in (("one", 1), ("two", 2)):
         done = run_env("train", *SMALL, "--processes", processes, "--out", tmp_path / name)

@@ -17,6 +17,7 @@ from dojo_env.forks import call_in_fork
 from dojo_env.instant import Instant
 from dojo_env.learning.universal.cases import Case
 from dojo_env.local_world import LocalWorld
+from dojo_env.notes import notes_unsaid
 from dojo_env.phase_features import PhaseReader
 
 Array = NDArray[np.float32]
@@ -107,7 +108,7 @@ def run_case(case: Case, weights: Mapping[str, Array]) -> list[Trajectory]:
 
 def _run(case: Case, weights: Mapping[str, Array]) -> list[Trajectory]:
     chance = np.random.default_rng(case.seed)
-    with closing(LocalWorld(build_config(**case.environment))) as world:
+    with notes_unsaid(), closing(LocalWorld(build_config(**case.environment))) as world:
         world.reset(case.seed)
         readers = {signal: PhaseReader(view.plan) for signal, view in world.instant.signals.items()}
         tracks = {signal: _Track() for signal in readers}

@@ -9,6 +9,7 @@ from dojo_env.config import SignalConfig
 from dojo_env.errors import ConfigError
 from dojo_env.learning.settings import RunFileError, list_versions
 from dojo_env.managers.map import MapManager
+from dojo_env.notes import say_once
 from dojo_env.scenario import find_scenario, open_map
 from dojo_maps.safe_json import read_json
 from dojo_maps.whole_file import write_json
@@ -77,14 +78,17 @@ class UniversalTraining:
 
 
 def list_junctions(scenarios: Sequence[str]) -> list[tuple[str, tuple[str, ...]]]:
-    """List each scenario's signals at which there is something to decide.
+    """List each scenario's signals at which there is something to decide, and say what is odd about others.
 
     Raises:
         ConfigError: a scenario has none.
     """
     found = []
     for name in scenarios:
-        plans = MapManager(open_map(find_scenario(name)), SignalConfig()).plans
+        managed = MapManager(open_map(find_scenario(name)), SignalConfig())
+        for words in managed.list_warnings():
+            say_once(words)
+        plans = managed.plans
         signals = tuple(signal for signal, plan in plans.items() if len(plan.phases) > 1)
         if not signals:
             raise ConfigError(f"scenario {name}: no signal has two phases to choose from; leave it out")

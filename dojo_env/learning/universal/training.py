@@ -238,7 +238,10 @@ def _try(weights: Weights, case: Case) -> list[Trajectory] | SimulationError:
 def _measure(actor: str | Weights, case: Case) -> dict[str, float]:
     """Measure a controller, or a policy's weights, in an episode."""
     controller = make_controller(actor) if isinstance(actor, str) else PhaseCompetition(actor)
-    (figures,) = run_controller(controller, [case.seed], **case.environment)
+    try:
+        (figures,) = run_controller(controller, [case.seed], **case.environment)
+    except SimulationError as error:
+        raise SimulationError(f"{case.scenario}, seed {case.seed}: {error}") from error
     return {name: float(figures[name]) for name in _FIGURES}
 
 
