@@ -189,7 +189,7 @@ def read_cameras(path: Path | str) -> tuple[Camera, ...]:
     path = Path(path)
     value = read_json(path, error=CameraError)
     if not isinstance(value, dict) or (value.get("format"), value.get("version")) != ("dojo-cameras", 1):
-        raise CameraError(path, "not a dojo-cameras file of version 1")
+        raise CameraError(path, "not a dojo-cameras file of version 1; dojo_env.write_cameras makes one")
     try:
         cameras = tuple(Camera(**each) for each in value["cameras"])
     except (ConfigError, TypeError, KeyError) as error:

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from dojo_env.errors import ConfigError
 from dojo_env.ranges import check_limits, draw_values, read_values
 from dojo_maps.short_repr import short_repr
 
@@ -135,3 +136,27 @@ def read_conditions(text: str) -> Conditions:
         return PRESETS[text]
     values: dict[str, Any] = read_values(text, _NAMES, PRESETS, "conditions")
     return Conditions(**values)
+
+
+def settle_conditions(
+    wanted: "Conditions | Mapping[str, tuple[float, float]] | str", seed: int
+) -> Conditions:
+    """Take conditions, find them by their name, or draw them for an episode.
+
+    Args:
+        wanted: conditions, what `read_conditions` reads, or ranges by the name of a field.
+        seed: of what is drawn.
+
+    Returns:
+        The conditions.
+
+    Raises:
+        ConfigError: it is none of these, or out of its limits.
+    """
+    if isinstance(wanted, Conditions):
+        return wanted
+    if isinstance(wanted, str):
+        return read_conditions(wanted)
+    if isinstance(wanted, Mapping):
+        return sample_conditions(wanted, seed)
+    raise ConfigError(f"conditions={wanted!r}: expected Conditions, a name such as night, or ranges by name")

@@ -9,7 +9,7 @@ from typing import Any, Unpack
 
 from dojo_env.camera import Camera
 from dojo_env.camera_presets import find_preset
-from dojo_env.conditions import LOOKS, Conditions, sample_conditions
+from dojo_env.conditions import LOOKS, Conditions, settle_conditions
 from dojo_env.errors import ConfigError
 from dojo_env.imaging import Imaging, settle_imaging
 from dojo_env.keywords import Settings
@@ -107,7 +107,7 @@ class SignalConfig:
         _refuse_other("phases", self.phases, ("program", "computed"))
         _refuse_other("program", self.program, PROGRAMS)
         if self.yellow_time != "speed":
-            _refuse_below("yellow_time", self.yellow_time, 1, hint=' seconds or "speed"')
+            _refuse_below("yellow_time", self.yellow_time, 1, hint=', or "speed"')
             _refuse_fraction("yellow_time", self.yellow_time)
         for name, least in (("all_red", 0), ("min_green", 1), ("walking_speed", 0.1)):
             _refuse_below(name, getattr(self, name), least)
@@ -195,7 +195,8 @@ class SensingConfig:
     """How cameras and lidars see.
 
     Attributes:
-        conditions: light, weather and clean lenses; or ranges of them by name, from which each episode draws.
+        conditions: light, weather and clean lenses: `Conditions`, a name such as `night`, or ranges by name,
+            from which each episode draws.
         imaging: how cameras work, from shutter to compression: `Imaging`, a name of `IMAGING_PRESETS`, or
             ranges by name, from which each episode draws.
         cameras: how those are hung that are placed from the map, a name of `CAMERA_PRESETS`; or cameras by
@@ -211,7 +212,7 @@ class SensingConfig:
         outages: when which cameras fail.
     """
 
-    conditions: Conditions | Mapping[str, tuple[float, float]] = field(default_factory=Conditions)
+    conditions: Conditions | Mapping[str, tuple[float, float]] | str = field(default_factory=Conditions)
     imaging: Imaging | Mapping[str, tuple[float, float]] | str = field(default_factory=Imaging)
     cameras: Mapping[str, Sequence[Camera]] | str = field(default_factory=dict)
     width: int = 356
@@ -232,10 +233,7 @@ class SensingConfig:
             raise ConfigError(f"outages={self.outages!r}: expected CameraOutage(begin=..., ...) in a list")
         _refuse_other("renderer", self.renderer, ("raster", "bullet"))
         _refuse_other("look", self.look, LOOKS)
-        if isinstance(self.conditions, Mapping):
-            sample_conditions(self.conditions, seed=0)
-        elif not isinstance(self.conditions, Conditions):
-            raise ConfigError(f"conditions={self.conditions!r}: expected Conditions, or ranges by name")
+        settle_conditions(self.conditions, seed=0)
         settle_imaging(self.imaging, seed=0)
         object.__setattr__(self, "models", settle_models(self.models))
         if isinstance(self.cameras, str):

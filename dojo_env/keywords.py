@@ -61,7 +61,7 @@ class TrafficSettings(TypedDict, total=False):
 class DrawingSettings(TypedDict, total=False):
     """The fields of `SensingConfig` but for `cameras` and `outages`: how cameras and lidars see."""
 
-    conditions: "Conditions | Mapping[str, tuple[float, float]]"
+    conditions: "Conditions | Mapping[str, tuple[float, float]] | str"
     imaging: "Imaging | Mapping[str, tuple[float, float]] | str"
     width: int
     height: int

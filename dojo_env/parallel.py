@@ -128,6 +128,8 @@ class TrafficSignalsEnv(ParallelEnv):  # type: ignore[misc]
         """
         if not self.agents:
             raise EpisodeOverError("no episode is running; call reset first")
+        if not isinstance(actions, Mapping):
+            raise ConfigError(f"actions={actions!r}: expected a dict of one action for each of {self.agents}")
         asked = {agent: read_action(action) for agent, action in actions.items()}
         observations, rewards, ended, info = self.world.step(asked)
         self._viewer.follow(self.world.draw, ended=ended)

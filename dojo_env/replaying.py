@@ -1,7 +1,7 @@
 """A recorded episode seen again, through any cameras and lidars, in any light, without SUMO."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Unpack
 
@@ -15,7 +15,7 @@ from dojo_env.sensors.eyes import Eyes
 from dojo_env.snapshot import Snapshot
 from dojo_maps.bundle import Bundle
 from dojo_maps.demand.patterns import split_pattern
-from dojo_maps.wording import counted
+from dojo_maps.wording import counted, did_you_mean
 
 if TYPE_CHECKING:
     from dojo_env.rendering.outputs import Picture
@@ -121,10 +121,10 @@ def open_eyes(recording: Recording, bundle: Bundle, **sensing: Any) -> Eyes:
     Raises:
         ConfigError: a setting cannot work.
     """
-    try:
-        config = SensingConfig(**sensing)
-    except TypeError as error:
-        raise ConfigError(f"replay: {error}") from error
+    known = [each.name for each in fields(SensingConfig)]
+    if unknown := [name for name in sensing if name not in known]:
+        raise ConfigError(f"there is no setting {unknown[0]!r} of sight{did_you_mean(unknown[0], known)}")
+    config = SensingConfig(**sensing)
     eyes = Eyes(bundle, config)
     eyes.reset(recording.seed)
     return eyes

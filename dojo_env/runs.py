@@ -209,7 +209,12 @@ def summarize(figures: Sequence[dict[str, Any]]) -> dict[str, dict[str, float]]:
 
     Returns:
         By the figure's name: `mean`, `std` and `median`.
+
+    Raises:
+        ConfigError: there is none.
     """
+    if not figures:
+        raise ConfigError("no episode to summarize")
     return {
         name: {
             "mean": float(np.mean([f[name] for f in figures])),

@@ -180,6 +180,8 @@ def find_scenario(value: str | Path | Scenario, *, routes: Files | None = None) 
         return _with_routes(Scenario(map=path) if path and alone else find_scenario(value), _paths(routes))
     if isinstance(value, Scenario):
         return value
+    if not isinstance(value, str | Path):
+        raise ConfigError(f"scenario={value!r}: expected a name, a path or a Scenario")
     if str(value) in PACKAGED:
         return packaged_scenario(str(value))
     path = Path(value)

@@ -114,6 +114,8 @@ def find_extract(
         west, south, east, north = bbox
         area, name = overpass.Area(west=west, south=south, east=east, north=north), "box"
     else:
+        if point is not None and len(point) != 2:
+            raise UsageError(f"point={tuple(point)}: expected latitude and longitude, in degrees")
         latitude, longitude = point if point is not None else overpass.find_place(str(place))
         name = place or _point_name(latitude, longitude)
         area = overpass.area_around(latitude, longitude, RADIUS if radius is None else radius)
@@ -222,9 +224,11 @@ def add_demand(
 
     Raises:
         SourceError: the map or the counts cannot be read, or do not fit each other.
-        UsageError: the output cannot be named so.
+        UsageError: the output cannot be named so, or the options are none.
         DojoError: nobody can drive on the map, or the counts cannot be met.
     """
+    if not isinstance(options, DemandOptions | None):
+        raise UsageError(f"options={options!r}: expected dojo_maps.DemandOptions(...)")
     demand, start = deliver_demand(
         str(source), options or DemandOptions(), counts=_path(counts), output=_path(output)
     )

@@ -69,6 +69,11 @@ COMMANDS = {
         2,
         "argument --seeds: 'x': expected a whole number; ...",
     ),
+    "env train --observation bev --size 84": (
+        2,
+        "argument --size: '84': expected HEIGHTxWIDTH, such as 84x84; ...",
+    ),
+    "maps convert two-way --jobs 0": (2, "argument --jobs: '0': expected a whole number above 0; ..."),
     "env run --config five.toml": (2, "five.toml: seconds = 'five': expected a whole number"),
     "env run --scenario two-way --controller folder": (
         3,
@@ -143,6 +148,30 @@ CALLS: dict[str, tuple[type[Exception], Callable[[], Any]]] = {
     "signal='x': name one of the signals of two-way: t": (
         UsageError,
         lambda: dojo_maps.draw_signal(dojo_maps.convert("two-way", "x.dojo")[0], "x"),
+    ),
+    "scenario=['two-way']: expected a name, a path or a Scenario": (
+        ConfigError,
+        lambda: dojo_env.build_config(scenario=["two-way"]),
+    ),
+    "conditions='nite': expected day, dusk": (
+        ConfigError,
+        lambda: dojo_env.build_config(scenario="two-way", conditions="nite"),
+    ),
+    "training={}: expected dojo_env.Training(...)": (ConfigError, lambda: dojo_env.train({}, "x")),
+    "no episode to summarize": (ConfigError, lambda: dojo_env.summarize([])),
+    "options={}: expected dojo_maps.DemandOptions(...)": (
+        UsageError,
+        lambda: dojo_maps.add_demand("two-way", {}),
+    ),
+    "point=(1, 2, 3): expected latitude and longitude": (
+        UsageError,
+        lambda: dojo_maps.import_osm(point=(1, 2, 3)),
+    ),
+    "there is no setting 'condition' of sight; did you mean conditions?": (
+        ConfigError,
+        lambda: next(
+            dojo_env.replay(dojo_env.record("o", scenario="two-way", num_seconds=5), condition="day")
+        ),
     ),
     "seconds=7: expected a multiple of 5": (ConfigError, lambda: Training(seconds=7)),
     "n_steps=90: expected a divisor of 60, the decisions of an episode of 300 s": (

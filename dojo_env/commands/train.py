@@ -272,7 +272,10 @@ def _check_for_ray(training: Any, *, logs: bool) -> None:
 
 def _read_size(text: str) -> tuple[int, int]:
     """Read `HEIGHTxWIDTH`."""
-    height, width = (int(part) for part in text.lower().split("x"))
+    try:
+        height, width = (int(part) for part in text.lower().split("x"))
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"{text!r}: expected HEIGHTxWIDTH, such as 84x84") from None
     return height, width
 
 

@@ -10,6 +10,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import TYPE_CHECKING
 
+from dojo_env.errors import ConfigError
 from dojo_maps.errors import explain_missing
 from dojo_maps.progress import say
 
@@ -46,7 +47,10 @@ def train(
         SimulationError: SUMO stopped.
     """
     from dojo_env.learning.policy_controller import PolicyController
+    from dojo_env.learning.settings import Training
 
+    if not isinstance(training, Training):
+        raise ConfigError(f"training={training!r}: expected dojo_env.Training(...)")
     try:
         from dojo_env.learning import learner
     except ModuleNotFoundError as error:

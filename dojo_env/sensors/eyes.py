@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from dojo_env.camera import Camera
 from dojo_env.camera_presets import PAPER
-from dojo_env.conditions import Conditions, sample_conditions
+from dojo_env.conditions import Conditions, settle_conditions
 from dojo_env.config import SensingConfig
 from dojo_env.imaging import settle_imaging
 from dojo_env.outages import find_outage
@@ -42,7 +42,8 @@ class Eyes:
         self._lenses: dict[str, Lens] = {}
         self._begin = 0.0
         self._good: dict[tuple[object, ...], NDArray[np.uint8]] = {}
-        self.conditions = config.conditions if isinstance(config.conditions, Conditions) else Conditions()
+        fixed = not isinstance(config.conditions, Mapping)
+        self.conditions = settle_conditions(config.conditions, 0) if fixed else Conditions()
         self.imaging = settle_imaging(config.imaging, seed=0)
 
     @property
@@ -60,8 +61,7 @@ class Eyes:
     def reset(self, seed: int, *, begin: float = 0.0) -> None:
         """Begin an episode at a time: draw its conditions and its camera body, unless they are fixed."""
         self._begin = begin
-        wanted = self.config.conditions
-        drawn = sample_conditions(wanted, seed) if isinstance(wanted, Mapping) else wanted
+        drawn = settle_conditions(self.config.conditions, seed)
         if drawn.outside != self.conditions.outside:
             # Another light needs other backgrounds; the same keeps them.
             self.close()

@@ -49,7 +49,7 @@ def find_network(name: str) -> tuple[Path, str]:
     return Path(spec.submodule_search_locations[0]) / SCENARIO_NETWORKS[name], name
 
 
-def list_files(source: Path) -> list[Path]:
+def list_files(source: str | Path) -> list[Path]:
     """List the files that a map is made of: the road network first, then CityFlow's traffic, if any.
 
     Args:
@@ -61,6 +61,7 @@ def list_files(source: Path) -> list[Path]:
     Raises:
         SourceError: a file cannot be read, or names another that is not there.
     """
+    source = Path(source)
     if not is_cityflow(source):
         return [source]
     return [path for path in find_files(source) if path is not None]
