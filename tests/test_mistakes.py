@@ -153,7 +153,7 @@ CALLS: dict[str, tuple[type[Exception], Callable[[], Any]]] = {
         ConfigError,
         lambda: dojo_env.build_config(scenario=["two-way"]),
     ),
-    "conditions='nite': expected day, dusk": (
+    "conditions 'nite': expected day, dusk": (
         ConfigError,
         lambda: dojo_env.build_config(scenario="two-way", conditions="nite"),
     ),
