@@ -78,7 +78,7 @@ def test_mesh_health_names_the_floor_that_faces_down(road_map: RoadMap) -> None:
 def test_mesh_health_names_faces_without_area(road_map: RoadMap) -> None:
     faces = np.array([(0, 1, 2), (0, 1, 1)])
     assert unhealthy(road_map, make_mesh(faces, "junction")) == [
-        "w: the mesh junction has 1 faces without area"
+        "w: the mesh junction has 1 face without area"
     ]
 
 
