@@ -199,6 +199,8 @@ def _open_panels(count: int) -> "tuple[Figure, list[Axes]]":
 
 def _draw_run(place: "Axes", episodes: Sequence[Series], name: str, smooth: float, look: Any) -> None:
     is_training = episodes[0].unit != "seconds"
+    if is_training:
+        look = {**look, "marker": "."}  # A short one has a single validation.
     lines = [
         (series.at, series.figures[name])
         if is_training

@@ -222,9 +222,11 @@ def _convert(options: argparse.Namespace) -> int:
         f"written to {written.folder}; {report}, see {written.folder / REPORT_PAGE}; {road_map.tell_size()}"
     )
     if "demand" in report:
-        cycling = ", {bicycles} bicycles" if report["demand"]["bicycles"] else ""
-        words = "demand: {vehicles} vehicles and {walkers} walkers" + cycling + " in an hour"
-        print(words.format(**report["demand"]))
+        vehicles, walkers, bicycles = (
+            counted(report["demand"][f"{name}s"], name) for name in ("vehicle", "walker", "bicycle")
+        )
+        cycling = f", {bicycles}" if report["demand"]["bicycles"] else ""
+        print(f"demand: {vehicles} and {walkers}{cycling} in an hour")
     failed = {name: state for name, state in report.get("exports", {}).items() if state != "written"}
     for name, state in failed.items():
         print(f"dojo-maps: export {name} {state}; the rest is written", file=sys.stderr)

@@ -20,6 +20,7 @@ from dojo_env.learning.result_files import Numbers, Published
 from dojo_env.metrics import SIX
 from dojo_env.series import TITLES
 from dojo_maps.whole_file import replaced
+from dojo_maps.wording import counted
 
 REFERENCE = "MaxPressure"
 ALL_TRIPS = "travel_time_all"
@@ -179,7 +180,8 @@ def draw_bars(scenario: str, kept: Mapping[str, KeptRow], published: Published) 
         place.grid(visible=False, axis="y")
     axes[0, 0].set_yticks(spots, names)
     axes[0, 0].set_ylim(-0.6, len(names) - 0.4)
-    figure.suptitle(f"{scenario}: means of {kept[names[0]].result['seeds']} episodes, bars with their spread")
+    episodes = counted(kept[names[0]].result["seeds"], "episode")
+    figure.suptitle(f"{scenario}: means of {episodes}, bars with their spread")
     handles = [
         (COLOURS[5], "ours, not learned"),
         *([(COLOURS[0], "ours, learned")] if any(row.learned for row in kept.values()) else []),

@@ -12,6 +12,7 @@ from dojo_env.errors import ConfigError
 from dojo_maps.command import Commands, add_command
 from dojo_maps.progress import say, say_nothing
 from dojo_maps.whole_file import write_json
+from dojo_maps.wording import counted
 
 _COLUMNS = (
     ("travel_time", 2, 18),
@@ -69,7 +70,7 @@ def _evaluate(options: argparse.Namespace) -> int:
     tell = say_nothing if options.quiet else say
     found: list[dict[str, Any]] = []
     for run in [run for policy in options.policies for run in _list_runs(policy, options)]:
-        tell(f"{run.policy}: {run.scenario}: {run.under}: {options.seeds} episodes")
+        tell(f"{run.policy}: {run.scenario}: {run.under}: {counted(options.seeds, 'episode')}")
         episodes = run.measure()
         found.append(
             {

@@ -24,6 +24,7 @@ from dojo_env.learning.settings import (
     write_training,
 )
 from dojo_maps.progress import say
+from dojo_maps.wording import counted
 
 
 def prepare_folder(training: Training, folder: Path) -> None:
@@ -76,7 +77,8 @@ def train(
     rows = known["known"]["rows"] if known else []
     done = rows[-1]["steps"] if rows else 0
     with ExitStack() as stack:
-        tell(f"starting {training.processes} environments and {len(VALIDATION_SEEDS)} for validation")
+        started = counted(training.processes, "environment")
+        tell(f"starting {started} and {len(VALIDATION_SEEDS)} for validation")
         environments = stack.enter_context(closing(open_environments(training, done=done)))
         validation = stack.enter_context(closing(open_evaluation(training, VALIDATION_SEEDS)))
         model = build_model(training, environments)

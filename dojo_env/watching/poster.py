@@ -8,6 +8,7 @@ import numpy as np
 
 from dojo_env.watching.board import Board, Lamp
 from dojo_env.watching.views import Frame, Image
+from dojo_maps.wording import counted
 
 _GAP, _HEAD, _FOOT = 8, 46, 84
 _BACK, _CARD, _LINE = (17, 22, 29), (26, 33, 43), (52, 62, 76)
@@ -89,7 +90,7 @@ def _write_head(poster: Image, board: Board, title: str) -> None:
 
 def _words(lamp: Lamp) -> str:
     if lamp.phase is None:
-        return f"changing, {lamp.phases} phases"
+        return f"changing, {counted(lamp.phases, 'phase')}"
     return f"phase {lamp.phase + 1} of {lamp.phases}, green {lamp.green_time:.0f} s"
 
 

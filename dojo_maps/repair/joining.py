@@ -10,6 +10,7 @@ from dojo_maps.repair.net_text import key_of
 from dojo_maps.repair.reference_repairs import link_indices, links_of
 from dojo_maps.signals.programs import read_seconds
 from dojo_maps.sources.sumo_xml import LogicRecord
+from dojo_maps.wording import counted
 
 _TICK = 100
 """Hundredths of a second: the finest that programs are written in."""
@@ -28,7 +29,7 @@ def join_signals(site: Site, issues: Sequence[Issue]) -> Iterator[Edit]:
         phases = _overlay(logics[0], logics[1])
         if phases is not None:
             taken |= set(ids)
-            what = f"one program of {len(phases)} phases with {ids[1]}"
+            what = f"one program of {counted(len(phases), 'phase')} with {ids[1]}"
             changes = tuple(_changes(site, logics[0], logics[1], phases))
             yield Edit(element=Element(kind="signal", id=ids[0]), what=what, changes=changes)
 

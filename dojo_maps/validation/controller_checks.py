@@ -53,7 +53,8 @@ def check_tls_trivial(facts: Facts, _limits: Limits) -> Iterator[Finding]:
             yield Finding(
                 elements=element("signal", signal.signal.id),
                 at=signal.middle,
-                message=f"the signal {signal.signal.id} has {links} links and {phases} phases",
+                message=f"the signal {signal.signal.id} has {counted(links, 'link')} and "
+                f"{counted(phases, 'phase')}",
                 measured=float(min(links, phases)),
                 limit=3.0 if links <= 2 else 2.0,
             )

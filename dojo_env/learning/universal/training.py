@@ -40,6 +40,7 @@ from dojo_env.learning.universal.settings import (
 from dojo_env.runs import run_controller
 from dojo_maps.progress import say
 from dojo_maps.whole_file import replaced, write_table
+from dojo_maps.wording import counted
 
 RIVAL = "queue-pressure"
 """What learns nothing, and is to be beaten."""
@@ -80,7 +81,8 @@ def train(
     check_folder(training, folder, read_settings, resume=resume)
     prepare_process()
     junctions = list_junctions(training.scenarios)
-    tell(f"{sum(len(signals) for _, signals in junctions)} junctions of {len(junctions)} scenarios")
+    count = counted(sum(len(signals) for _, signals in junctions), "junction")
+    tell(f"{count} of {counted(len(junctions), 'scenario')}")
     learner = _Learner(training, junctions, run_all, tell)
     if resume:
         learner.restore(folder / CHECKPOINT)

@@ -20,6 +20,7 @@ from dojo_env.sensors.lane_network import SEEN, find_chances, scale_colours
 from dojo_env.sensors.strip_geometry import GEOMETRY
 from dojo_maps.progress import say
 from dojo_maps.whole_file import replaced, write_table
+from dojo_maps.wording import counted
 
 _FIRST_SEED, _SEEDS_PER_RUN = 2_000_000, 10_000
 _KEPT_BACK = 8
@@ -63,7 +64,8 @@ def collect_examples(
 ) -> list[Examples]:
     """Take all pictures; the same whoever simulates."""
     junctions = list_junctions(training.scenarios)
-    tell(f"{sum(len(signals) for _, signals in junctions)} junctions of {len(junctions)} scenarios")
+    count = counted(sum(len(signals) for _, signals in junctions), "junction")
+    tell(f"{count} of {counted(len(junctions), 'scenario')}")
     first = _FIRST_SEED + training.seed * _SEEDS_PER_RUN
     cases = [
         draw_case(junctions, seed=first + number, seconds=training.seconds, looks=training.looks)
