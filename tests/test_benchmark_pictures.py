@@ -82,8 +82,8 @@ def compare(results: Path, figure: str) -> str:
     return f"{sum(ours.values()) / sum(rule.values()) - 1:+.1%}, {better} of {len(rule)}"
 
 
-@pytest.mark.parametrize("tool", ["plot", "report"])
-def test_bad_file_of_published_figures_is_one_line(tool: str, results: Path) -> None:
-    done = run_tool(tool, "--results", results, "--paper", results / "nowhere.json")
-    assert done.returncode == 3
-    assert len(done.stderr.strip().splitlines()) == 1, done.stderr
+def test_bad_file_of_published_figures_is_one_line(results: Path) -> None:
+    arguments = ("--results", results, "--paper", results / "nowhere.json")
+    for done in (run_env("benchmark", *arguments, "--pictures"), run_tool("report", *arguments)):
+        assert done.returncode == 3
+        assert len(done.stderr.strip().splitlines()) == 1, done.stderr

@@ -54,4 +54,4 @@ def test_policy_for_one_signal_is_refused_where_there_are_several(tmp_path: Path
     assert "trained on two-way" in done.stderr  # Which has as many lanes and phases.
     done = run_env("run", "--scenario", "two-way", "--controller", tmp_path / "none.pt")
     assert done.returncode == 3
-    assert "no such file" in done.stderr
+    assert "no training; dojo-env train --out FOLDER makes one" in done.stderr
