@@ -268,7 +268,7 @@ def draw_lights(times: Numbers, states: Mapping[str, Sequence[str]]) -> Plot:
         for place, (signal, shown) in zip(panels.flat, states.items(), strict=True):
             count = links[signal]
             rows = [[colours.get(letter, to_rgb(_DARK)) for letter in state[:count]] for state in shown]
-            ends = (times[0] / 60, times[-1] / 60)
+            ends = (times[0] / 60, (times[-1] + 1) / 60)
             place.imshow(
                 np.array(rows).swapaxes(0, 1), aspect="auto", interpolation="nearest",
                 extent=(*ends, count - 0.5, -0.5),

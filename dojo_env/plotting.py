@@ -33,8 +33,8 @@ def plot(what: Source | Sequence[Source] | Mapping[str, Source], *names: str, sm
 
     Args:
         what: episodes that `run_controller` gave, a recording, a `.npz` that `record` wrote, a `.csv` that
-            `run --csv` wrote, a list of what `info` told at each step, or the folder of a training; several
-            in a list, or in a mapping from what the legend calls them.
+            `run --csv` wrote, a list of what `info` told at each step of episodes, or the folder of a training;
+            several in a list, or in a mapping from what the legend calls them.
         names: of figures, such as `queue` or `co2`; none for those that tell most.
         smooth: seconds that values are averaged over, with those before.
 
@@ -50,7 +50,10 @@ def plot(what: Source | Sequence[Source] | Mapping[str, Source], *names: str, sm
     if isinstance(what, Mapping):
         named = dict(what)
     elif isinstance(what, list | tuple) and not _are_infos(what):
-        named = {_name(source, what): source for source in what}
+        named = {}
+        for source in what:
+            name = _name(source, what)
+            named[f"{name} ({len(named) + 1})" if name in named else name] = source
     else:
         named = {_name(what, ()): what}
     return draw_series({label: _read(source) for label, source in named.items()}, names, smooth=smooth)
@@ -87,7 +90,7 @@ def _read(source: Any) -> Sequence[Series]:
     if isinstance(source, Series):
         return [source]
     if isinstance(source, list) and _are_infos(source):
-        return [Series.of_infos(source)]
+        return [Series.of_infos(episode) for episode in _divide(source)]
     if not isinstance(source, str | Path):
         raise ConfigError(
             f"plot: {type(source).__name__}: has no figures over time; give what run_controller or record "
@@ -101,6 +104,13 @@ def _read(source: Any) -> Sequence[Series]:
             raise RunFileError(path, f"no training: it has no {CURVE}")
         path /= CURVE
     return [read_series(path)]
+
+
+def _divide(infos: Infos) -> list[Infos]:
+    """Divide what was told at each step into episodes: where time goes back, another one begins."""
+    times = [info.get("step", 0.0) for info in infos]
+    begins = [0, *(k for k in range(1, len(times)) if times[k] <= times[k - 1])]
+    return [infos[begin:end] for begin, end in zip(begins, [*begins[1:], len(infos)], strict=True)]
 
 
 def read_series(path: Path) -> Series:

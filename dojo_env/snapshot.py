@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from enum import IntEnum, IntFlag
 from types import MappingProxyType
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +13,9 @@ from dojo_env.charts import Plot, draw_traffic
 from dojo_env.errors import SnapshotError
 from dojo_maps.description import RoadMap
 from dojo_maps.wording import counted
+
+if TYPE_CHECKING:
+    from dojo_maps.bundle import Bundle
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
@@ -171,11 +174,11 @@ class Snapshot:
         added |= {"ids": self.ids + others.ids, "lanes": self.lanes + others.lanes, "types": tuple(types)}
         return Snapshot.trusted(**{**values, **added})
 
-    def plot(self, road_map: RoadMap | None = None) -> Plot:
+    def plot(self, road_map: "RoadMap | Bundle | None" = None) -> Plot:
         """Draw the traffic from above, red where it stands, green where it is fast.
 
         Args:
-            road_map: whose lanes are drawn below, such as `open_bundle(...).road_map`.
+            road_map: a map, or its bundle, whose lanes are drawn below.
 
         Returns:
             The chart, which shows itself in a notebook.
@@ -184,7 +187,8 @@ class Snapshot:
             ToolMissingError: matplotlib is not installed.
         """
         title = f"{counted(len(self.ids), 'road user')} at {self.time:g} s"
-        return draw_traffic(title, self.positions, self.headings, self.sizes, self.speeds, road_map)
+        described: Any = getattr(road_map, "road_map", road_map)
+        return draw_traffic(title, self.positions, self.headings, self.sizes, self.speeds, described)
 
     def __repr__(self) -> str:
         """Tell when it is, and how many there are."""

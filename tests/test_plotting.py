@@ -126,6 +126,8 @@ def test_infos_of_a_loop_of_ones_own_are_drawn(episodes: Episodes) -> None:
     drawn = curves(dojo_env.plot(infos, smooth=5))
     assert [list(curve) for curve in drawn["queue (vehicles)"]] == [list(range(1, 9))]
     assert list(Series.of_infos(infos).at) == [5 * k for k in range(1, 9)]
+    assert len(dojo_env.plot([*infos, *infos], smooth=5).figure.axes[0].collections) == 1  # Their range.
+    assert len(curves(dojo_env.plot([episodes, episodes], "co2"))["CO₂ (g/s)"]) == 2
     copied = copy.deepcopy(episodes)  # As pickle does it.
     assert copied == episodes
     assert np.array_equal(copied.series[1].figures["co2"], episodes.series[1].figures["co2"])
