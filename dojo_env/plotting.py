@@ -33,7 +33,7 @@ def plot(what: Source | Sequence[Source] | Mapping[str, Source], *names: str, sm
 
     Args:
         what: episodes that `run_controller` gave, a recording, a `.npz` that `record` wrote, a `.csv` that
-            `run --csv` wrote, a list of what `info` told at each step of episodes, or the folder of a training;
+            `run --csv` wrote, a list of what `info` told at each step, or the folder of a training;
             several in a list, or in a mapping from what the legend calls them.
         names: of figures, such as `queue` or `co2`; none for those that tell most.
         smooth: seconds that values are averaged over, with those before.
