@@ -35,7 +35,7 @@ def test_import_osm_from_a_point(own_folder: Path, capsys: pytest.CaptureFixture
     assert len(server.queries) == 1, "the second time it comes from the cache"
     folder = own_folder / "33.87000s-151.20000e.dojo"
     said = capsys.readouterr()
-    assert "1 signals" in said.out
+    assert "1 signal, " in said.out
     assert "vehicles and" in said.out
     assert time.strftime("%Y-", time.gmtime()) in said.err
     description = json.loads((folder / "map.json").read_text())

@@ -333,7 +333,7 @@ def test_import_says_so_when_netconvert_fails_whatever_is_left_out(
 def test_import_osm_command_writes_a_bundle(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = cross().write(tmp_path / "my junction.osm")
     assert main(["import-osm", str(path), "-o", str(tmp_path / "a.dojo")]) == 0
-    assert "1 signals" in capsys.readouterr().out
+    assert "1 signal, " in capsys.readouterr().out
     road_map = read_bundle(tmp_path / "a.dojo").road_map
     assert (road_map.source.kind, road_map.source.file) == ("osm", "my junction.osm")
     assert {road.name for road in road_map.roads} >= {"Long & wide"}

@@ -106,7 +106,7 @@ class Stage:
         if settings.split_by == CAMERA:
             random = np.random.default_rng([settings.seed, crc32(scenario.encode())])
             mixed = [self.cameras[k] for k in random.permutation(len(self.cameras))]
-            self._divided = divide_among(settings, mixed, "cameras")
+            self._divided = divide_among(settings, mixed, "camera")
         self.ways = Ways(bundle.road_map)
         self.name = self.world.config.scenario.name
 

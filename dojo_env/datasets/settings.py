@@ -15,6 +15,7 @@ from dojo_env.datasets.weather import read_ranges
 from dojo_env.errors import ConfigError
 from dojo_env.imaging import read_imaging
 from dojo_maps.short_repr import short_repr
+from dojo_maps.wording import counted
 
 Thing = TypeVar("Thing")
 
@@ -219,8 +220,8 @@ class Plan:
         missing = [name for name in self.settings.splits if name not in found]
         if missing:
             raise ConfigError(
-                f"split {_write('split', self.settings.split)}: {len(self.jobs)} episodes leave none to "
-                f"{missing[0]}; give fewer pictures per episode, more in all, or another split"
+                f"split {_write('split', self.settings.split)}: of {counted(len(self.jobs), 'episode')} none is "
+                f"left to {missing[0]}; give fewer pictures per episode, more in all, or another split"
             )
 
 
@@ -252,7 +253,7 @@ def _divide_scenarios(settings: DatasetSettings) -> Iterator[tuple[str, str, int
         return
     begun = 0.0
     for split, scenarios in divide_among(
-        settings, tuple(dict.fromkeys(settings.scenarios)), "scenarios"
+        settings, tuple(dict.fromkeys(settings.scenarios)), "scenario"
     ).items():
         share = settings.split[SPLITS.index(split)]
         least, most = (round(settings.pictures * bound) for bound in (begun, begun + share))
@@ -266,7 +267,7 @@ def divide_among(settings: DatasetSettings, things: Sequence[Thing], what: str) 
     Args:
         settings: name the splits.
         things: to divide.
-        what: they are, for the message.
+        what: one of them is called, for the message.
 
     Raises:
         ConfigError: there are fewer things than splits.
@@ -274,8 +275,8 @@ def divide_among(settings: DatasetSettings, things: Sequence[Thing], what: str) 
     names = settings.splits
     if len(things) < len(names):
         raise ConfigError(
-            f"split by {settings.split_by}: {len(things)} {what} leave none to {names[len(things)]}; "
-            f"give more {what}, or another split"
+            f"split by {settings.split_by}: of {counted(len(things), what)} none is left to {names[len(things)]}; "
+            f"give more {what}s, or another split"
         )
     counts = dict.fromkeys(names, 1)
     shares = {name: settings.split[SPLITS.index(name)] for name in names}
