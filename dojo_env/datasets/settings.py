@@ -220,8 +220,8 @@ class Plan:
         missing = [name for name in self.settings.splits if name not in found]
         if missing:
             raise ConfigError(
-                f"split {_write('split', self.settings.split)}: of {counted(len(self.jobs), 'episode')} none is "
-                f"left to {missing[0]}; give fewer pictures per episode, more in all, or another split"
+                f"split {_write('split', self.settings.split)}: of {counted(len(self.jobs), 'episode')} none "
+                f"is left to {missing[0]}; give fewer pictures per episode, more in all, or another split"
             )
 
 
@@ -275,8 +275,8 @@ def divide_among(settings: DatasetSettings, things: Sequence[Thing], what: str) 
     names = settings.splits
     if len(things) < len(names):
         raise ConfigError(
-            f"split by {settings.split_by}: of {counted(len(things), what)} none is left to {names[len(things)]}; "
-            f"give more {what}s, or another split"
+            f"split by {settings.split_by}: of {counted(len(things), what)} none is left to "
+            f"{names[len(things)]}; give more {what}s, or another split"
         )
     counts = dict.fromkeys(names, 1)
     shares = {name: settings.split[SPLITS.index(name)] for name in names}
