@@ -7,7 +7,6 @@ from `config/map_config.py`, its figures from `utils/avg_timeLoss.py` of github.
 """
 
 import argparse
-import csv
 import sys
 from collections.abc import Iterable, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
@@ -19,12 +18,14 @@ from typing import Any
 
 from dojo_env.runs import run_controller
 from dojo_maps.command import Parser, run_command
+from dojo_maps.input_files import read_table
 from dojo_maps.interruption import begin
 from dojo_maps.whole_file import write_table, write_text
 
 FOLDER = Path(__file__).parent / "results" / "resco"
 OURS = FOLDER / "ours.csv"
 COLUMNS = ("controller", "scenario", "delay", "spread", "seeds")
+PUBLISHED = ("method", "scenario", "delay", "best_episode")
 SCENARIOS = ("grid4x4", "arterial4x4", "cologne1", "cologne3", "cologne8", "ingolstadt1", "ingolstadt7",
              "ingolstadt21")  # fmt: skip
 CONTROLLERS = ("fixed-time", "actuated", "max-pressure-paper", "max-pressure", "queue-pressure", "learned")
@@ -69,12 +70,6 @@ def _measure(task: tuple[str, str, int]) -> float:
     return float(figures["time_loss"] + figures["depart_delay"])
 
 
-def read_table(path: Path) -> list[dict[str, str]]:
-    """Read a table's rows, by the names of its columns."""
-    with path.open(newline="", encoding="utf-8") as file:
-        return list(csv.DictReader(file))
-
-
 def format_page(ours: Iterable[Mapping[str, str]], published: Iterable[Mapping[str, str]]) -> str:
     """Write both as one table, a column a scenario."""
     rows: dict[str, dict[str, str]] = {}
@@ -105,13 +100,15 @@ def build_parser() -> Parser:
 
 def run(options: argparse.Namespace) -> int:
     """Measure what is asked for, keep it beside what is known of other controllers, and write the page."""
-    kept = read_table(OURS) if OURS.is_file() else []
+    kept = read_table(OURS, COLUMNS) if OURS.is_file() else []
     known = {(each["controller"], each["scenario"]): each for each in kept}
     for (name, scenario), delays in run_all(options.controllers, options.seeds, options.processes).items():
         figures = (name, scenario, f"{fmean(delays):.2f}", f"{pstdev(delays):.2f}", str(len(delays)))
         known[name, scenario] = dict(zip(COLUMNS, figures, strict=True))
     write_table(OURS, COLUMNS, (each.values() for each in known.values()))
-    write_text(FOLDER / "README.md", format_page(known.values(), read_table(FOLDER / "published.csv")))
+    write_text(
+        FOLDER / "README.md", format_page(known.values(), read_table(FOLDER / "published.csv", PUBLISHED))
+    )
     return 0
 
 
