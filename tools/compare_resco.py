@@ -43,7 +43,8 @@ were made with SUMO 1.9. On grid4x4 and arterial4x4 it draws another demand for 
 are runs of the one demand that the package `sumo-rl` holds. Its signals see 200 m, these 150 m.
 
 Published figures of rules are means of all episodes; of learners, the mean of the last ten episodes of \
-training, and in brackets the best episode, which is what its paper shows. Source: Ault and Sharon, \
+training, and in brackets the best episode, which is what its paper shows. `learned` met these scenarios \
+in its training, with other seeds. Source: Ault and Sharon, \
 NeurIPS 2021; `avg_timeLoss.py` of Pi-Star-Lab/RESCO.
 
 `{command}` makes this page again.
