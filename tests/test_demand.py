@@ -18,7 +18,8 @@ from dojo_env.errors import ConfigError
 from dojo_maps.bundle import Bundle
 from dojo_maps.conversion import ConvertOptions, convert
 from dojo_maps.demand import DemandOptions, write_demand
-from dojo_maps.demand.movements import find_routes
+from dojo_maps.demand.movements import find_rides, find_routes
+from dojo_maps.demand.route_file import Trip, find_stubs, format_routes
 from dojo_maps.demand.volumes import SATURATION, fill_routes
 from dojo_maps.sources.netconvert import find_netconvert
 
@@ -162,6 +163,30 @@ def test_filling_saturates_each_route_somewhere(tmp_path: Path) -> None:
     for route in routes:
         assert len(set(route.roads)) == len(route.roads)
         assert route.movement in route.arcs
+
+
+def test_cyclists_are_as_many_as_their_lanes_take(tmp_path: Path) -> None:
+    """Ten an hour on each movement are too many where all of them wait for a short green."""
+    drawing = osm_drawings.cross()
+    for _, tags in drawing.ways:
+        tags["cycleway"] = "lane"
+    bundle, report = convert(str(drawing.write(tmp_path / "a.osm")), tmp_path / "a.dojo", WITH_DEMAND)
+    rides = find_rides(bundle.road_map, own_lanes=True)
+    assert 0 < report["demand"]["bicycles"] <= 10 * len(rides)
+    _, fullest = fill_routes(bundle.road_map, rides)
+    assert fullest == pytest.approx(SATURATION)
+
+
+def test_vehicles_do_not_depart_on_top_of_each_other_on_a_stub(tmp_path: Path) -> None:
+    path = osm_drawings.sausage().write(tmp_path / "a.osm")
+    bundle, _ = convert(str(path), tmp_path / "a.dojo")
+    stubs = find_stubs(bundle.road_map)
+    assert stubs
+    lanes = {lane.road: lane for lane in bundle.road_map.lanes}
+    assert all((lanes[road.id].length < 15) == (road.id in stubs) for road in bundle.road_map.roads)
+    trips = [Trip(depart=k, roads=(road,), vehicle_class="bus") for road in sorted(stubs) for k in range(3)]
+    assert format_routes(trips, (), stubs).count('departPos="last"') == len(trips)
+    assert "departPos" not in format_routes(trips, ())
 
 
 def test_bundle_with_demand_is_a_scenario(tmp_path: Path) -> None:
