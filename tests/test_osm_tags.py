@@ -249,13 +249,6 @@ def test_connect_lanes_splits_a_road_that_ends() -> None:
     assert found == [(0, 0, 0), (1, 1, 0)]
 
 
-def test_connect_lanes_leads_a_turn_past_the_lane_that_cyclists_turn_into() -> None:
-    lanes = [LaneTags(use=LaneUse.BICYCLE), PLAIN]
-    wide, narrow = (connect_lanes(lanes, [[PLAIN] * n, [PLAIN]], [-90, 0], left_hand=False) for n in (2, 1))
-    assert [link for link in wide if link[1] == 0] == [(0, 0, 0), (1, 0, 1)]
-    assert [link for link in narrow if link[1] == 0] == [(0, 0, 0), (1, 0, 0)]
-
-
 @pytest.mark.parametrize("lanes", range(1, 6))
 @pytest.mark.parametrize("angles", [[0], [-90, 0], [0, 90], [-90, 90], [-90, 0, 90], [-120, -30, 20, 100]])
 def test_connect_lanes_leaves_no_lane_and_no_road_out(lanes: int, angles: list[float]) -> None:

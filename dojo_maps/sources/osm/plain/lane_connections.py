@@ -54,8 +54,7 @@ def connect_lanes(
         left_hand=left_hand,
     )
     found = [(motor[lane], movement, onto[movement][end]) for lane, movement, end in links]
-    ridden = list(_connect_cycle_lanes(lanes, targets, angles))
-    return sorted({*_beside_cyclists(found, ridden, targets, angles), *ridden})
+    return sorted({*found, *_connect_cycle_lanes(lanes, targets, angles)})
 
 
 def _motor(lanes: Sequence[LaneTags]) -> list[int]:
@@ -79,23 +78,6 @@ def _connect_cycle_lanes(
             fitting += [k for k, onto in target if onto.motor and not onto.bus]
             if fitting:
                 yield number, movement, fitting[0]
-
-
-def _beside_cyclists(
-    driven: Sequence[tuple[int, int, int]],
-    ridden: Sequence[tuple[int, int, int]],
-    targets: Sequence[Sequence[LaneTags]],
-    angles: Sequence[float],
-) -> Iterator[tuple[int, int, int]]:
-    """Lead turning vehicles past the lane that cyclists beside them turn into, where one is free."""
-    taken = {link[1:] for link in driven}
-    for lane, movement, onto in driven:
-        beyond = onto + (1 if angles[movement] < 0 else -1)
-        free = 0 <= beyond < len(targets[movement]) and (movement, beyond) not in taken
-        meets = any(link[1:] == (movement, onto) for link in ridden if link[0] != lane)
-        moves = meets and free and abs(angles[movement]) > STRAIGHT
-        may = moves and targets[movement][beyond].motor and not targets[movement][beyond].bus
-        yield lane, movement, beyond if may else onto
 
 
 def _connect_motor_lanes(
