@@ -126,7 +126,7 @@ def _on_road(
 
 
 def _draw_back(layout: Layout, cuts: dict[Arm, float], track: Section, arm: Arm, place: float) -> None:
-    """Draw a road back behind a track; people cross it beside a cycle track, and not on it, if that is near.
+    """Draw a road back behind a track; people cross it beside a cycle track, not on it, if there is room near.
 
     Args:
         layout: of the roads.
@@ -136,11 +136,12 @@ def _draw_back(layout: Layout, cuts: dict[Arm, float], track: Section, arm: Arm,
         place: where, metres from its end.
     """
     rules, before = layout.rules, cuts.get(arm, 0.0)
+    room = layout.room(arm, cuts, left=rules.tracks.road_left)
     metres = place + track.road.drives / 2 + rules.tracks.beside_road
     beside = metres + rules.crossings.width
-    if arm in layout.hosted and track.road.kind == CYCLEWAY:
+    if arm in layout.hosted and track.road.kind == CYCLEWAY and beside <= room:
         metres = beside if beside - before <= rules.completeness.crossing_found else metres
-    cuts[arm] = max(before, min(metres, layout.room(arm, cuts, left=rules.tracks.road_left)))
+    cuts[arm] = max(before, min(metres, room))
 
 
 def _pieces_in(graph: RoadGraph, name: str, parts: Sequence[StreetPart]) -> Iterator[tuple[str, StreetPart]]:
