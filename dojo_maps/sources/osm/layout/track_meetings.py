@@ -126,7 +126,7 @@ def _on_road(
 
 
 def _draw_back(layout: Layout, cuts: dict[Arm, float], track: Section, arm: Arm, place: float) -> None:
-    """Draw a road back behind a track; people cross it beside a cycle track, not on it, if there is room near.
+    """Draw a road back behind a track; people cross beside a cycle track where there is room near.
 
     Args:
         layout: of the roads.
