@@ -3,7 +3,7 @@
 import re
 import subprocess
 import xml.etree.ElementTree as ET
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,6 +18,7 @@ from dojo_env.errors import ConfigError
 from dojo_maps.bundle import Bundle
 from dojo_maps.conversion import ConvertOptions, convert
 from dojo_maps.demand import DemandOptions, write_demand
+from dojo_maps.demand.capacities import Capacities
 from dojo_maps.demand.movements import find_rides, find_routes
 from dojo_maps.demand.route_file import Trip, find_stubs, format_routes
 from dojo_maps.demand.volumes import SATURATION, fill_routes
@@ -187,6 +188,26 @@ def test_vehicles_do_not_depart_on_top_of_each_other_on_a_stub(tmp_path: Path) -
     trips = [Trip(depart=k, roads=(road,), vehicle_class="bus") for road in sorted(stubs) for k in range(3)]
     assert format_routes(trips, (), stubs).count('departPos="last"') == len(trips)
     assert "departPos" not in format_routes(trips, ())
+
+
+def test_short_road_before_a_signal_takes_what_one_green_lets_over(tmp_path: Path) -> None:
+    """On 8 m nobody passes who waits for another movement, so its lanes are filled one after the other."""
+    road_map, short = convert("ingolstadt7", tmp_path / "a.dojo")[0].road_map, "51857517#1"
+    lanes, links = {lane.id: lane for lane in road_map.lanes}, defaultdict(list)
+    for link in road_map.connections:
+        links[lanes[link.from_lane].road, lanes[link.to_lane].road].append(link)
+    programs = {signal.id: signal.programs[0] for signal in road_map.signals}
+    seen = 0
+    for route in find_routes(road_map):
+        ways = [links[arc][:1] for arc in route.arcs]
+        room = dict(Capacities(road_map).rooms(ways)).get(short)
+        for link in (way[0] for way in ways if lanes[way[0].from_lane].road == short and room is not None):
+            program = programs[link.signal or ""]
+            green = sum(p.duration for p in program.phases if p.state[link.link_index or 0] in "Gg")
+            assert lanes[link.from_lane].length < 20
+            assert 0 < (room or 0.0) <= 1_800 * green / sum(p.duration for p in program.phases) + 1
+            seen += 1
+    assert seen
 
 
 def test_bundle_with_demand_is_a_scenario(tmp_path: Path) -> None:
