@@ -12,8 +12,6 @@ from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-import shapely
-
 from dojo_maps.description import Connection, Crossing, RoadMap, Signal
 from dojo_maps.geometry.polylines import along
 from dojo_maps.index import MapIndex
@@ -21,8 +19,6 @@ from dojo_maps.signals.conflicts import list_foes
 
 _OPPOSITE, _ALONGSIDE = 120.0, 45.0
 """Degrees between the headings of approaches that face each other, and of those that run side by side."""
-_LONG = 1.6
-"""Widths of a crossing that a way has on it from which it runs along it: from some 50 degrees off square."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -39,7 +35,6 @@ class SignalLink:
         to: the road it leads to; "" of those who walk.
         onto: the same where it leads to another junction of the signal; "" elsewhere.
         over: the roads that those who walk cross.
-        runs_along: crossings that it runs along, by index.
     """
 
     index: int
@@ -56,7 +51,6 @@ class SignalLink:
     to: str = ""
     onto: str = ""
     over: frozenset[str] = frozenset()
-    runs_along: frozenset[int] = frozenset()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -102,23 +96,11 @@ def read_links(road_map: RoadMap, signal: Signal) -> dict[int, SignalLink]:
         lane = lanes[connection.from_lane]
         link = _vehicle(connection, lane.road, lane.speed, turns[lane.id], far)
         onto = lanes[connection.to_lane].road
-        links[link.index] = replace(
-            _with(link, foes, yields),
-            to=onto,
-            onto=onto if onto in inner else "",
-            runs_along=frozenset(c.link_index or 0 for c in crossings if _runs_along(connection, c)),
-        )
+        links[link.index] = replace(_with(link, foes, yields), to=onto, onto=onto if onto in inner else "")
     for crossing in crossings:
         link = _walk(crossing)
         links[link.index] = _with(link, foes, yields)
     return dict(sorted(links.items()))
-
-
-def _runs_along(connection: Connection, crossing: Crossing) -> bool:
-    """Tell whether a way leads along a crossing and not over it."""
-    path, ground = shapely.LineString(connection.shape[:, :2]), shapely.LineString(crossing.shape[:, :2])
-    shared = path.intersection(ground.buffer(crossing.width / 2, cap_style="flat"))
-    return float(shared.length) > _LONG * crossing.width
 
 
 def _vehicle(c: Connection, road: str, speed: float, turns: set[str], far: str) -> SignalLink:
@@ -279,7 +261,7 @@ def _lets_walk(link: SignalLink, walk: SignalLink) -> bool:
     """
     if walk.index not in link.foes:
         return True
-    if link.road in walk.over or walk.index in link.runs_along:
+    if link.road in walk.over:
         return False
     turns = link.direction.lower() in ("l", "r") and not (link.far and link.alone)
     return turns and walk.index in link.yields_to
