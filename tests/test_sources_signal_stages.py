@@ -26,16 +26,6 @@ def test_people_walk_with_who_turns_into_their_road_not_with_who_starts_from_it(
     assert any(2 in stage.walks for stage in stages)
 
 
-def test_people_do_not_walk_with_who_turns_along_their_crossing() -> None:
-    """SUMO looks for people where a way leads over the crossing, not all along it."""
-    turning = replace(CAR, direction="r", foes=frozenset({2}), yields_to=frozenset({2}))
-    walk = replace(WALK, foes=frozenset({0}), over=frozenset({"exit"}))
-    along = replace(turning, runs_along=frozenset({2}))
-    (both,) = build_stages({link.index: link for link in (turning, walk)})
-    assert both.walks == {2}
-    assert all(2 not in stage.walks for stage in build_stages({0: along, 2: walk}) if 0 in stage.vehicles)
-
-
 @pytest.mark.parametrize(
     ("to", "far", "together"), [("exit", False, False), ("exit", True, True), ("", False, True)]
 )
