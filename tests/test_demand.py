@@ -3,7 +3,7 @@
 import re
 import subprocess
 import xml.etree.ElementTree as ET
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,7 +18,9 @@ from dojo_env.errors import ConfigError
 from dojo_maps.bundle import Bundle
 from dojo_maps.conversion import ConvertOptions, convert
 from dojo_maps.demand import DemandOptions, write_demand
-from dojo_maps.demand.movements import find_routes
+from dojo_maps.demand.capacities import Capacities
+from dojo_maps.demand.movements import find_rides, find_routes
+from dojo_maps.demand.route_file import Trip, find_stubs, format_routes
 from dojo_maps.demand.volumes import SATURATION, fill_routes
 from dojo_maps.sources.netconvert import find_netconvert
 
@@ -162,6 +164,50 @@ def test_filling_saturates_each_route_somewhere(tmp_path: Path) -> None:
     for route in routes:
         assert len(set(route.roads)) == len(route.roads)
         assert route.movement in route.arcs
+
+
+def test_cyclists_are_as_many_as_their_lanes_take(tmp_path: Path) -> None:
+    """Ten an hour on each movement are too many where all of them wait for a short green."""
+    drawing = osm_drawings.cross()
+    for _, tags in drawing.ways:
+        tags["cycleway"] = "lane"
+    bundle, report = convert(str(drawing.write(tmp_path / "a.osm")), tmp_path / "a.dojo", WITH_DEMAND)
+    rides = find_rides(bundle.road_map, own_lanes=True)
+    assert 0 < report["demand"]["bicycles"] <= 10 * len(rides)
+    _, fullest = fill_routes(bundle.road_map, rides)
+    assert fullest == pytest.approx(SATURATION)
+
+
+def test_vehicles_do_not_depart_on_top_of_each_other_on_a_stub(tmp_path: Path) -> None:
+    path = osm_drawings.sausage().write(tmp_path / "a.osm")
+    bundle, _ = convert(str(path), tmp_path / "a.dojo")
+    stubs = find_stubs(bundle.road_map)
+    assert stubs
+    lanes = {lane.road: lane for lane in bundle.road_map.lanes}
+    assert all((lanes[road.id].length < 15) == (road.id in stubs) for road in bundle.road_map.roads)
+    trips = [Trip(depart=k, roads=(road,), vehicle_class="bus") for road in sorted(stubs) for k in range(3)]
+    assert format_routes(trips, (), stubs).count('departPos="last"') == len(trips)
+    assert "departPos" not in format_routes(trips, ())
+
+
+def test_short_road_before_a_signal_takes_what_one_green_lets_over(tmp_path: Path) -> None:
+    """On 8 m nobody passes who waits for another movement, so its lanes are filled one after the other."""
+    road_map, short = convert("ingolstadt7", tmp_path / "a.dojo")[0].road_map, "51857517#1"
+    lanes, links = {lane.id: lane for lane in road_map.lanes}, defaultdict(list)
+    for link in road_map.connections:
+        links[lanes[link.from_lane].road, lanes[link.to_lane].road].append(link)
+    programs = {signal.id: signal.programs[0] for signal in road_map.signals}
+    seen = 0
+    for route in find_routes(road_map):
+        ways = [links[arc][:1] for arc in route.arcs]
+        room = dict(Capacities(road_map).rooms(ways)).get(short)
+        for link in (way[0] for way in ways if lanes[way[0].from_lane].road == short and room is not None):
+            program = programs[link.signal or ""]
+            green = sum(p.duration for p in program.phases if p.state[link.link_index or 0] in "Gg")
+            assert lanes[link.from_lane].length < 20
+            assert 0 < (room or 0.0) <= 1_800 * green / sum(p.duration for p in program.phases) + 1
+            seen += 1
+    assert seen
 
 
 def test_bundle_with_demand_is_a_scenario(tmp_path: Path) -> None:

@@ -4,6 +4,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+import shapely
 import sumolib
 from networks import run_sumo_tool
 from osm_drawings import SIGNAL, Drawing, cross
@@ -149,6 +150,24 @@ def test_railway_that_meets_no_road_is_told_and_not_built(tmp_path: Path) -> Non
     bundle, report = built(drawing, tmp_path)
     assert not edges_for(network(bundle), "rail", alone=True)
     assert report["osm"]["metres_not_imported"] == {"railway=rail": 301}
+
+
+def test_people_cross_beside_a_cycle_track_and_cyclists_wait_before_junctions(tmp_path: Path) -> None:
+    drawing = Drawing()
+    drawing.way((-150, 0), (0, 0), (150, 0), **STREET)
+    drawing.way((0, -60), (0, 0), (0, 60), highway="cycleway", foot="designated")
+    drawing.node(0, 0, highway="crossing", crossing="traffic_signals", bicycle="yes")
+    bundle, report = built(drawing, tmp_path)
+    ridden = {e.getID() for e in edges_for(network(bundle), "bicycle", alone=True)}
+    lane_road = {lane.id: lane.road for lane in bundle.road_map.lanes}
+    links = [c for c in bundle.road_map.connections if lane_road[c.from_lane] in ridden]
+    assert len(links) == 2
+    assert all(len(link.via) == 1 for link in links)
+    (crossing,) = bundle.road_map.crossings
+    ground = shapely.LineString(crossing.shape[:, :2]).buffer(crossing.width / 2, cap_style="flat")
+    for link in links:
+        assert ground.distance(shapely.LineString(link.shape[:, :2])) > 0.3
+    assert report["osm"]["crossings"]["share"] == 1.0
 
 
 def test_cycle_track_crosses_at_the_signal(tmp_path: Path) -> None:

@@ -24,3 +24,13 @@ def test_people_walk_with_who_turns_into_their_road_not_with_who_starts_from_it(
     (stage,) = (stage for stage in stages if 0 in stage.vehicles)
     assert (2 in stage.walks) == together
     assert any(2 in stage.walks for stage in stages)
+
+
+@pytest.mark.parametrize(
+    ("to", "far", "together"), [("exit", False, False), ("exit", True, True), ("", False, True)]
+)
+def test_who_turns_merges_with_no_stream_in_its_green(to: str, far: bool, together: bool) -> None:
+    turning = replace(CAR, to=to or "other", far=far, foes=frozenset({1}), yields_to=frozenset({1}))
+    through = replace(CAR, index=1, road="main", to="exit", heading=-90.0, direction="s", foes=frozenset({0}))
+    stages = build_stages({0: turning, 1: through})
+    assert (len(stages) == 1) == together

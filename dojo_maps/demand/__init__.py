@@ -19,7 +19,7 @@ from dojo_maps.demand.changing import ChangingTraffic
 from dojo_maps.demand.counts import GOOD_GEH, WALKERS, Count, CountMet, compare
 from dojo_maps.demand.movements import CYCLISTS, Route, find_rides, find_routes
 from dojo_maps.demand.patterns import Pattern
-from dojo_maps.demand.route_file import Stroll, Trip, draw_strolls, draw_trips, write_route_file
+from dojo_maps.demand.route_file import Stroll, Trip, draw_strolls, draw_trips, find_stubs, write_route_file
 from dojo_maps.demand.sampling import model_counts, sample_trips
 from dojo_maps.demand.volumes import compute_saturation, fill_routes
 from dojo_maps.demand.walkers import Walk, find_walks
@@ -28,7 +28,7 @@ from dojo_maps.errors import DojoError, UsageError
 from dojo_maps.short_repr import short_repr
 
 _RIDES = 10.0
-"""Cyclists per hour on a movement."""
+"""Cyclists per hour on a movement, where it has room for them."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -135,7 +135,7 @@ def write_demand(
 def _deliver(
     road_map: RoadMap, trips: list[Trip], strolls: list[Stroll], path: Path, options: DemandOptions
 ) -> Demand:
-    write_route_file(trips, strolls, path)
+    write_route_file(trips, strolls, path, find_stubs(road_map))
     bicycles = sum(trip.vehicle_class == CYCLISTS for trip in trips)
     return Demand(
         begin=options.begin,
@@ -190,8 +190,12 @@ def _cyclists(road_map: RoadMap, options: DemandOptions, chance: np.random.Gener
     if options.bicycles == 0 or (options.bicycles is None and options.counts):
         return []
     rides = find_rides(road_map, own_lanes=options.bicycles is None)
-    each = _RIDES if options.bicycles is None else options.bicycles / max(len(rides), 1)
-    rates = np.full(len(rides), each)
+    if not rides:
+        return []
+    if options.bicycles is None:
+        rates = np.minimum(fill_routes(road_map, rides)[0], _RIDES)
+    else:
+        rates = np.full(len(rides), options.bicycles / len(rides))
     return list(draw_trips(rides, rates, chance, begin=options.begin, end=options.end))
 
 

@@ -36,6 +36,8 @@ _LEAST = 20.0
 _LONGEST_CYCLE = 3_600.0
 _VEHICLE, _CRAMPED = 7.5, 0.25
 """Metres that one takes as it stands, and how many stand on average where there is less."""
+_SORTED = 20.0
+"""Metres of a road from which vehicles of different lanes wait beside each other and not behind."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -133,7 +135,11 @@ class Capacities:
             program = self._programs.get(links[0].signal or "")
             length += lane.length
             if program is not None and before is not None:
-                yield lane.road, self._room(before, links, length)
+                room = self._room(before, links, length)
+                if lane.length < _SORTED:
+                    green = float(_timeline(program, links[0].link_index or 0).mean())
+                    room = min(room, len(before) * max(green * SATURATION_FLOW, _LEAST))
+                yield lane.road, room
             if program is not None or len(self._ways_on[lane.road]) > 1:
                 before, length = links, 0.0
 

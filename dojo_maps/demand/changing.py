@@ -12,7 +12,7 @@ import numpy as np
 
 from dojo_maps.demand.movements import Route, find_routes
 from dojo_maps.demand.patterns import Pattern, Range
-from dojo_maps.demand.route_file import Stop, Stroll, Trip, draw_strolls, format_routes
+from dojo_maps.demand.route_file import Stop, Stroll, Trip, draw_strolls, find_stubs, format_routes
 from dojo_maps.demand.volumes import fill_routes
 from dojo_maps.demand.walkers import find_walks
 from dojo_maps.description import Lane, RoadMap
@@ -66,6 +66,7 @@ class ChangingTraffic:
             )
         self._signals = _group_sides(road_map, self._routes)
         self._closable = _find_closable(road_map, self._routes)
+        self._stubs = find_stubs(road_map)
 
     def draw(self, seed: int, *, begin: float, end: float) -> tuple[list[Trip], list[Stroll]]:
         """Draw the traffic of an episode.
@@ -92,7 +93,7 @@ class ChangingTraffic:
 
     def format(self, seed: int, *, begin: float, end: float) -> str:
         """Write the traffic of an episode as a SUMO route file."""
-        return format_routes(*self.draw(seed, begin=begin, end=end))
+        return format_routes(*self.draw(seed, begin=begin, end=end), self._stubs)
 
     def _draw_surges(
         self, sides: Sequence[_Side], chance: np.random.Generator, *, begin: float, end: float

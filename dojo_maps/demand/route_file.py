@@ -1,7 +1,7 @@
 """Draw departures by chance, and write who departs as a SUMO route file."""
 
 from collections import Counter
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence, Set
 from dataclasses import dataclass
 from pathlib import Path
 from xml.sax.saxutils import quoteattr
@@ -10,11 +10,15 @@ import numpy as np
 
 from dojo_maps.demand.movements import Route
 from dojo_maps.demand.walkers import Walk
+from dojo_maps.description import RoadMap
 from dojo_maps.geometry.polylines import Floats
+from dojo_maps.index import MapIndex
 from dojo_maps.whole_file import replaced
 
 _TYPES = {"passenger": "car"}
 """What types are called, where not after the class of their vehicles."""
+_ROOM = 15.0
+"""Metres that a bus takes as it stands, and a little."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -75,14 +79,29 @@ def draw_strolls(
             yield Stroll(depart=depart, walk=walk, number=number)
 
 
-def write_route_file(trips: Sequence[Trip], strolls: Iterable[Stroll], path: Path) -> None:
+def find_stubs(road_map: RoadMap) -> frozenset[str]:
+    """Find the roads on which no two vehicles have room behind each other."""
+    lanes = MapIndex(road_map).lanes
+    return frozenset(road.id for road in road_map.roads if lanes[road.lanes[0]].length < _ROOM)
+
+
+def write_route_file(
+    trips: Sequence[Trip], strolls: Iterable[Stroll], path: Path, stubs: Set[str] = frozenset()
+) -> None:
     """Write vehicles and people in the order of their departures; the file appears whole."""
     with replaced(path) as fresh:
-        fresh.write_text(format_routes(trips, strolls), encoding="utf-8")
+        fresh.write_text(format_routes(trips, strolls, stubs), encoding="utf-8")
 
 
-def format_routes(trips: Sequence[Trip], strolls: Iterable[Stroll]) -> str:
-    """Write vehicles and people in the order of their departures as SUMO's XML."""
+def format_routes(trips: Sequence[Trip], strolls: Iterable[Stroll], stubs: Set[str] = frozenset()) -> str:
+    """Write vehicles and people in the order of their departures as SUMO's XML.
+
+    Args:
+        trips: the vehicles.
+        strolls: the people on foot.
+        stubs: roads that are shorter than a vehicle: one departs behind the last one there, as SUMO would
+            otherwise put it on top of that.
+    """
     classes = dict.fromkeys(("passenger", "bus", *(trip.vehicle_class for trip in trips)))
     types = [(_TYPES.get(name, name), name) for name in classes]
     routes = {key: number for number, key in enumerate(dict.fromkeys(trip.roads for trip in trips))}
@@ -91,7 +110,10 @@ def format_routes(trips: Sequence[Trip], strolls: Iterable[Stroll]) -> str:
         f'    <route id="route_{number}" edges={quoteattr(" ".join(roads))}/>'
         for roads, number in routes.items()
     ]
-    departures = [(trip.depart, _vehicle(trip, *key)) for trip, key in _numbered(trips, routes)]
+    departures = [
+        (trip.depart, _vehicle(trip, *key, is_stub=trip.roads[0] in stubs))
+        for trip, key in _numbered(trips, routes)
+    ]
     departures += [(stroll.depart, person) for stroll, person in _people(strolls)]
     lines += [f"    {line}" for _, line in sorted(departures)]
     return "\n".join(["<routes>", *lines, "</routes>", ""])
@@ -113,12 +135,14 @@ def _numbered(
         used[number] += 1
 
 
-def _vehicle(trip: Trip, route: int, number: int) -> str:
+def _vehicle(trip: Trip, route: int, number: int, *, is_stub: bool) -> str:
     kind = _TYPES.get(trip.vehicle_class, trip.vehicle_class)
     text = (
         f'<vehicle id="v{route}.{number}" type="{kind}" route="route_{route}" depart="{trip.depart:.2f}" '
         'departLane="best" departSpeed="max"'
     )
+    if is_stub:
+        text += ' departPos="last"'
     if trip.stop is None:
         return f"{text}/>"
     stop = trip.stop

@@ -115,7 +115,7 @@ class _Usage:
         capacities = model.of(flows)
         rows: dict[str, int] = {}
         entries: list[tuple[int, int, float]] = []
-        carried, kept = _road_flows(road_map, {route.roads[0] for route in routes})
+        carried, kept = _road_flows(road_map, routes)
         for column, route in enumerate(routes):
             for road in route.roads:
                 row = rows.setdefault(f"road {road}", len(rows))
@@ -150,13 +150,15 @@ class _Usage:
         return used
 
 
-def _road_flows(road_map: RoadMap, entries: set[str]) -> tuple[dict[str, float], dict[str, float]]:
+def _road_flows(road_map: RoadMap, routes: Sequence[Route]) -> tuple[dict[str, float], dict[str, float]]:
     """Tell how many vehicles per hour each road can carry, and the share of a green that it keeps busy."""
     lanes = MapIndex(road_map).lanes
+    entries = {route.roads[0] for route in routes}
+    classes = {*CLASSES, *(route.vehicle_class for route in routes)}
     signalled = {junction for signal in road_map.signals for junction in signal.junctions}
     flows, kept = {}, {}
     for road in road_map.roads:
-        driven = [lanes[lane] for lane in road.lanes if set(CLASSES) & set(lanes[lane].allow)]
+        driven = [lanes[lane] for lane in road.lanes if classes & set(lanes[lane].allow)]
         between = road.from_junction in signalled and road.to_junction in signalled
         kept[road.id] = 1.0
         if driven and (road.id in entries or between):

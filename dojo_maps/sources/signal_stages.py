@@ -32,7 +32,8 @@ class SignalLink:
         heading: of a vehicle as it arrives, degrees counter-clockwise from east.
         far: it turns across the opposite traffic.
         alone: the lane it starts from is for such turns only.
-        onto: the road it leads to, where that leads to another junction of the signal; "" elsewhere.
+        to: the road it leads to; "" of those who walk.
+        onto: the same where it leads to another junction of the signal; "" elsewhere.
         over: the roads that those who walk cross.
     """
 
@@ -47,6 +48,7 @@ class SignalLink:
     direction: str
     far: bool
     alone: bool
+    to: str = ""
     onto: str = ""
     over: frozenset[str] = frozenset()
 
@@ -94,7 +96,7 @@ def read_links(road_map: RoadMap, signal: Signal) -> dict[int, SignalLink]:
         lane = lanes[connection.from_lane]
         link = _vehicle(connection, lane.road, lane.speed, turns[lane.id], far)
         onto = lanes[connection.to_lane].road
-        links[link.index] = replace(_with(link, foes, yields), onto=onto if onto in inner else "")
+        links[link.index] = replace(_with(link, foes, yields), to=onto, onto=onto if onto in inner else "")
     for crossing in crossings:
         link = _walk(crossing)
         links[link.index] = _with(link, foes, yields)
@@ -235,7 +237,10 @@ def _compatible(links: dict[int, SignalLink], stage: set[int], group: frozenset[
 
 
 def _may_share(one: SignalLink, other: SignalLink) -> bool:
-    """Tell whether two vehicle links may have green together."""
+    """Tell whether two vehicle links may have green together.
+
+    Who turns across the opposite traffic finds gaps in it; who merges with a stream would find none.
+    """
     if other.index not in one.foes or one.road == other.road:
         return True
     turn = abs((one.heading - other.heading + 180) % 360 - 180)
@@ -244,7 +249,9 @@ def _may_share(one: SignalLink, other: SignalLink) -> bool:
     yielding = [a for a, b in ((one, other), (other, one)) if b.index in a.yields_to]
     if len(yielding) != 1:
         return False
-    return yielding[0].direction.lower() != "s" and not (yielding[0].far and yielding[0].alone)
+    first, second = yielding[0], other if yielding[0] is one else one
+    merges = first.to == second.to and not first.far
+    return first.direction.lower() != "s" and not merges and not (first.far and first.alone)
 
 
 def _lets_walk(link: SignalLink, walk: SignalLink) -> bool:

@@ -17,7 +17,7 @@ from dojo_maps.sources.osm.layout.carriageway_spacing import side_by_side
 from dojo_maps.sources.osm.plain.lane_connections import STRAIGHT, connect_lanes
 from dojo_maps.sources.osm.plain.movements import Movement, Movements
 from dojo_maps.sources.osm.plain.right_of_way import RightOfWay
-from dojo_maps.sources.osm.plain.track_edges import TrackEdges
+from dojo_maps.sources.osm.plain.track_edges import NO_WAIT_INSIDE, TrackEdges
 from dojo_maps.sources.osm.read.lane_tags import LaneTags, LaneUse
 from dojo_maps.sources.osm.read.restrictions import Restriction
 from dojo_maps.sources.osm.read.way_tags import RoadTags
@@ -37,7 +37,6 @@ _WITH_TRAM = {
 }
 """The same of a lane that a tram shares."""
 _NO_LANE_CHANGE = ' changeLeft="authority" changeRight="authority"'
-_NO_WAIT_INSIDE = ' contPos="0"'
 _Link = tuple[Arm, int, Movement, int]
 """From a lane of an arm, by a movement, into a lane of its road."""
 
@@ -229,7 +228,7 @@ def _lane_links(layout: Layout, movements: Sequence[Movement]) -> list[str]:
         origin, goal = source.incoming, movement.target.outgoing
         shifts = [bool(layout.walk(edge)) for edge in (origin, goal)]
         more = _NO_LANE_CHANGE if (source, movement.target) in fans else ""
-        more += _NO_WAIT_INSIDE if _cuts_cycle_lane(layout, link) else ""
+        more += NO_WAIT_INSIDE if _cuts_cycle_lane(layout, link) else ""
         lines.append(
             f'<connection from="{origin}" to="{goal}" fromLane="{lane + shifts[0]}" '
             f'toLane="{onto + shifts[1]}"{more}/>'

@@ -23,6 +23,8 @@ _WHO = {
 }
 """Vehicle classes of SUMO's. People are let onto cycle tracks and trams', so that pavements lead over them;
 netconvert knows a railway by nobody but trains using it."""
+NO_WAIT_INSIDE = ' contPos="0"'
+"""Of a connection: who waits on it does so before the junction, where it is in nobody's way."""
 _PRIORITIES = {CYCLEWAY: 1, TRAM: 20, RAIL: 21}
 """Bicycles on tracks give way to roads, roads to rails."""
 
@@ -104,9 +106,11 @@ class TrackEdges:
             found = [str(edge) for name in tracks for edge in _directions(self._sections[name])]
             yield crossing_line(self._layout, junction, found)
         for link in self._tracks.links:
+            track = self._sections.get(link.source.edge.section)
+            more = NO_WAIT_INSIDE if track is not None and track.road.kind == CYCLEWAY else ""
             yield (
                 f'<connection from="{link.source.edge}" to="{link.target.edge}" '
-                f'fromLane="{self._lane(link.source)}" toLane="{self._lane(link.target)}"/>'
+                f'fromLane="{self._lane(link.source)}" toLane="{self._lane(link.target)}"{more}/>'
             )
         leading_on = {link.source.edge for link in self._tracks.links}
         for section in self._sections.values():
