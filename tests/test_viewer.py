@@ -2,9 +2,12 @@
 
 import base64
 import json
+import re
 import struct
 import zlib
+from collections import Counter
 from dataclasses import replace
+from importlib.resources import files
 from pathlib import Path
 
 import cv2
@@ -223,6 +226,20 @@ def test_a_map_with_names_like_markup_stays_data(bundle, tmp_path):
 @pytest.mark.parametrize("report", [{}, {"issues": None}, {"issues": [{"position": [1, 2]}, []]}])
 def test_a_report_that_is_not_as_it_should_be_marks_nothing(bundle, report):
     assert describe_map(bundle.road_map, report)["issues"] == []
+
+
+def test_of_solids_alone_the_inside_is_left_out(bundle):
+    script = (files("dojo_maps.viewer") / "page" / "scene.js").read_text(encoding="utf-8")
+    closed = re.compile(script.partition("const CLOSED = /")[2].partition("/;")[0])
+    solids = [mesh for mesh in bundle.read_meshes() if closed.match(mesh.name) and "signal/" not in mesh.name]
+    assert {"building", "building/car/tyre", "sidewalk", "signal", "tree"} <= {mesh.name for mesh in solids}
+    assert "tree/leaves" not in {mesh.name for mesh in solids}
+    for mesh in solids:
+        a, b, c = np.moveaxis((mesh.vertices - mesh.vertices.mean(axis=0))[mesh.faces], 1, 0)
+        _, corners = np.unique(mesh.vertices.round(4), axis=0, return_inverse=True)
+        edges = corners.ravel()[mesh.faces[:, [0, 1, 1, 2, 2, 0]]].reshape(-1, 2).tolist()
+        assert Counter(map(tuple, edges)) == Counter((end, start) for start, end in edges), mesh.name
+        assert np.einsum("ij,ij->", a, np.cross(b, c)) > 0, f"{mesh.name} is inside out"
 
 
 @pytest.mark.parametrize("far", [0.0, 900.0, 50_000.0])

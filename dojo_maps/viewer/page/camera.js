@@ -156,8 +156,8 @@ class View {
 
   // What is small and far is not drawn while something moves.
   leaveOut(fine) {
-    for (const mesh of this.scene.children) if (mesh.userData.isSmall) {
-      const isShown = fine || mesh.userData.middle.distanceTo(this.camera.position) < SMALL_REACH;
+    for (const mesh of this.scene.children) if (mesh.userData.reach) {
+      const isShown = fine || mesh.userData.box.distanceToPoint(this.camera.position) < mesh.userData.reach;
       if (isShown) mesh.layers.enable(0); else mesh.layers.disable(0);
     }
   }

@@ -1,7 +1,10 @@
 // The world as three.js draws it: sky, ground, the map's meshes and the sun's shadows.
 const SUN = new THREE.Vector3(-.52, -.44, .73).normalize();
 const SHADOW_SIZE = 2048, STILL = 1, MOVING = 2;
-const FAR_GROUND = 30000, SMALL_REACH = 500;
+const FAR_GROUND = 30000, SMALL_REACH = 350, DETAIL_REACH = 60;
+// Solids, of which only the outside is drawn. What stands up is drawn before the ground that it hides.
+const CLOSED = /^(sidewalk|walking_area|island|building|signal|tree)(?!\/(leaves|shelter\/glass))/;
+const STANDS = /^(building|signal|tree)/;
 const uniforms = {
   eye: { value: new THREE.Vector3() }, sun: { value: SUN }, shadowMatrix: { value: null },
   stillShadows: { value: null }, movingShadows: { value: null }, hasMoving: { value: false },
@@ -31,18 +34,19 @@ function bothMaterials(options) {
 
 function surfaceMaterials(record) {
   const paint = record.surface === "paint", glass = record.surface === "glass";
+  const sides = CLOSED.test(record.name) ? {} : { side: THREE.DoubleSide };
   return bothMaterials({
     vertexShader: surfaceVertex(record.surface), fragmentShader: surfaceFragment(record.surface),
     uniforms: { ...uniforms, colour: { value: new THREE.Vector3(...record.colour.map(linear)) } },
-    side: THREE.DoubleSide, transparent: glass, depthWrite: !glass,
+    ...sides, transparent: glass, depthWrite: !glass,
     // From kilometres away its centimetre above the road is lost in rounding.
     polygonOffset: paint, polygonOffsetFactor: -1, polygonOffsetUnits: -16
   });
 }
 
 function makeMesh(record, array, materials) {
-  const geometry = new THREE.BufferGeometry(), positions = array(record.positions);
-  geometry.setAttribute("position", new THREE.BufferAttribute(positions, 4));
+  const geometry = new THREE.BufferGeometry();
+  geometry.setAttribute("position", new THREE.BufferAttribute(array(record.positions), 4));
   geometry.setAttribute("normal", new THREE.BufferAttribute(array(record.normals), 4, true));
   if (record.spans) geometry.setAttribute("spans", new THREE.BufferAttribute(array(record.spans), 4));
   geometry.setIndex(new THREE.BufferAttribute(array(record.faces), 1));
@@ -54,13 +58,12 @@ function makeMesh(record, array, materials) {
   mesh.name = record.name;
   mesh.updateMatrixWorld();
   mesh.matrixAutoUpdate = false;
-  let low = Infinity, high = -Infinity;
-  for (let i = 2; i < positions.length; i += 4) { low = Math.min(low, positions[i]); high = Math.max(high, positions[i]); }
-  geometry.computeBoundingSphere();
-  mesh.userData.middle = geometry.boundingSphere.center.clone().applyMatrix4(mesh.matrixWorld);
-  mesh.userData.isSmall = /^(tree|signal|building\/|marking|stop_line|arrow|crossing)/.test(record.name);
-  const rises = (high - low) * record.scale[2] > 4;
-  if (rises || /^(building|tree|signal)/.test(record.name)) mesh.layers.enable(STILL);
+  geometry.computeBoundingBox();
+  const box = mesh.userData.box = geometry.boundingBox.clone().applyMatrix4(mesh.matrixWorld);
+  if (/^(tree|signal|building\/|marking|stop_line|arrow|crossing)/.test(record.name))
+    mesh.userData.reach = /\/(leaves|tyre)$/.test(record.name) ? DETAIL_REACH : SMALL_REACH;
+  if (STANDS.test(record.name)) mesh.renderOrder = -1;
+  if (box.max.z - box.min.z > 4 || STANDS.test(record.name)) mesh.layers.enable(STILL);
   return mesh;
 }
 
