@@ -13,10 +13,6 @@ from dojo_maps.sources.osm.graph.street_tracks import StreetPart, Streets, tram_
 from dojo_maps.sources.osm.graph.track_encounters import find_encounters
 from dojo_maps.sources.osm.layout.arms import Arm, Layout
 from dojo_maps.sources.osm.layout.track_layout import Meeting, TrackLayout
-from dojo_maps.sources.osm.read.track_tags import CYCLEWAY
-
-_MIDBLOCK = 2
-"""Roads that meet where nothing but a crossing is."""
 
 Parts = Mapping[str, Sequence[StreetPart]]
 """By track: what of it runs in streets."""
@@ -37,7 +33,7 @@ def meet_roads(layout: Layout) -> Layout:
         cut_at[name] = list(meetings[name])
         for index in _outside(graph, section, parts[name]):
             node = section.nodes[index]
-            meeting = _at_vertex(layout, ends, cuts, section, node) or _on_road(
+            meeting = _at_vertex(layout, ends, node) or _on_road(
                 layout, cuts, section, encounters.get((name, index), ())
             )
             if meeting is not None:
@@ -95,17 +91,11 @@ def _outside(graph: RoadGraph, section: Section, parts: Sequence[StreetPart]) ->
     ]
 
 
-def _at_vertex(
-    layout: Layout, ends: dict[int, list[str]], cuts: dict[Arm, float], track: Section, node: int
-) -> Meeting | None:
-    """Take the junction of a vertex that a track leads over; between junctions people cross beside it."""
+def _at_vertex(layout: Layout, ends: dict[int, list[str]], node: int) -> Meeting | None:
     if node not in layout.junctions.of:
         return None
     sections = [layout.graph.sections[name] for name in sorted(ends[node]) if name not in layout.inner]
     arms = tuple(Arm(section.id, section.end == node) for section in sections)
-    for arm in arms if len(arms) <= _MIDBLOCK and track.road.kind == CYCLEWAY else ():
-        if arm in layout.hosted:
-            _draw_back(layout, cuts, track, arm, 0.0)
     return Meeting(junction=layout.junctions.of[node], arms=arms)
 
 
@@ -119,29 +109,11 @@ def _on_road(
     section = layout.graph.sections[name]
     if name in layout.inner:
         return Meeting(junction=layout.junctions.of[section.start])
-    rest = layout.graph.length(section) - place
+    rules, rest = layout.rules.tracks, layout.graph.length(section) - place
     arm = Arm(name, rest < place)
-    _draw_back(layout, cuts, track, arm, min(place, rest))
+    metres = min(place, rest) + track.road.drives / 2 + rules.beside_road
+    cuts[arm] = max(cuts.get(arm, 0.0), min(metres, layout.room(arm, cuts, left=rules.road_left)))
     return Meeting(junction=layout.junction(arm), arms=(arm,))
-
-
-def _draw_back(layout: Layout, cuts: dict[Arm, float], track: Section, arm: Arm, place: float) -> None:
-    """Draw a road back behind a track; people cross beside a cycle track where there is room near.
-
-    Args:
-        layout: of the roads.
-        cuts: how far roads are drawn back, changed in place.
-        track: what crosses the road.
-        arm: the road.
-        place: where, metres from its end.
-    """
-    rules, before = layout.rules, cuts.get(arm, 0.0)
-    room = layout.room(arm, cuts, left=rules.tracks.road_left)
-    metres = place + track.road.drives / 2 + rules.tracks.beside_road
-    beside = metres + rules.crossings.width
-    if arm in layout.hosted and track.road.kind == CYCLEWAY and beside <= room:
-        metres = beside if beside - before <= rules.completeness.crossing_found else metres
-    cuts[arm] = max(before, min(metres, room))
 
 
 def _pieces_in(graph: RoadGraph, name: str, parts: Sequence[StreetPart]) -> Iterator[tuple[str, StreetPart]]:
