@@ -40,7 +40,8 @@ hour of each scenario, ± the standard deviation over {seeds} seeds.
 The settings are RESCO's: a decision every 10 s and 3 s of yellow (arterial4x4: 5 s and 2 s), no all-red, no \
 minimum green but what a decision leaves, no longest red, no teleporting. Three things differ. Its figures \
 were made with SUMO 1.9. On grid4x4 and arterial4x4 it draws another demand for each episode, where these \
-are runs of the one demand that the package `sumo-rl` holds. Its signals see 200 m, these 150 m.
+are runs of the one demand that the package `sumo-rl` holds. Its signals see 200 m, these 150 m. *Fixed \
+time* beside fixed-time tells how far that goes: both are the networks' own programs.
 
 Published figures of rules are means of all episodes; of learners, the mean of the last ten episodes of \
 training, and in brackets the best episode, which is what its paper shows. `learned` met these scenarios \

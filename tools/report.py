@@ -111,7 +111,8 @@ objects lie in memory. So each episode runs in empty memory, and a command gives
 """
 _AGAIN = """`python tools/report.py` writes this page, its tables and pictures anew from the rows' files. \
 The commands below make the rows; one that is there with the same settings is not run again, so delete its \
-folder first. `tools/robustness.py` makes the matrix."""
+folder first. `tools/robustness.py` makes the matrix, `tools/compare_resco.py` the page of \
+[RESCO's eight scenarios](resco/README.md)."""
 
 
 def write_report(results: Path, paper: Path | None) -> Path:
