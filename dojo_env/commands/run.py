@@ -62,7 +62,7 @@ def add_run(commands: Commands) -> None:
     run.add_argument(
         "--plot", type=Path, metavar="FILE", help="also draw figures over time: a .png, .svg or .pdf"
     )
-    run.add_argument("--record", metavar="STEM", help="also record each episode's snapshots")
+    run.add_argument("--record", metavar="STEM", help="also record each episode, in STEM_ep1.npz and so on")
     run.add_argument("--video", type=Path, metavar="FILE", help="also show every second in an .mp4 or .webm")
     run.add_argument(
         "--sumo-outputs",
