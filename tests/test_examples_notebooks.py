@@ -32,6 +32,7 @@ print(json.dumps(kinds))
 """
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", SHOWN)
 def test_notebook_runs(name: str, tmp_path: Path) -> None:
     environment = command_environment(IPYTHONDIR=str(tmp_path / "ipython"))

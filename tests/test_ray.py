@@ -164,11 +164,11 @@ def test_bad_arguments_are_one_line_before_any_work(tmp_path: Path) -> None:
         ("RLlib has no a2c", ("train", *here, "--algorithm", "a2c", *folder)),
         ("no averaged weights", ("train", *here, "--averaged-weights", *folder)),
         ("nowhere", ("train", *here, "--scenario", "nowhere", *folder)),
-        ("no such file", ("train", *here, "--resume", *folder)),
+        ("no training", ("train", *here, "--resume", *folder)),
     ]
     for words, arguments in wrong:
         done = run_env(arguments[0], "--quiet", *arguments[1:])
-        assert done.returncode == (3 if words == "no such file" else 2), arguments
+        assert done.returncode == (3 if words == "no training" else 2), arguments
         assert words in done.stderr
         assert len(done.stderr.strip().splitlines()) == 1, done.stderr
     assert not (tmp_path / "a").exists()
