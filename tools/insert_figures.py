@@ -43,6 +43,7 @@ PURPOSES = {
     "tzdata": "time zones",
     "gymnasium": "the environment's interface",
     "pettingzoo": "the same for several agents",
+    "pybullet": "a second renderer; with Python 3.11 only",
 }
 
 
