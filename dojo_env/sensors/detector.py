@@ -1,4 +1,4 @@
-"""The detector: the features of lanes as the cameras of the approaches measure them."""
+"""The detector: the features of lanes as the cameras of the approaches measure them; no loop in the road."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass

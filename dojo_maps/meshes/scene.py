@@ -7,11 +7,11 @@ import shapely
 
 from dojo_maps.description import RoadMap
 from dojo_maps.geometry.arrangement import divide_ground
-from dojo_maps.geometry.markings import line_markings, rail_markings
+from dojo_maps.geometry.junction_markings import arrow_paint, crossing_paint, stop_line_paint
+from dojo_maps.geometry.lane_lines import line_markings, rail_markings
 from dojo_maps.geometry.paint import Canvas
 from dojo_maps.geometry.pieces import Pieces, add_pieces
 from dojo_maps.geometry.polylines import Shapes
-from dojo_maps.geometry.symbols import arrow_paint, crossing_paint, stop_line_paint
 from dojo_maps.meshes.decals import paint_mesh
 from dojo_maps.meshes.furniture import signal_meshes
 from dojo_maps.meshes.mesh import Mesh

@@ -1,4 +1,4 @@
-"""Shapes painted at junctions: stop lines, turn arrows and the stripes of crossings."""
+"""Shapes painted at junctions: stop lines, turn arrows and the zebra stripes of crossings."""
 
 from collections import defaultdict
 from functools import cache
