@@ -21,7 +21,8 @@ from dojo_env.learning.universal.network import PhaseNet
 from dojo_env.learning.universal.rollouts import DISCOUNT, Trajectory
 
 Array = NDArray[np.float32]
-_TRACE, _CLIP, _STEEPEST = 0.9, 0.2, 0.5
+_TRACE, _STEEPEST = 0.9, 0.5
+"""How far advantages look ahead, and the longest step of the weights."""
 _MEMORY = 0.9
 """How much of a junction's usual cost stays with each episode."""
 
@@ -126,6 +127,7 @@ def update(
     epochs: int,
     size: int,
     entropy: float,
+    clip: float,
     generator: torch.Generator,
 ) -> None:
     """Improve the network on a batch.
@@ -137,6 +139,7 @@ def update(
         epochs: how often each decision is looked at.
         size: decisions of a step.
         entropy: the worth of trying things.
+        clip: how far an update may move the odds of a choice, as a share.
         generator: of the decisions' order.
     """
     for _ in range(epochs):
@@ -148,7 +151,7 @@ def update(
             chances = scores.log_softmax(1).gather(1, batch.actions[rows, None])[:, 0]
             ratio = (chances - batch.chances[rows]).exp()
             gains = batch.advantages[rows]
-            gain = torch.minimum(ratio * gains, ratio.clamp(1 - _CLIP, 1 + _CLIP) * gains).mean()
+            gain = torch.minimum(ratio * gains, ratio.clamp(1 - clip, 1 + clip) * gains).mean()
             error = (values - batch.returns[rows]).square().mean()
             loss = 0.5 * error - gain - entropy * _spread(scores, batch.mask[rows])
             optimizer.zero_grad()

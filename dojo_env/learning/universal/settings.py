@@ -34,6 +34,7 @@ class UniversalTraining:
         most_demand: likewise.
         learning_rate: at the beginning; it falls to 0.
         entropy: the worth of trying things, at the beginning; it falls to 0, too.
+        clip_range: how far an update may move the odds of a choice, as a share.
         epochs: how often an update looks at each decision.
         batch_size: decisions of a step.
         every: rounds between validations.
@@ -50,6 +51,7 @@ class UniversalTraining:
     most_demand: float = 1.5
     learning_rate: float = 1e-3
     entropy: float = 0.01
+    clip_range: float = 0.2
     epochs: int = 4
     batch_size: int = 512
     every: int = 10
@@ -73,6 +75,8 @@ class UniversalTraining:
             raise ConfigError(
                 f"least_demand={self.least_demand}, most_demand={self.most_demand}: expected shares"
             )
+        if not 0 < self.clip_range < 1:
+            raise ConfigError(f"clip_range={self.clip_range}: expected a share between 0 and 1")
         if not 0 <= self.seed < 1_000:
             raise ConfigError(f"seed={self.seed}: expected 0 to 999")
 

@@ -200,6 +200,7 @@ class _Learner:
             epochs=training.epochs,
             size=training.batch_size,
             entropy=training.entropy * left,
+            clip=training.clip_range,
             generator=torch.Generator().manual_seed(first),
         )
 
