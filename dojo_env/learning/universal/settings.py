@@ -13,6 +13,7 @@ from dojo_env.notes import say_once
 from dojo_env.scenario import find_scenario, open_map
 from dojo_maps.safe_json import read_json
 from dojo_maps.whole_file import write_json
+from dojo_maps.wording import counted
 
 SETTINGS, CHECKPOINT, CURVE, POLICY = "training.json", "checkpoint.pt", "curve.csv", "policy.npz"
 """The files of a run's folder."""
@@ -98,6 +99,12 @@ def list_junctions(scenarios: Sequence[str]) -> list[tuple[str, tuple[str, ...]]
             raise ConfigError(f"scenario {name}: no signal has two phases to choose from; leave it out")
         found.append((name, signals))
     return found
+
+
+def count_junctions(junctions: Sequence[tuple[str, Sequence[str]]]) -> str:
+    """Say how many junctions of how many scenarios `list_junctions` has found."""
+    count = counted(sum(len(signals) for _, signals in junctions), "junction")
+    return f"{count} of {counted(len(junctions), 'scenario')}"
 
 
 def read_settings(path: Path) -> UniversalTraining:

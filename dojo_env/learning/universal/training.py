@@ -33,6 +33,7 @@ from dojo_env.learning.universal.settings import (
     POLICY,
     SETTINGS,
     UniversalTraining,
+    count_junctions,
     list_junctions,
     read_settings,
     write_settings,
@@ -40,7 +41,6 @@ from dojo_env.learning.universal.settings import (
 from dojo_env.runs import run_controller
 from dojo_maps.progress import say
 from dojo_maps.whole_file import replaced, write_table
-from dojo_maps.wording import counted
 
 RIVAL = "queue-pressure"
 """What learns nothing, and is to be beaten."""
@@ -81,8 +81,7 @@ def train(
     check_folder(training, folder, read_settings, resume=resume)
     prepare_process()
     junctions = list_junctions(training.scenarios)
-    count = counted(sum(len(signals) for _, signals in junctions), "junction")
-    tell(f"{count} of {counted(len(junctions), 'scenario')}")
+    tell(count_junctions(junctions))
     learner = _Learner(training, junctions, run_all, tell)
     if resume:
         learner.restore(folder / CHECKPOINT)

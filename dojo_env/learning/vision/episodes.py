@@ -15,6 +15,7 @@ from dojo_env.config import build_config
 from dojo_env.controllers import make_controller
 from dojo_env.forks import call_in_fork
 from dojo_env.local_world import LocalWorld
+from dojo_env.notes import notes_unsaid
 from dojo_env.reading import HALTING
 from dojo_env.sensors.lane_network import SEEN
 from dojo_env.sensors.strip_geometry import CELL, CELLS, REACH, Strip, build_strips, cut_strips, measure_along
@@ -160,7 +161,7 @@ def _take(case: Case) -> Examples:
     acting = make_controller(case.controller)
     acting.reset(case.seed)
     times = set(draw.choice(np.arange(_WARM_UP, case.seconds - 1), case.looks, replace=False).tolist())
-    with closing(LocalWorld(config)) as world:
+    with notes_unsaid(), closing(LocalWorld(config)) as world:
         world.reset(case.seed)
         watched = _Watch(world, case)
         for second in range(1, case.seconds):

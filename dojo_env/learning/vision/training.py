@@ -12,7 +12,7 @@ from dojo_env.errors import SimulationError
 from dojo_env.learning.episode_pools import Mapper
 from dojo_env.learning.pace import Pace
 from dojo_env.learning.process_setup import prepare_process
-from dojo_env.learning.universal.settings import list_junctions
+from dojo_env.learning.universal.settings import count_junctions, list_junctions
 from dojo_env.learning.vision.episodes import Case, Examples, draw_case, take_examples
 from dojo_env.learning.vision.network import LaneNet
 from dojo_env.learning.vision.settings import CURVE, NETWORK, SETTINGS, VisionTraining, write_settings
@@ -20,7 +20,6 @@ from dojo_env.sensors.lane_network import SEEN, find_chances, scale_colours
 from dojo_env.sensors.strip_geometry import GEOMETRY
 from dojo_maps.progress import say
 from dojo_maps.whole_file import replaced, write_table
-from dojo_maps.wording import counted
 
 _FIRST_SEED, _SEEDS_PER_RUN = 2_000_000, 10_000
 _KEPT_BACK = 8
@@ -64,8 +63,7 @@ def collect_examples(
 ) -> list[Examples]:
     """Take all pictures; the same whoever simulates."""
     junctions = list_junctions(training.scenarios)
-    count = counted(sum(len(signals) for _, signals in junctions), "junction")
-    tell(f"{count} of {counted(len(junctions), 'scenario')}")
+    tell(count_junctions(junctions))
     first = _FIRST_SEED + training.seed * _SEEDS_PER_RUN
     cases = [
         draw_case(junctions, seed=first + number, seconds=training.seconds, looks=training.looks)
