@@ -148,13 +148,12 @@ def update(
             scores, values = network(
                 batch.phases[rows], batch.constraints[rows], batch.mask[rows], batch.present[rows]
             )
-            chances = scores.log_softmax(1).gather(1, batch.actions[rows, None])[:, 0]
-            ratio = (chances - batch.chances[rows]).exp()
-            gains = batch.advantages[rows]
-            gain = torch.minimum(ratio * gains, ratio.clamp(1 - clip, 1 + clip) * gains).mean()
-            error = (values - batch.returns[rows]).square().mean()
-            loss = 0.5 * error
+            loss = 0.5 * (values - batch.returns[rows]).square().mean()
             if clip is not None:
+                chances = scores.log_softmax(1).gather(1, batch.actions[rows, None])[:, 0]
+                ratio = (chances - batch.chances[rows]).exp()
+                gains = batch.advantages[rows]
+                gain = torch.minimum(ratio * gains, ratio.clamp(1 - clip, 1 + clip) * gains).mean()
                 loss = loss - gain - entropy * _spread(scores, batch.mask[rows])
             optimizer.zero_grad()
             loss.backward()
