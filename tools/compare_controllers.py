@@ -1,0 +1,133 @@
+"""Compare controllers on junctions that they never met, beside a rule that learns nothing.
+
+Each bundle or scenario is run with several demands and seeds under every controller, all within one set of
+constraints. Of each controller the table tells geometric means beside the rule's of travel time of all trips
+and of waiting, on how many pairs of junction and demand it is better in the mean over seeds, walkers beside
+fixed-time, its longest red, and the episodes that jam where the rule's do not.
+
+    python tools/compare_controllers.py one.dojo other.dojo --controllers learned fixed-time actuated
+"""
+
+import argparse
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import product
+from pathlib import Path
+
+import numpy as np
+
+from dojo_env.controllers import make_controller
+from dojo_env.controllers.phase_competition import PhaseCompetition
+from dojo_env.learning.episode_pools import open_processes
+from dojo_env.runs import JAMMED, run_controller
+from dojo_maps.whole_file import write_json
+
+FIXED = "fixed-time"
+"""What walkers are not to wait longer than under."""
+FIGURES = ("travel_time_all", "accumulated_waiting", "pedestrian_waiting", "longest_red", "late")
+
+
+@dataclass(frozen=True, slots=True)
+class Job:
+    """An episode."""
+
+    controller: str
+    scenario: str
+    demand: float
+    seed: int
+    seconds: int
+
+
+def measure(job: Job) -> dict[str, float]:
+    """Run an episode."""
+    is_file = job.controller.endswith(".npz")
+    controller = PhaseCompetition(Path(job.controller)) if is_file else make_controller(job.controller)
+    (found,) = run_controller(
+        controller,
+        [job.seed],
+        scenario=job.scenario,
+        num_seconds=job.seconds,
+        additional_sumo_cmd=f"--scale {job.demand:g}",
+    )
+    return {name: float(found[name]) for name in FIGURES}
+
+
+def tabulate(
+    found: dict[Job, dict[str, float]], controllers: Sequence[str], rule: str
+) -> dict[str, dict[str, float]]:
+    """Compare means over seeds; a row for each controller."""
+    places = sorted({(job.scenario, job.demand) for job in found})
+
+    def values(controller: str, figure: str) -> np.ndarray:
+        """Give (places, seeds)."""
+        return np.array([
+            [each[figure] for job, each in found.items()
+             if (job.controller, job.scenario, job.demand) == (controller, *place)]
+            for place in places
+        ])  # fmt: skip
+
+    rows = {}
+    for name in controllers:
+        time, waiting, walkers = (values(name, figure).mean(1) for figure in FIGURES[:3])
+        time0, waiting0 = (values(rule, figure).mean(1) for figure in FIGURES[:2])
+        fixed = values(FIXED, FIGURES[2]).mean(1)
+        rows[name] = {
+            "travel_time_all": _ratio(time, time0),
+            "accumulated_waiting": _ratio(waiting + 1, waiting0 + 1),
+            "faster": float((time < time0).mean()),
+            "waits_less": float((waiting < waiting0).mean()),
+            "walkers_beside_fixed_time": _ratio(walkers + 0.1, fixed + 0.1),
+            "walkers_no_longer": float((walkers <= fixed + 0.01).mean()),
+            "longest_red": float(values(name, "longest_red").max()),
+            "jams": int(((values(name, "late") > JAMMED) & (values(rule, "late") <= JAMMED)).sum()),
+        }
+    return rows
+
+
+def _ratio(ours: np.ndarray, theirs: np.ndarray) -> float:
+    return float(np.exp(np.mean(np.log(ours / theirs))) - 1.0)
+
+
+def main() -> int:
+    """Run all, print the table, and write every episode as JSON where asked."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
+    parser.add_argument("scenarios", nargs="+", metavar="SCENARIO")
+    parser.add_argument("--controllers", nargs="+", default=["learned"], help="names, or policies (.npz)")
+    parser.add_argument("--rule", default="queue-pressure", help="what learns nothing")
+    parser.add_argument("--demands", nargs="+", type=float, default=[0.9, 1.1], help="shares of the own")
+    parser.add_argument("--seeds", type=int, default=6)
+    parser.add_argument("--seconds", type=int, default=1800)
+    parser.add_argument("--processes", type=int, default=2)
+    parser.add_argument("--json", type=Path)
+    options = parser.parse_args()
+    controllers = list(dict.fromkeys([options.rule, FIXED, *options.controllers]))
+    seeds = range(options.seeds)
+    jobs = [
+        Job(*each, options.seconds)
+        for each in product(controllers, options.scenarios, options.demands, seeds)
+    ]
+    with open_processes(options.processes) as run_all:
+        found = dict(zip(jobs, run_all(measure, jobs), strict=True))
+    rows = tabulate(found, controllers, options.rule)
+    places = len(options.scenarios) * len(options.demands)
+    print(f"{places} pairs of junction and demand, {options.seeds} seeds each, beside {options.rule}")
+    print(f"{'':24}{'all trips':>10}{'waiting':>9}{'faster':>8}{'waits less':>12}"
+          f"{'walkers':>9}{'no longer':>11}{'red':>6}{'jams':>6}")  # fmt: skip
+    for name, row in rows.items():
+        print(
+            f"{name[-24:]:24}{row['travel_time_all']:+10.1%}{row['accumulated_waiting']:+9.0%}"
+            f"{row['faster']:8.0%}{row['waits_less']:12.0%}{row['walkers_beside_fixed_time']:+9.0%}"
+            f"{row['walkers_no_longer']:11.0%}{row['longest_red']:6.0f}{row['jams']:6.0f}"
+        )
+    if options.json:
+        episodes = [
+            {"controller": job.controller, "scenario": Path(job.scenario).name, "demand": job.demand,
+             "seed": job.seed, **figures} for job, figures in found.items()
+        ]  # fmt: skip
+        write_json(options.json, {"table": rows, "episodes": episodes})
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
