@@ -5,7 +5,7 @@ import subprocess
 import xml.etree.ElementTree as ET
 from collections import Counter, defaultdict
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import gymnasium
@@ -208,6 +208,17 @@ def test_short_road_before_a_signal_takes_what_one_green_lets_over(tmp_path: Pat
             assert 0 < (room or 0.0) <= 1_800 * green / sum(p.duration for p in program.phases) + 1
             seen += 1
     assert seen
+
+
+def test_buses_are_no_more_than_find_room(tmp_path: Path) -> None:
+    """One takes as much as two cars; many movements for buses alone meet on one road."""
+    road_map = convert(str(osm_drawings.cross().write(tmp_path / "a.osm")), tmp_path / "a.dojo")[0].road_map
+    buses = [replace(route, vehicle_class="bus") for route in find_routes(road_map)]
+    few, little = fill_routes(road_map, buses)
+    many, full = fill_routes(road_map, buses * 12)
+    assert few == pytest.approx(6.0)
+    assert little < full == pytest.approx(SATURATION, rel=0.01)
+    assert many.max() < 6.0
 
 
 def test_bundle_with_demand_is_a_scenario(tmp_path: Path) -> None:
