@@ -106,7 +106,7 @@ def test_who_waits_inside_a_junction_stands_in_nobodys_way(tmp_path: Path) -> No
         rules = replace(RULES, waiting=replace(RULES.waiting, widest=widest))
         road_map = build(cross(), tmp_path, rules).road_map
         states = {s.id: [phase.state for phase in s.programs[0].phases] for s in road_map.signals}
-        found = list(find_meetings(road_map, states, widest=2.5, nearest=1.0))
+        found = list(find_meetings(road_map, states, widest=2.5, nearest=1.0, walkers=True))
         depths.append(max((m.connection.waits or 0.0) - m.place for m in found))
         lengths.append([float(along(c.shape)[-1]) for c in road_map.connections])
     assert depths[0] > 0.1

@@ -1,7 +1,7 @@
 """Where vehicles that wait inside a junction come into the way of those that they let go first."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import shapely
 
@@ -28,7 +28,7 @@ class Meeting:
 
 
 def find_meetings(
-    road_map: RoadMap, states: Mapping[str, Sequence[str]], *, widest: float, nearest: float
+    road_map: RoadMap, states: Mapping[str, Sequence[str]], *, widest: float, nearest: float, walkers: bool
 ) -> Iterator[Meeting]:
     """Find for each way on which vehicles may wait inside a junction where they first stand in others' way.
 
@@ -40,8 +40,9 @@ def find_meetings(
         states: of each signal's programs.
         widest: metres across a vehicle; on narrower lanes there are narrower ones.
         nearest: metres from the stop line; whose way is met before, cannot be kept clear and does not count.
+        walkers: people on crossings are others, too.
     """
-    ways = _Ways(road_map, states, widest)
+    ways = _Ways(road_map if walkers else replace(road_map, crossings=()), states, widest)
     for junction in road_map.junctions:
         for way in junction.right_of_way:
             connection = ways.connections.get(way.link)

@@ -217,7 +217,7 @@ def _is_third(facts: Facts, way: Connection, lane: Lane) -> bool:
     hint="let it wait earlier: set the connection's contPos in netedit, or give the two greens of their own",
 )
 def check_waits_in_path(facts: Facts, limits: Limits) -> Iterator[Finding]:
-    """Find turns whose vehicles wait inside the junction for others, in the way of those.
+    """Find turns whose vehicles wait inside the junction for other vehicles, in the way of those.
 
     Such as who turns across the opposite traffic. Who is parted by a signal meets nobody.
     """
@@ -225,15 +225,14 @@ def check_waits_in_path(facts: Facts, limits: Limits) -> Iterator[Finding]:
         signal.id: [phase.state for program in signal.programs for phase in program.phases]
         for signal in facts.map.signals
     }
-    for meeting in find_meetings(facts.map, states, widest=limits.car, nearest=limits.in_path):
+    meetings = find_meetings(facts.map, states, widest=limits.car, nearest=limits.in_path, walkers=False)
+    for meeting in meetings:
         connection = meeting.connection
         depth = (connection.waits or 0.0) - meeting.place
         if meeting.other and depth > limits.in_path:
-            kind = "crossing" if meeting.other in facts.crossings else "connection"
             yield Finding(
                 elements=(
-                    *element("connection", connection.id),
-                    *element(kind, meeting.other),
+                    *element("connection", connection.id, meeting.other),
                     *element("lane", connection.from_lane, connection.to_lane),
                 ),
                 at=place_on(connection.shape, connection.waits or 0.0)[0],

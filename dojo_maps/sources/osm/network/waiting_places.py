@@ -39,7 +39,8 @@ def move_waiting_places(data: bytes, road_map: RoadMap, rules: WaitingRules) -> 
     states = {unescape(found[1]): _STATE.findall(found[2]) for found in _PROGRAM.finditer(text)}
     parts = {found[2]: (float(found[3]), _read_shape(found[5])) for found in _LANE.finditer(text) if found[2]}
     changed: dict[str, _Part] = {}
-    for meeting in find_meetings(road_map, states, widest=rules.widest, nearest=rules.nearest):
+    meetings = find_meetings(road_map, states, widest=rules.widest, nearest=rules.nearest, walkers=True)
+    for meeting in meetings:
         before, after = meeting.connection.via
         (length, shape), (rest, onward) = parts[before], parts[after]
         place = meeting.place * length / max(float(along(shape)[-1]), 1e-6)
