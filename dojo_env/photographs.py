@@ -2,7 +2,6 @@
 
 from pathlib import Path
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -46,6 +45,8 @@ def decode_photograph(data: bytes, path: Path) -> Image:
     Raises:
         PhotographError: as `read_photograph`.
     """
+    import cv2  # noqa: PLC0415 - OpenCV is large; few need it
+
     size = _read_size(data)
     if size is None:
         raise PhotographError(path, "not a JPEG or PNG picture; convert it first")

@@ -81,7 +81,7 @@ def test_vehicles_are_placed_on_their_lanes(change, kinds, scene, cameras):
 
 @pytest.mark.parametrize("change", [{}, {"distortion": (-0.25, 0.08, 0.001, -0.001)}])
 def test_visible_road_users_are_those_of_the_boxes(change, scene, cameras):
-    """Without colours and parked cars the same is seen as with them, also where the picture is turned."""
+    """Boxes alone tell nearly the same as bodies, also where a lens bends and where the picture is turned."""
     snapshot = traffic.rush_hour(scene.road_map, scene.road_map.signals[0].id)
     hung = [replace(camera, **change) for camera in cameras]
     renderer = Renderer(scene)
@@ -93,10 +93,14 @@ def test_visible_road_users_are_those_of_the_boxes(change, scene, cameras):
         *((sway(one, windy, 1.0), sway(both, windy, 1.0)) for one, both in zip(alone, pictures, strict=True)),
     ]:
         seen, boxes = one.visible, both.boxes
-        moving = ~boxes.parked
-        assert tuple(snapshot.ids[row] for row in seen.rows) == boxes.ids[: moving.sum()]
-        for name in ("picture", "pixels", "visible"):
-            np.testing.assert_array_equal(getattr(seen, name), getattr(boxes, name)[moving])
+        moving = np.flatnonzero(~boxes.parked & (boxes.pixels >= 30))
+        rows = {snapshot.ids[row]: k for k, row in enumerate(seen.rows)}
+        for k in moving:
+            box = rows[boxes.ids[k]]
+            # Bodies fill more than half of their boxes, and stand out of them only by mirrors and feet.
+            assert 0.9 * boxes.pixels[k] < seen.pixels[box] < 2.5 * boxes.pixels[k]
+            assert abs(seen.visible[box] - boxes.visible[k]) < 0.35
+            assert np.abs(seen.picture[box] - boxes.picture[k]).max() < 20
     assert sum(len(picture.visible.rows) for picture in alone) > 15
 
 

@@ -46,6 +46,9 @@ def add_train(commands: Commands) -> None:
         action="store_true",
         help="the network that sees lanes in pictures, for any junction, from those of --junctions",
     )
+    train.add_argument(
+        "--from", dest="start", metavar="POLICY", help="go on from such a policy: a file, or learned"
+    )
     train.add_argument("--algorithm", choices=list(ALGORITHMS), help="(default: ppo)")
     train.add_argument("--observation", choices=OBSERVATIONS, help="(default: features)")
     train.add_argument("--encoder", metavar="NAME", help="a frozen encoder of images, as efficientnet-lite0")
@@ -145,7 +148,7 @@ def _train_universal(options: argparse.Namespace) -> int:
     from dojo_env.learning.universal.settings import UniversalTraining, read_settings
     from dojo_env.scenario import PACKAGED
 
-    given = {"longest": options.seconds, "every": options.every}
+    given = {"longest": options.seconds, "every": options.every, "start": options.start}
     training = read_any_junction(options, tuple(PACKAGED), UniversalTraining, given)
     logs = _choose_logs(options)
     folder = options.out or Path("runs", f"universal-seed{training.seed}")
@@ -168,9 +171,10 @@ def _train_vision(options: argparse.Namespace) -> int:
     from dojo_env.learning.vision.settings import SETTINGS, VisionTraining
     from dojo_env.scenario import PACKAGED
 
-    unused = ("resume", "ray", "every", "tensorboard", "wandb")
+    unused = ("resume", "ray", "every", "tensorboard", "wandb", "start")
     if wrong := [name for name in unused if getattr(options, name)]:
-        raise ConfigError(f"--vision takes minutes, on this machine: leave --{wrong[0]} out")
+        name = "from" if wrong[0] == "start" else wrong[0]
+        raise ConfigError(f"--vision takes minutes, on this machine: leave --{name} out")
     training = read_any_junction(options, tuple(PACKAGED), VisionTraining, {"seconds": options.seconds})
     folder = options.out or Path("runs", f"vision-seed{training.seed}")
     if (folder / SETTINGS).exists():

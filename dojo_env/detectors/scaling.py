@@ -3,7 +3,6 @@
 from dataclasses import dataclass
 from typing import NamedTuple
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -92,4 +91,6 @@ class Scaling:
 def _resized(picture: Image, width: int, height: int) -> Image:
     if picture.shape[:2] == (height, width):
         return picture
+    import cv2  # noqa: PLC0415 - OpenCV is large; few need it
+
     return np.asarray(cv2.resize(picture, (width, height), interpolation=cv2.INTER_LINEAR), np.uint8)

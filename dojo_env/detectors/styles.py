@@ -9,7 +9,6 @@ from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Any, NamedTuple
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -258,6 +257,8 @@ def _count_centernet(outputs: Outputs, height: int, width: int) -> int | None:
 
 
 def _read_centernet(outputs: Outputs, ask: Question) -> Found:
+    import cv2  # noqa: PLC0415 - OpenCV is large; few need it
+
     heat, *others = (each[0] for each in outputs.values())
     sizes, *offsets = sorted(others, key=lambda each: -len(each))
     heat = heat[ask.wanted].astype(np.float32)

@@ -7,10 +7,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dojo_env.camera import Camera
-from dojo_env.rendering.compiling import kernel
 from dojo_env.rendering.parked import Parked
 from dojo_env.rendering.target import Target
 from dojo_env.rendering.traffic import Users
+from dojo_env.rendering.visibility import measure_pixels, turn_boxes
 from dojo_env.snapshot import Snapshot
 
 Ints = NDArray[np.int32]
@@ -56,7 +56,7 @@ class Boxes:
         Returns:
             Those that are still in the picture, clipped to it.
         """
-        picture, kept = _turn_boxes(self.picture, camera, homography)
+        picture, kept = turn_boxes(self.picture, camera, homography)
         projected, _ = camera.project(self.corners[kept].reshape(-1, 3))
         return Boxes(
             ids=tuple(self.ids[k] for k in kept),
@@ -69,58 +69,6 @@ class Boxes:
             corners=self.corners[kept],
             projected=projected.reshape(-1, 8, 2),
         )
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Visible:
-    """The simulated road users of which at least one pixel is visible: less than `Boxes`, for less.
-
-    Attributes:
-        rows: (k,) of the snapshot, ascending.
-        picture: (k, 4) as of `Boxes`.
-        pixels: (k,) as of `Boxes`.
-        visible: (k,) as of `Boxes`.
-    """
-
-    rows: NDArray[np.int32]
-    picture: NDArray[np.int32]
-    pixels: NDArray[np.int32]
-    visible: NDArray[np.float64]
-
-    def turned(self, camera: Camera, homography: NDArray[np.float64]) -> "Visible":
-        """Keep those that are still in the picture when it is turned; see `Boxes.turned`."""
-        picture, kept = _turn_boxes(self.picture, camera, homography)
-        return Visible(
-            rows=self.rows[kept], picture=picture[kept], pixels=self.pixels[kept], visible=self.visible[kept]
-        )
-
-
-def _turn_boxes(
-    boxes: Ints, camera: Camera, homography: NDArray[np.float64]
-) -> tuple[Ints, NDArray[np.intp]]:
-    """Move boxes along with a turned picture; returns them clipped to it, and which are still in it."""
-    corners = np.stack([boxes[:, [0, 0, 2, 2]], boxes[:, [1, 3, 1, 3]]], axis=2)
-    moved = np.concatenate([corners, np.ones_like(corners[..., :1])], axis=2) @ homography.T
-    pixels = np.rint(moved[..., :2] / moved[..., 2:]).clip(0, (camera.width, camera.height))
-    turned = np.concatenate([pixels.min(axis=1), pixels.max(axis=1)], axis=1).astype(np.int32)
-    return turned, np.flatnonzero((turned[:, 2:] > turned[:, :2]).all(axis=1))
-
-
-def measure_visible(target: Target, count_alone: Callable[[Ints], Ints], users: int) -> Visible:
-    """Measure how much of each road user shows in a picture that was just drawn.
-
-    Args:
-        target: the picture's buffers.
-        count_alone: tells how many pixels some road users would cover if each were alone.
-        users: how many road users there are.
-    """
-    # Nobody moves outside of the spans.
-    nothing = np.empty((0, 0), np.int32)
-    pixels, picture = _measure(target.tags, target.owners, target.spans, nothing, 0, users, users)
-    rows = np.flatnonzero(pixels).astype(np.int32)
-    pixels = pixels[rows]
-    visible = np.minimum(1.0, pixels / np.maximum(count_alone(rows), 1))
-    return Visible(rows=rows, picture=picture[rows], pixels=pixels, visible=visible)
 
 
 def measure_boxes(
@@ -145,7 +93,9 @@ def measure_boxes(
     count, cars = len(snapshot.ids), parked.cars
     first = int(cars.numbers[0]) if len(cars.ids) else 0
     rows = np.tile(np.array([0, standing.shape[1]], np.int32), (len(standing), 1))
-    pixels, spans = _measure(target.tags, target.owners, rows, standing, first, count, count + len(cars.ids))
+    pixels, spans = measure_pixels(
+        target.tags, target.owners, rows, standing, first, count, count + len(cars.ids)
+    )
     shown = np.flatnonzero(pixels).astype(np.int32)
     moving, still = shown[shown < count], shown[shown >= count] - count
     alone = np.concatenate([count_alone(moving), parked.alone[still]])
@@ -164,35 +114,3 @@ def measure_boxes(
         corners=corners,
         projected=projected.reshape(-1, 8, 2),
     )
-
-
-@kernel
-def _measure(tags, owners, columns, standing, first, count, total):
-    """Count each road user's visible pixels, and find the box they lie in.
-
-    Args:
-        tags: of the picture.
-        owners: of its faces.
-        columns: (h, 2) first and last column to look at in each row; the last is exclusive.
-        standing: (h, w) numbers of the parked cars, which come after `count`; empty where they do not count.
-        first: of these numbers.
-        count: of road users that move.
-        total: with the parked cars.
-    """
-    height, width = tags.shape
-    pixels = np.zeros(total, dtype=np.int32)
-    spans = np.zeros((total, 4), dtype=np.int32)
-    for k in range(total):
-        spans[k, 0], spans[k, 1] = width, height
-    for row in range(height):
-        for column in range(columns[row, 0], columns[row, 1]):
-            tag, k = tags[row, column], -1
-            if tag >= 0:
-                k = owners[tag]
-            elif len(standing) > 0 and standing[row, column] > 0:
-                k = count + standing[row, column] - first
-            if k >= 0:
-                pixels[k] += 1
-                spans[k, 0], spans[k, 1] = min(spans[k, 0], column), min(spans[k, 1], row)
-                spans[k, 2], spans[k, 3] = max(spans[k, 2], column + 1), max(spans[k, 3], row + 1)
-    return pixels, spans

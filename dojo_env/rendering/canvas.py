@@ -14,6 +14,7 @@ from dojo_env.rendering.scene import Lamps, Paths
 from dojo_env.rendering.target import Target, restore
 from dojo_env.rendering.traffic import Users
 from dojo_env.rendering.view import View
+from dojo_env.rendering.visibility import draw_boxes
 
 Ints = NDArray[np.int32]
 
@@ -65,6 +66,20 @@ class Canvas:
         lit = (self._light, self._sun, self._plain, colours)
         _draw(users, lamps, paths, self._models, *lit, self._view, self._clean, self._target)
         return self._target
+
+    def draw_boxes(self, users: Users) -> tuple[Target, Ints]:
+        """Draw nothing but the box around each road user.
+
+        Args:
+            users: the road users.
+
+        Returns:
+            The canvas's own buffers, whose tags are the users' rows; and (n,) the pixels that each box would
+            cover if nothing stood in front.
+        """
+        self._make_room(len(users.models))
+        restore(self._target, self._clean)
+        return self._target, draw_boxes(users, self._view, self._target)
 
     def count_pixels(self, users: Users, whose: Ints) -> Ints:
         """Count the pixels that each of some road users would cover if it were alone: (k,)."""

@@ -15,6 +15,7 @@ from dojo_env.rendering.scene import Lamps, Paths, Scene
 from dojo_env.rendering.target import Target, bend
 from dojo_env.rendering.traffic import Users
 from dojo_env.rendering.view import View, view_of
+from dojo_env.rendering.visibility import Visible, measure_visible
 from dojo_env.snapshot import Snapshot
 
 Indices = NDArray[np.int32]
@@ -36,7 +37,14 @@ class Sight:
 
     def draw(self, users: Users, lamps: Lamps, paths: Paths, *, colours: bool) -> Target:
         """Draw a frame, and look at it through the lens; see `Canvas.draw`."""
-        target = self.canvas.draw(users, lamps, paths, colours=colours)
+        return self._bend(self.canvas.draw(users, lamps, paths, colours=colours))
+
+    def measure_visible(self, users: Users) -> Visible:
+        """Tell how much of each road user shows, as a box."""
+        target, alone = self.canvas.draw_boxes(users)
+        return measure_visible(self._bend(target), alone)
+
+    def _bend(self, target: Target) -> Target:
         if self.rows is None:
             return target
         depths, tags, spans = bend(target.depths, target.tags, self.rows, self.columns)

@@ -14,7 +14,6 @@ from pathlib import Path
 from typing import Any, NoReturn
 from urllib.parse import unquote
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -280,6 +279,8 @@ class _Gltf:
 
 def _averaged(picture: NDArray[np.uint8]) -> NDArray[np.uint8]:
     """Shrink a picture, so that the colour taken at a place is that of its surroundings."""
+    import cv2  # noqa: PLC0415 - OpenCV is large; few need it
+
     height, width = (min(side, _TEXTURE) for side in picture.shape[:2])
     return np.asarray(cv2.resize(picture, (width, height), interpolation=cv2.INTER_AREA), np.uint8)
 

@@ -5,7 +5,7 @@ Both renderers, the spaces of observations and every check read this table; anot
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
-from functools import partial
+from functools import cached_property, partial
 from types import MappingProxyType
 from typing import Any, NamedTuple
 
@@ -14,34 +14,40 @@ from numpy.typing import DTypeLike, NDArray
 
 from dojo_env.camera import Camera
 from dojo_env.errors import ConfigError
-from dojo_env.rendering.boxes import Boxes, Visible, measure_boxes, measure_visible
+from dojo_env.rendering.boxes import Boxes, measure_boxes
 from dojo_env.rendering.classes import SEMANTIC_OF_KIND, Semantic
 from dojo_env.rendering.compiling import kernel
-from dojo_env.rendering.display import colour_outputs, encode_images
 from dojo_env.rendering.eye import Eye
 from dojo_env.rendering.target import Target, label, resolve_pixels, resolve_samples
 from dojo_env.rendering.traffic import Users
+from dojo_env.rendering.visibility import Visible
 from dojo_env.snapshot import Snapshot
 
 
-class Drawing(NamedTuple):
-    """What the rasteriser has drawn through one camera.
+@dataclass(frozen=True, kw_only=True)
+class Drawing:
+    """What the rasteriser draws through one camera, once an output needs it.
 
     Attributes:
         camera: the camera.
         snapshot: the instant.
         users: its road users in place.
         eye: what the camera keeps from frame to frame.
-        target: the visibility buffer; valid until the camera draws again.
         factor: samples a pixel has, across and down.
+        draw: draws it.
     """
 
     camera: Camera
     snapshot: Snapshot
     users: Users
     eye: Eye
-    target: Target
     factor: int
+    draw: Callable[[], Target]
+
+    @cached_property
+    def target(self) -> Target:
+        """The visibility buffer; valid until the camera draws again."""
+        return self.draw()
 
 
 class BulletDrawing(NamedTuple):
@@ -118,6 +124,8 @@ class Picture:
 
     def _repr_png_(self) -> bytes | None:
         """Give what a notebook shows. Source: IPython's "rich display" protocol."""
+        from dojo_env.rendering.display import colour_outputs, encode_images  # noqa: PLC0415 - OpenCV is large; few need it
+
         images = colour_outputs(self.outputs)
         return encode_images(images) if images else None
 
@@ -172,8 +180,7 @@ def _boxes(drawing: Drawing) -> Boxes:
 
 
 def _visible(drawing: Drawing) -> Visible:
-    alone = partial(drawing.eye.sights[1].canvas.count_pixels, drawing.users)
-    return measure_visible(drawing.target, alone, len(drawing.snapshot.ids))
+    return drawing.eye.sights[1].measure_visible(drawing.users)
 
 
 def _bullet_depth(drawing: BulletDrawing) -> NDArray[np.float32]:
@@ -215,8 +222,10 @@ OUTPUTS: Mapping[str, Output] = MappingProxyType(
             make_bullet=lambda drawing: drawing.instance,
         ),
         # Measured last: counting what stands in front draws anew.
-        "visible": Output(what="`Visible` road users, without parked cars", make=_visible),
         "boxes": Output(what="`Boxes` of the road users in view", make=_boxes),
+        "visible": Output(
+            what="`Visible` road users, as the boxes around them, without parked cars", make=_visible
+        ),
     }
 )
 """Outputs by name, in the order in which they are made."""

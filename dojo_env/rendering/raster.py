@@ -12,15 +12,18 @@ import numpy as np
 
 from dojo_env.rendering.compiling import inner, kernel
 
-NEARER, COVER = 0, 1
-"""What a triangle does to the pixels it covers: NEARER takes those it is in front of, COVER takes all."""
+NEARER, COVER, COUNT = 0, 1, 2
+"""What a triangle does to pixels it covers: NEARER takes those it is in front of, COVER all, COUNT none."""
 STATIC = -1
 """Tag of pixels that show the static world as it is; lower ones are shaded or lit by something that moves."""
 
 
 @inner
 def fill_triangle(x0, y0, w0, x1, y1, w1, x2, y2, w2, tag, mode, depths, tags):
-    """Fill one triangle given by pixel positions and inverse depths; returns how many pixels changed."""
+    """Fill one triangle given by pixel positions and inverse depths; returns how many pixels it took.
+
+    Of COUNT it returns how many it covers.
+    """
     if y1 < y0:
         x0, y0, w0, x1, y1, w1 = x1, y1, w1, x0, y0, w0
     if y2 < y0:
@@ -44,6 +47,9 @@ def fill_triangle(x0, y0, w0, x1, y1, w1, x2, y2, w2, tag, mode, depths, tags):
         if area < 0.0:
             a, b = b, a
         start, stop = max(0.0, ceil(max(a, -1.0) - 0.5)), min(width, ceil(min(b, width + 1.0) - 0.5))
+        if mode == COUNT:
+            changed += max(0, int(stop) - int(start))
+            continue
         w = w0 + (y - y0) * slope_y + (start + 0.5 - x0) * slope_x
         for column in range(int(start), int(stop)):
             if mode == NEARER:

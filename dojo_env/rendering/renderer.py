@@ -1,7 +1,7 @@
 """The renderer: a snapshot through cameras. The static world comes from a cache; only what moves is drawn."""
 
 from collections.abc import Callable, Iterable, Sequence
-from functools import cache
+from functools import cache, partial
 from typing import Any
 
 from dojo_env.camera import Camera
@@ -100,8 +100,10 @@ class Renderer:
         lamps, paths = self._faces.lit(states), self._faces.paths(states) if self.show_links else NO_PATHS
         made: dict[str, Any] = {}
         for factor, colours, makers in passes:
-            target = eye.sights[factor].draw(users, lamps, paths, colours=colours)
-            drawing = Drawing(camera, snapshot, users, eye, target, factor)
+            draw = partial(eye.sights[factor].draw, users, lamps, paths, colours=colours)
+            drawing = Drawing(
+                camera=camera, snapshot=snapshot, users=users, eye=eye, factor=factor, draw=draw
+            )
             for name, make in makers:
                 made[name] = make(drawing)
         return Picture(camera=camera, outputs=made)

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from itertools import compress
+from itertools import accumulate, compress, pairwise
 from typing import Any
 
 import numpy as np
@@ -83,19 +83,22 @@ class _MountedDetector(Sensor):
 
     def observe(self, look: Look) -> LaneMeasurements:
         snapshot, lanes = look.snapshot, self._plan.lanes
-        count, halting, length = (np.zeros(len(self._watched)) for _ in range(3))
+        # Plain lists first: each touch of an array's item costs as much as all else of a vehicle.
+        counts, standing, lengths = ([0.0] * len(self._watched) for _ in range(3))
+        stands, long = (snapshot.speeds < HALTING).tolist(), snapshot.sizes[:, 0].tolist()
         for row in sorted(self._detected(look)):
             k = self._lanes.get(snapshot.lanes[row])
             if k is not None:
-                count[k] += 1
-                halting[k] += snapshot.speeds[row] < HALTING
-                length[k] += snapshot.sizes[row, 0]
+                counts[k] += 1
+                standing[k] += stands[row]
+                lengths[k] += long[row]
+        count, halting, length = np.array(counts), np.array(standing), np.array(lengths)
         phantoms = self._random.poisson(self._settings.false_alarms, len(lanes))
         mean_length = np.divide(length, count, out=np.full(len(count), _USUAL_LENGTH), where=count > 0)
         halting[: len(lanes)] += self._random.binomial(phantoms, 0.5)
         count[: len(lanes)] += phantoms
         waiting = self._waiting.add(snapshot.time, count, halting)
-        numbers = np.split(np.arange(int(count.sum())), np.cumsum(count.astype(int))[:-1])
+        ends = accumulate(map(int, count.tolist()), initial=0)
         return LaneMeasurements(
             time=snapshot.time,
             lanes=self._watched,
@@ -104,7 +107,7 @@ class _MountedDetector(Sensor):
             mean_speed=np.full(len(count), np.nan),
             mean_length=np.where(count > 0, mean_length, 0.0),
             waiting=waiting,
-            tracks=tuple(tuple(each.tolist()) for each in numbers),
+            tracks=tuple(tuple(range(first, last)) for first, last in pairwise(ends)),
         )
 
     def deliver(self, looks: Sequence[Any], view: SignalView) -> NDArray[np.float32]:

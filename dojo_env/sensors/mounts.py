@@ -9,8 +9,9 @@ import numpy as np
 
 from dojo_env.camera import Camera
 from dojo_env.conditions import Conditions
-from dojo_env.rendering.boxes import Boxes, Visible
+from dojo_env.rendering.boxes import Boxes
 from dojo_env.rendering.outputs import Picture
+from dojo_env.rendering.visibility import Visible
 
 
 def shake_cameras(cameras: Iterable[Camera], conditions: Conditions) -> tuple[Camera, ...]:

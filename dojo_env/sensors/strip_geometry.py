@@ -14,7 +14,6 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -106,6 +105,8 @@ def cut_strips(strips: Sequence[Strip], pictures: Mapping[Camera, Picture]) -> N
     Returns:
         (n, rows, columns, 3), black where nothing is in view.
     """
+    import cv2  # noqa: PLC0415 - OpenCV is large; few need it
+
     found = np.zeros((len(strips), ROWS, COLUMNS, 3), np.uint8)
     for camera, picture in pictures.items():
         rows = [row for row, strip in enumerate(strips) if strip.camera is camera]

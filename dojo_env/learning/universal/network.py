@@ -1,5 +1,7 @@
 """The network of the universal policy in torch: what `controllers.phase_competition` runs, and a value."""
 
+from collections.abc import Mapping
+
 import numpy as np
 import torch
 from numpy.typing import NDArray
@@ -24,6 +26,25 @@ class PhaseNet(nn.Module):
             self.rule.weight.zero_()
             for name, weight in QUEUE_PRESSURE.items():
                 self.rule.weight[0, PHASE_FEATURES.index(name)] = weight
+
+    @classmethod
+    def of_weights(cls, weights: Mapping[str, NDArray[np.float32]]) -> "PhaseNet":
+        """Go on from a policy's weights, which hold no values of states.
+
+        Args:
+            weights: as `phase_competition.read_weights` gives them.
+
+        Returns:
+            A network of the same scores.
+        """
+        network = cls(len(weights["encode1_bias"]))
+        named = {name: torch.from_numpy(np.array(array)) for name, array in weights.items()}
+        own = network.state_dict()
+        for name in own:
+            layer, _, part = name.partition(".")
+            own[name] = named.get(f"{layer}_{part}", own[name])
+        network.load_state_dict(own)
+        return network
 
     def forward(
         self, phases: torch.Tensor, constraints: torch.Tensor, mask: torch.Tensor, present: torch.Tensor

@@ -127,7 +127,7 @@ def update(
     epochs: int,
     size: int,
     entropy: float,
-    clip: float,
+    clip: float | None,
     generator: torch.Generator,
 ) -> None:
     """Improve the network on a batch.
@@ -139,7 +139,7 @@ def update(
         epochs: how often each decision is looked at.
         size: decisions of a step.
         entropy: the worth of trying things.
-        clip: how far an update may move the odds of a choice, as a share.
+        clip: how far an update may move the odds of a choice, as a share; None leaves choices as they are.
         generator: of the decisions' order.
     """
     for _ in range(epochs):
@@ -148,12 +148,13 @@ def update(
             scores, values = network(
                 batch.phases[rows], batch.constraints[rows], batch.mask[rows], batch.present[rows]
             )
-            chances = scores.log_softmax(1).gather(1, batch.actions[rows, None])[:, 0]
-            ratio = (chances - batch.chances[rows]).exp()
-            gains = batch.advantages[rows]
-            gain = torch.minimum(ratio * gains, ratio.clamp(1 - clip, 1 + clip) * gains).mean()
-            error = (values - batch.returns[rows]).square().mean()
-            loss = 0.5 * error - gain - entropy * _spread(scores, batch.mask[rows])
+            loss = 0.5 * (values - batch.returns[rows]).square().mean()
+            if clip is not None:
+                chances = scores.log_softmax(1).gather(1, batch.actions[rows, None])[:, 0]
+                ratio = (chances - batch.chances[rows]).exp()
+                gains = batch.advantages[rows]
+                gain = torch.minimum(ratio * gains, ratio.clamp(1 - clip, 1 + clip) * gains).mean()
+                loss = loss - gain - entropy * _spread(scores, batch.mask[rows])
             optimizer.zero_grad()
             loss.backward()
             torch.nn.utils.clip_grad_norm_(network.parameters(), _STEEPEST)

@@ -26,6 +26,7 @@ class UniversalTraining:
 
     Attributes:
         scenarios: names or paths; the policy learns at all of their signals.
+        start: the policy to go on from, a file or `learned`; None begins with queue pressure.
         seed: of everything random.
         rounds: of episodes, each with an update.
         episodes: of a round.
@@ -43,6 +44,7 @@ class UniversalTraining:
     """
 
     scenarios: tuple[str, ...]
+    start: str | None = None
     seed: int = 0
     rounds: int = 60
     episodes: int = 32

@@ -9,14 +9,17 @@ from contextlib import closing
 from dataclasses import asdict
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from dojo_env.controllers import make_controller
-from dojo_env.controllers.phase_competition import PhaseCompetition
+from dojo_env.config import build_config
+from dojo_env.controllers import Controller, make_controller
+from dojo_env.controllers.phase_competition import PACKAGED, PhaseCompetition, read_weights
 from dojo_env.errors import SimulationError
+from dojo_env.forks import call_in_fork
 from dojo_env.learning.episode_pools import Mapper
 from dojo_env.learning.figure_logs import open_logger
 from dojo_env.learning.pace import Pace
@@ -38,13 +41,16 @@ from dojo_env.learning.universal.settings import (
     read_settings,
     write_settings,
 )
-from dojo_env.runs import run_controller
+from dojo_env.local_world import LocalWorld
+from dojo_env.notes import notes_unsaid
 from dojo_maps.progress import say
 from dojo_maps.whole_file import replaced, write_table
 
 RIVAL = "queue-pressure"
 """What learns nothing, and is to be beaten."""
 _VALIDATION_SEED, _FIRST_SEED, _SEEDS_PER_RUN = 500, 1_000, 1_000_000
+_VALUES_FIRST = 2
+"""Rounds in which a policy that goes on from another learns only what states are worth: weights lack it."""
 _FIGURES = ("travel_time_all", "accumulated_waiting")
 _COLUMNS = ("round", *_FIGURES, "score")
 _WAITING_COUNTS = 0.2
@@ -115,7 +121,8 @@ class _Learner:
     ) -> None:
         self._training, self._junctions, self._run_all, self._tell = training, junctions, run_all, tell
         torch.manual_seed(training.seed)
-        self.network = PhaseNet()
+        start = training.start
+        self.network = PhaseNet() if start is None else PhaseNet.of_weights(read_start(start))
         self._optimizer = torch.optim.Adam(self.network.parameters(), eps=1e-5)
         self._usual = UsualCosts()
         self.rows: list[dict[str, float]] = []
@@ -199,7 +206,7 @@ class _Learner:
             epochs=training.epochs,
             size=training.batch_size,
             entropy=training.entropy * left,
-            clip=training.clip_range,
+            clip=None if training.start is not None and number < _VALUES_FIRST else training.clip_range,
             generator=torch.Generator().manual_seed(first),
         )
 
@@ -241,10 +248,29 @@ def _measure(actor: str | Weights, case: Case) -> dict[str, float]:
     """Measure a controller, or a policy's weights, in an episode."""
     controller = make_controller(actor) if isinstance(actor, str) else PhaseCompetition(actor)
     try:
-        (figures,) = run_controller(controller, [case.seed], **case.environment)
+        figures: dict[str, Any] = call_in_fork(_run_episode, controller, case)
     except SimulationError as error:
         raise SimulationError(f"{case.scenario}, seed {case.seed}: {error}") from error
     return {name: float(figures[name]) for name in _FIGURES}
+
+
+def _run_episode(controller: Controller, case: Case) -> dict[str, Any]:
+    settings = {**case.environment, **controller.settings}
+    with notes_unsaid(), closing(LocalWorld(build_config(**settings))) as world:
+        _, figures = world.run(controller, case.seed)
+    return figures
+
+
+def read_start(name: str) -> Weights:
+    """Read the policy that a training goes on from.
+
+    Args:
+        name: `learned`, or a file.
+
+    Raises:
+        PolicyError: the file holds none.
+    """
+    return read_weights(PACKAGED / "learned.npz" if name == "learned" else Path(name))
 
 
 def write_weights(weights: Weights, path: Path) -> None:
