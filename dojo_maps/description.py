@@ -141,6 +141,8 @@ class Connection:
 
     `joints` tells how far apart the parts lie where one meets the next, from the lane's end over each
     internal lane to the next lane's start: metres across and metres up; none without internal lanes.
+    `waits` tells how far from the lane's end its vehicles wait inside the junction for others, metres; None
+    where they do not.
     """
 
     from_lane: str = field(metadata={"json": "from"})
@@ -152,6 +154,7 @@ class Connection:
     link_index: int | None
     shape: Points
     joints: tuple[tuple[float, float], ...] = ()
+    waits: float | None = None
 
     @property
     def id(self) -> str:

@@ -4,8 +4,10 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from osm_drawings import Drawing
+from osm_drawings import Drawing, cross
 
+from dojo_maps.geometry.polylines import along
+from dojo_maps.signals.waiting import find_meetings
 from dojo_maps.sources.osm import read_osm
 from dojo_maps.sources.osm.graph.edge_id import EdgeId
 from dojo_maps.sources.osm.graph.steps import build_graph
@@ -95,3 +97,18 @@ def test_limits_are_those_that_an_import_is_given(tmp_path: Path) -> None:
     driven = [lane for lane in built.lanes if lane.kind == "driving"]
     assert {lane.width for lane in driven} == {3.0}
     assert max(float(lane.shape[:, 2].max()) for lane in driven) == 7.0
+
+
+def test_who_waits_inside_a_junction_stands_in_nobodys_way(tmp_path: Path) -> None:
+    """netconvert lets them wait where the middles of two ways meet: a bus would stand in the other's."""
+    depths, lengths = [], []
+    for widest in (0.0, 2.5):
+        rules = replace(RULES, waiting=replace(RULES.waiting, widest=widest))
+        road_map = build(cross(), tmp_path, rules).road_map
+        states = {s.id: [phase.state for phase in s.programs[0].phases] for s in road_map.signals}
+        found = list(find_meetings(road_map, states, widest=2.5, nearest=1.0, walkers=True))
+        depths.append(max((m.connection.waits or 0.0) - m.place for m in found))
+        lengths.append([float(along(c.shape)[-1]) for c in road_map.connections])
+    assert depths[0] > 0.1
+    assert depths[1] == pytest.approx(0.0, abs=0.02)
+    assert lengths[0] == pytest.approx(lengths[1], abs=0.05), "the ways stay as they are"

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import pytest
 
+from dojo_maps.sources.signal_programs import compute_program
 from dojo_maps.sources.signal_stages import SignalLink, build_stages
 
 CAR = SignalLink(
@@ -34,3 +35,50 @@ def test_who_turns_merges_with_no_stream_in_its_green(to: str, far: bool, togeth
     through = replace(CAR, index=1, road="main", to="exit", heading=-90.0, direction="s", foes=frozenset({0}))
     stages = build_stages({0: turning, 1: through})
     assert (len(stages) == 1) == together
+
+
+@pytest.mark.parametrize(("circle", "together"), [(False, True), (True, False)])
+def test_cyclists_let_each_other_pass_but_not_in_a_circle(circle: bool, together: bool) -> None:
+    """Three tracks cross; the last lets the first go, or nobody."""
+    track = replace(CAR, cycles=True, direction="s", room=50.0)
+    links = {
+        k: replace(
+            track,
+            index=k,
+            road=f"track {k}",
+            heading=120.0 * k,
+            foes=frozenset({0, 1, 2} - {k}),
+            yields_to=frozenset({0: {1, 2}, 1: {2}, 2: set()}[k]) if not circle else frozenset({(k + 1) % 3}),
+        )
+        for k in range(3)
+    }
+    assert (len(build_stages(links)) == 1) == together
+
+
+def test_stage_whose_links_go_in_others_is_left_out() -> None:
+    """The third road goes with both others, but people walk with the side road only: without the third."""
+    roads = (("main", {1, 3}), ("side", {0}), ("third", {3}))
+    links = {
+        k: replace(CAR, index=k, road=name, direction="s", heading=90.0 * k, foes=frozenset(foes))
+        for k, (name, foes) in enumerate(roads)
+    }
+    stages = build_stages(links | {3: replace(WALK, index=3, foes=frozenset({0, 2}))})
+    assert [(set(stage.vehicles), set(stage.walks)) for stage in stages] == [({0, 2}, set()), ({1}, {3})]
+
+
+@pytest.mark.parametrize(("room", "later"), [(8.0, True), (60.0, False)])
+def test_short_road_between_stop_lines_ends_after_those_who_fill_it(room: float, later: bool) -> None:
+    filling = replace(CAR, road="main", to="between", onto="between", direction="s")
+    between = replace(CAR, index=1, road="between", to="exit", direction="s", room=room)
+    side = replace(CAR, index=2, road="side", to="end", heading=0.0, direction="s")
+    links = {
+        0: replace(filling, foes=frozenset({2})),
+        1: replace(between, foes=frozenset({2})),
+        2: replace(side, foes=frozenset({0, 1})),
+    }
+    rows = compute_program(links)
+    ends = [next(k for k, (_, state) in enumerate(rows) if state[link] == "y") for link in (0, 1)]
+    assert (ends[1] > ends[0]) == later
+    lag = sum(seconds for seconds, state in rows if state[0] != "G" and state[1] == "G")
+    assert lag <= 3 + 6, "its green is no green of its own for who chooses phases"
+    assert all(state[2] != "G" or state[:2] == "rr" for _, state in rows)

@@ -34,7 +34,7 @@ from dojo_maps.validation.profiles import DEFAULT, PROFILES, Limits
 TETRAHEDRON = np.array([(0, 2, 1), (0, 1, 3), (1, 2, 3), (2, 0, 3)])
 CODES = {
     *(f"GEO{k:03}" for k in range(1, 20)),
-    *(f"TOP{k:03}" for k in range(1, 17)),
+    *(f"TOP{k:03}" for k in range(1, 18)),
     *(f"SIG{k:03}" for k in range(1, 21)),
     *(f"PED{k:03}" for k in range(1, 11)),
     *(f"SUM{k:03}" for k in range(1, 3)),

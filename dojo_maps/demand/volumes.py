@@ -27,7 +27,9 @@ busy: its flow falls by its length to this share. Measured in SUMO: 0.49 at 15 m
 _WEIGHTS = {"s": 1.0, "r": 0.4, "l": 0.4, "R": 0.4, "L": 0.4}
 """Turning traffic is about 15 to 30 % of an approach."""
 _BUSES = 6.0
-"""Buses per hour on a movement that only they may make."""
+"""Buses per hour on a movement that only they may make, where they find room."""
+_SIZES = {"bus": 2.0}
+"""Cars that take as much of a road, by class. Source: Highway Capacity Manual, 7th edition, chapter 19."""
 _FEWEST = 1.0
 """Vehicles per hour of a movement that no other route passes, even if there is no room for them."""
 _ROUNDS = 6
@@ -51,11 +53,11 @@ def fill_routes(
     model, links = Capacities(road_map), _links_by_arc(road_map, routes)
     weights = np.array([_WEIGHTS.get(route.direction, 0.4) for route in routes])
     fixed = np.array([route.vehicle_class == "bus" for route in routes])
-    rates = np.where(fixed, _BUSES, 0.0)
     flows: dict[str, float] = {}
     for _ in range(_ROUNDS):
         usage = _Usage(road_map, routes, links, model, flows)
-        rates = _fill(usage, weights * usage.capacities(len(routes)), np.where(fixed, _BUSES, 0.0), ~fixed)
+        buses = np.minimum(_fill(usage, np.ones(len(routes)), np.zeros(len(routes)), fixed), _BUSES)
+        rates = _fill(usage, weights * usage.capacities(len(routes)), buses, ~fixed)
         found = _flows(routes, rates, links)
         flows = {link: (flow + flows.get(link, flow)) / 2 for link, flow in found.items()}
     rates = _with_every_movement(routes, rates)
@@ -117,17 +119,18 @@ class _Usage:
         entries: list[tuple[int, int, float]] = []
         carried, kept = _road_flows(road_map, routes)
         for column, route in enumerate(routes):
+            size = _SIZES.get(route.vehicle_class, 1.0)
             for road in route.roads:
                 row = rows.setdefault(f"road {road}", len(rows))
-                entries.append((row, column, 1.0 / carried[road]))
+                entries.append((row, column, size / carried[road]))
             for arc in route.arcs:
                 for link in links[arc]:
                     row = rows.setdefault(f"lane {link.from_lane}", len(rows))
                     entries.append(
-                        (row, column, 1.0 / (len(links[arc]) * capacities[link.id] * kept[arc[0]]))
+                        (row, column, size / (len(links[arc]) * capacities[link.id] * kept[arc[0]]))
                     )
             for road, room in model.rooms([links[arc] for arc in route.arcs]):
-                entries.append((rows.setdefault(f"room {road}", len(rows)), column, 1.0 / room))
+                entries.append((rows.setdefault(f"room {road}", len(rows)), column, size / room))
         self.resources = np.array([row for row, _, _ in entries], dtype=np.intp)
         self.routes = np.array([column for _, column, _ in entries], dtype=np.intp)
         self.shares = np.array([share for _, _, share in entries])

@@ -3,6 +3,7 @@
 import math
 import re
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 from dojo_maps.description import RoadMap
 from dojo_maps.signals.timing import clearing_time, walking_time, yellow_time
@@ -13,12 +14,42 @@ _WALK = 7
 _GREEN, _MAJOR_GREEN, _TURN_GREEN = 20, 32, 10
 """Seconds of green on streets, on wide roads and for protected turns, before walkers ask for more."""
 _MAJOR_LANES = 4
+_SLOWEST = 8.0
+"""Metres a second of who clears a junction."""
 _LONGEST = 120
 """Seconds of a cycle that are not exceeded unless walkers need them."""
 _LEAST = 7
+_STORES_FEW = 20.0
+"""Metres of a road between stop lines up to which those who come last in a green would stand back from it."""
+_LONGEST_LAG = 6
+"""Seconds of green that such a road has longer at most; what is longer counts as a green of its own."""
 
 PhaseRow = tuple[int, str]
 """Seconds and the letters of a phase."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Change:
+    """What lies between the greens of two stages, seconds.
+
+    Attributes:
+        yellow: of the links that end.
+        red: after the last yellow.
+        late: links of short roads that the others fill, and so end later.
+        lag: between the yellow of the others and theirs.
+        late_yellow: theirs.
+    """
+
+    yellow: int = 0
+    red: int = 0
+    late: frozenset[int] = frozenset()
+    lag: int = 0
+    late_yellow: int = 0
+
+    @property
+    def seconds(self) -> int:
+        """All of it."""
+        return self.yellow + self.lag + self.late_yellow + self.red
 
 
 def program_signals(data: bytes, road_map: RoadMap) -> bytes:
@@ -53,25 +84,45 @@ def compute_program(links: dict[int, SignalLink]) -> list[PhaseRow]:
     return _joined(phases)
 
 
-def _change(links: dict[int, SignalLink], stage: Stage, following: Stage) -> tuple[int, int]:
-    """Give the seconds of yellow and all-red between two stages."""
-    ending = [links[k] for k in stage.vehicles - following.vehicles]
+def _change(links: dict[int, SignalLink], stage: Stage, following: Stage) -> _Change:
+    """Find what lies between two stages."""
+    ending = stage.vehicles - following.vehicles
     if not ending:
-        return 0, 0
-    yellow = int(max(yellow_time(link.speed) for link in ending))
-    clear = max(clearing_time(link.length, max(link.speed, 8.0)) for link in ending)
-    return yellow, min(max(math.ceil(clear - 1.0), 1), 5)
+        return _Change()
+    fed = {links[k].onto for k in ending} - {""}
+    short = (k for k in ending if links[k].room < _STORES_FEW and not links[k].cycles)
+    late = frozenset(k for k in short if links[k].road in fed)
+    feeding = [links[k] for k in ending - late if links[k].onto in {links[k].road for k in late}]
+    if not feeding:
+        return _Change(yellow=_yellow(links, ending), red=_red(links, ending))
+    way = max((link.length + _STORES_FEW) / max(link.speed, _SLOWEST) for link in feeding)
+    return _Change(
+        yellow=_yellow(links, ending - late),
+        red=_red(links, late),
+        late=late,
+        lag=min(math.ceil(way), _LONGEST_LAG),
+        late_yellow=_yellow(links, late),
+    )
 
 
-def _tail(links: dict[int, SignalLink], stage: Stage, following: Stage, change: tuple[int, int]) -> int:
+def _yellow(links: dict[int, SignalLink], ending: frozenset[int]) -> int:
+    return int(max(yellow_time(links[k].speed) for k in ending))
+
+
+def _red(links: dict[int, SignalLink], ending: frozenset[int]) -> int:
+    clear = max(clearing_time(links[k].length, max(links[k].speed, _SLOWEST)) for k in ending)
+    return min(max(math.ceil(clear - 1.0), 1), 5)
+
+
+def _tail(links: dict[int, SignalLink], stage: Stage, following: Stage, change: _Change) -> int:
     """Give the seconds of green at a stage's end in which nobody starts to walk."""
     ending = stage.walks - following.walks
     clearance = int(max((walking_time(links[k].length) for k in ending), default=0))
-    return max(0, clearance - sum(change))
+    return max(0, clearance - change.seconds)
 
 
 def _green_times(
-    links: dict[int, SignalLink], stages: Sequence[Stage], changes: Sequence[tuple[int, int]]
+    links: dict[int, SignalLink], stages: Sequence[Stage], changes: Sequence[_Change]
 ) -> list[int]:
     wanted, least = [], []
     for number, stage in enumerate(stages):
@@ -83,7 +134,7 @@ def _green_times(
         green = green if stage.vehicles else _LEAST
         wanted.append(max(green, walkers))
         least.append(max(_LEAST, walkers))
-    lost = sum(map(sum, changes))
+    lost = sum(change.seconds for change in changes)
     while sum(wanted) + lost > _LONGEST and wanted != least:
         number = max(range(len(wanted)), key=lambda k: (wanted[k] - least[k], -k))
         wanted[number] -= 1
@@ -91,7 +142,7 @@ def _green_times(
 
 
 def _stage_phases(
-    links: dict[int, SignalLink], stage: Stage, following: Stage, green: int, change: tuple[int, int]
+    links: dict[int, SignalLink], stage: Stage, following: Stage, green: int, change: _Change
 ) -> list[PhaseRow]:
     size = max(links) + 1
     letters, after = letters_of(links, stage), letters_of(links, following)
@@ -100,7 +151,13 @@ def _stage_phases(
     phases = [(green - tail, _state(size, letters)), (tail, _state(size, staying))]
     kept = {k: min(letters[k], after[k], key="gG".index) for k in staying if k in after}
     fading = {k: "y" for k in staying if k not in after}
-    phases += [(change[0], _state(size, kept | fading)), (change[1], _state(size, kept))]
+    late = {k: letters[k] for k in change.late}
+    phases += [
+        (change.yellow, _state(size, kept | fading | late)),
+        (change.lag, _state(size, kept | late)),
+        (change.late_yellow, _state(size, kept | dict.fromkeys(late, "y"))),
+        (change.red, _state(size, kept)),
+    ]
     return phases
 
 

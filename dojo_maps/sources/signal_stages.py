@@ -9,10 +9,10 @@ roads between them have green together with the roads that fill them, or they wo
 import itertools
 import math
 from collections import defaultdict
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
-from dojo_maps.description import Connection, Crossing, RoadMap, Signal
+from dojo_maps.description import Connection, Crossing, Lane, LaneKind, RoadMap, Signal
 from dojo_maps.geometry.polylines import along
 from dojo_maps.index import MapIndex
 from dojo_maps.signals.conflicts import list_foes
@@ -35,6 +35,8 @@ class SignalLink:
         to: the road it leads to; "" of those who walk.
         onto: the same where it leads to another junction of the signal; "" elsewhere.
         over: the roads that those who walk cross.
+        cycles: its lane is for bicycles.
+        room: metres of that lane.
     """
 
     index: int
@@ -51,6 +53,8 @@ class SignalLink:
     to: str = ""
     onto: str = ""
     over: frozenset[str] = frozenset()
+    cycles: bool = False
+    room: float = math.inf
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -94,7 +98,7 @@ def read_links(road_map: RoadMap, signal: Signal) -> dict[int, SignalLink]:
     links = {}
     for connection in connections:
         lane = lanes[connection.from_lane]
-        link = _vehicle(connection, lane.road, lane.speed, turns[lane.id], far)
+        link = _vehicle(connection, lane, turns[lane.id], far)
         onto = lanes[connection.to_lane].road
         links[link.index] = replace(_with(link, foes, yields), to=onto, onto=onto if onto in inner else "")
     for crossing in crossings:
@@ -103,12 +107,14 @@ def read_links(road_map: RoadMap, signal: Signal) -> dict[int, SignalLink]:
     return dict(sorted(links.items()))
 
 
-def _vehicle(c: Connection, road: str, speed: float, turns: set[str], far: str) -> SignalLink:
+def _vehicle(c: Connection, lane: Lane, turns: set[str], far: str) -> SignalLink:
     way = c.shape[min(1, len(c.shape) - 1)] - c.shape[0]
+    cycles = lane.kind is LaneKind.BICYCLE
     return SignalLink(
-        index=c.link_index or 0, road=road, walks=False, foes=frozenset(), yields_to=frozenset(),
-        length=float(along(c.shape)[-1]), speed=speed, heading=math.degrees(math.atan2(way[1], way[0])),
-        direction=c.direction, far=c.direction.lower() in (far, "t"), alone=turns <= {far, "t"},
+        index=c.link_index or 0, road=lane.road, walks=False, foes=frozenset(), yields_to=frozenset(),
+        length=float(along(c.shape)[-1]), speed=lane.speed, heading=math.degrees(math.atan2(way[1], way[0])),
+        direction=c.direction, far=c.direction.lower() in (far, "t"),
+        alone=turns <= {far, "t"} and not cycles, cycles=cycles, room=lane.length,
     )  # fmt: skip
 
 
@@ -145,8 +151,20 @@ def build_stages(links: dict[int, SignalLink]) -> list[Stage]:
                 stage |= whole[group]
                 waiting.remove(group)
         stages.append(stage)
-    filled = [_filled(links, whole, stage) for stage in stages]
-    return _with_walkers_stage(links, groups, [_stage(links, stage) for stage in filled])
+    filled = [_stage(links, _filled(links, whole, stage)) for stage in stages]
+    return _without_needless(_with_walkers_stage(links, whole.values(), filled))
+
+
+def _without_needless(stages: Sequence[Stage]) -> list[Stage]:
+    """Leave out stages whose links all have green in others."""
+    kept = list(stages)
+    for stage in reversed(stages):
+        others = [other for other in kept if other is not stage]
+        vehicles = frozenset[int]().union(*(other.vehicles for other in others))
+        walks = frozenset[int]().union(*(other.walks for other in others))
+        if stage.vehicles <= vehicles and stage.walks <= walks:
+            kept = others
+    return kept
 
 
 def _with_fed(
@@ -186,9 +204,15 @@ def _stage(links: dict[int, SignalLink], vehicles: frozenset[int]) -> Stage:
 
 
 def _with_walkers_stage(
-    links: dict[int, SignalLink], groups: Sequence[frozenset[int]], stages: list[Stage]
+    links: dict[int, SignalLink], groups: Iterable[frozenset[int]], stages: list[Stage]
 ) -> list[Stage]:
-    """Add a stage for crossings that no other stage leaves time for."""
+    """Add a stage for crossings that no other stage leaves time for, and for what passes them.
+
+    Args:
+        links: of the signal.
+        groups: of its vehicles, each with the roads that it fills.
+        stages: those that there are.
+    """
     served = {walk for stage in stages for walk in stage.walks}
     left = frozenset(link.index for link in links.values() if link.walks) - served
     if not left:
@@ -233,21 +257,33 @@ def _turned(links: dict[int, SignalLink], one: frozenset[int], other: frozenset[
 
 
 def _compatible(links: dict[int, SignalLink], stage: set[int], group: frozenset[int]) -> bool:
-    return all(_may_share(links[a], links[b]) for a, b in itertools.product(sorted(stage), sorted(group)))
+    pairs = itertools.product(sorted(stage), sorted(group))
+    return all(_may_share(links[a], links[b]) for a, b in pairs) and not _wait_in_circle(links, stage | group)
+
+
+def _wait_in_circle(links: dict[int, SignalLink], green: set[int]) -> bool:
+    """Tell whether cyclists could wait for each other for ever: each for the next, the last for the first."""
+    left = {k for k in green if links[k].cycles}
+    while free := {k for k in left if not links[k].yields_to & left}:
+        left -= free
+    return bool(left)
 
 
 def _may_share(one: SignalLink, other: SignalLink) -> bool:
     """Tell whether two vehicle links may have green together.
 
-    Who turns across the opposite traffic finds gaps in it; who merges with a stream would find none.
+    Who turns across the opposite traffic finds gaps in it; who merges with a stream would find none. Cyclists
+    let each other pass as people do who walk.
     """
     if other.index not in one.foes or one.road == other.road:
         return True
-    turn = abs((one.heading - other.heading + 180) % 360 - 180)
-    if _ALONGSIDE < turn < _OPPOSITE:
-        return False
     yielding = [a for a, b in ((one, other), (other, one)) if b.index in a.yields_to]
     if len(yielding) != 1:
+        return False
+    if one.cycles and other.cycles:
+        return True
+    turn = abs((one.heading - other.heading + 180) % 360 - 180)
+    if _ALONGSIDE < turn < _OPPOSITE:
         return False
     first, second = yielding[0], other if yielding[0] is one else one
     merges = first.to == second.to and not first.far

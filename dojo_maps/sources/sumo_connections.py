@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from dojo_maps.description import Connection, Lane, Points, Walk, points
+from dojo_maps.geometry.polylines import along
 from dojo_maps.issue import Element, Issue, Severity
 from dojo_maps.safe_xml import Attributes
 from dojo_maps.sources.values import read_link
@@ -105,6 +106,7 @@ class ConnectionReader:
                 link_index=link_index,
                 shape=shape,
                 joints=joints if via else (),
+                waits=float(along(self._internal[via[0]])[-1]) if len(via) > 1 else None,
             )
         )
 

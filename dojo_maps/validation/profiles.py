@@ -59,6 +59,8 @@ class Limits:
     walking_area: float = 1.0
     twisted: float = 0.01
     waiting_depth: float = 1.0
+    car: float = 1.8
+    in_path: float = 1.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

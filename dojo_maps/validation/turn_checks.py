@@ -6,7 +6,8 @@ import numpy as np
 import shapely
 
 from dojo_maps.description import Connection, Lane, Road
-from dojo_maps.geometry.polylines import Floats
+from dojo_maps.geometry.polylines import Floats, place_on
+from dojo_maps.signals.waiting import find_meetings
 from dojo_maps.validation.check import ERROR, WARNING, Finding, check, element
 from dojo_maps.validation.facts import DRIVABLE, Facts, direction, turn_deg
 from dojo_maps.validation.profiles import Limits
@@ -204,3 +205,38 @@ def check_median_cross(facts: Facts, limits: Limits) -> Iterator[Finding]:
 
 def _is_third(facts: Facts, way: Connection, lane: Lane) -> bool:
     return lane.road not in (facts.lanes[way.from_lane].road, facts.lanes[way.to_lane].road)
+
+
+@check(
+    id="topology.waits_in_path",
+    code="TOP017",
+    title="Who waits inside a junction stands in nobody's way",
+    severity=WARNING,
+    limit="a car of 1.8 m, 1 m into the way of those that it lets go first",
+    source="SUMO contPos",
+    hint="let it wait earlier: set the connection's contPos in netedit, or give the two greens of their own",
+)
+def check_waits_in_path(facts: Facts, limits: Limits) -> Iterator[Finding]:
+    """Find turns whose vehicles wait inside the junction for other vehicles, in the way of those.
+
+    Such as who turns across the opposite traffic. Who is parted by a signal meets nobody.
+    """
+    states = {
+        signal.id: [phase.state for program in signal.programs for phase in program.phases]
+        for signal in facts.map.signals
+    }
+    meetings = find_meetings(facts.map, states, widest=limits.car, nearest=limits.in_path, walkers=False)
+    for meeting in meetings:
+        connection = meeting.connection
+        depth = (connection.waits or 0.0) - meeting.place
+        if meeting.other and depth > limits.in_path:
+            yield Finding(
+                elements=(
+                    *element("connection", connection.id, meeting.other),
+                    *element("lane", connection.from_lane, connection.to_lane),
+                ),
+                at=place_on(connection.shape, connection.waits or 0.0)[0],
+                message=f"who waits on {connection.id} stands {depth:.1f} m in the way of {meeting.other}",
+                measured=depth,
+                limit=limits.in_path,
+            )

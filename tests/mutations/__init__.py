@@ -49,6 +49,7 @@ KINDS: tuple[Kind, ...] = (
     shapes.shrink_way,
     shapes.cross_turns,
     shapes.stray_over_road,
+    shapes.wait_in_path,
     lights.green_foes,
     lights.never_green,
     lights.cut_state,

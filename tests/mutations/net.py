@@ -159,7 +159,7 @@ WAYS = _checks(
 SHAPES = _checks(
     geometry="gap lane_overlap sidewalk_on_road lane_invalid kink tight_radius length_mismatch "
     "crossing_off_road short_connection intersecting_lefts grade z_jump",
-    topology="median_cross missing_turn wrong_way",
+    topology="median_cross missing_turn wrong_way waits_in_path",
 )
 """What may follow from a lane that lies elsewhere."""
 TIMES = _checks(
@@ -167,6 +167,7 @@ TIMES = _checks(
     "green_fraction unused_index tls_trivial minor_green_fast state_length crossing_uncontrolled_at_tls "
     "no_room",
     pedestrians="crossing_clearance walk_min walk_before_green",
+    topology="waits_in_path",
 )
 """What may follow from a signal that shows other things, or to others."""
 WALKS = _checks(

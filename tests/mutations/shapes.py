@@ -6,6 +6,7 @@ import random
 from xml.etree import ElementTree as ET
 
 import shapely
+import shapely.ops
 
 from mutations.net import (
     SHAPES,
@@ -346,3 +347,27 @@ def stray_over_road(net: Net, chance: random.Random) -> Planted:
 
 def _is_drivable_line(lane: ET.Element) -> bool:
     return is_for_cars(lane) and math.dist(*(p[:2] for p in shape_of(lane)[:2])) > 8
+
+
+def wait_in_path(net: Net, chance: random.Random) -> Planted:
+    """Let a turn wait inside a junction where its way has all but left it, beyond the ways of others."""
+    inner = _inner_lanes(net)
+    others = {
+        j.get("id"): [lane for lane in j.get("intLanes", "").split() if "_c" not in lane]
+        for j in net.root.iter("junction")
+        if j.get("type") == "internal"
+    }
+    options = [
+        (c, chain)
+        for c in net.connections()
+        if drives(net, c) and "tl" not in c.attrib and len(chain := net.chain(c)) == 2
+        if others.get(chain[1])
+        if shapely.LineString(shape_of(inner[chain[1]])).length > 5
+    ]
+    c, (before, after) = choose(chance, options)
+    whole = shapely.LineString([*shape_of(inner[before]), *shape_of(inner[after])[1:]])
+    for lane, part in ((before, (0.0, -0.5)), (after, (-0.5, whole.length))):
+        piece = shapely.ops.substring(whole, *part)
+        set_shape(inner[lane], shapely.get_coordinates(piece, include_z=whole.has_z).tolist())
+        inner[lane].set("length", f"{piece.length:.2f}")
+    return Planted("topology.waits_in_path", ("connection", name_of(c)), SHAPES)

@@ -29,6 +29,7 @@ from dojo_maps.sources.osm.network.netconvert_run import Converted, convert_plai
 from dojo_maps.sources.osm.network.osm_network import OsmNetwork
 from dojo_maps.sources.osm.network.outline_filling import fill_outlines
 from dojo_maps.sources.osm.network.outline_trimming import trim_outlines
+from dojo_maps.sources.osm.network.waiting_places import move_waiting_places
 from dojo_maps.sources.osm.plain.plain_xml import Plain, write_plain
 from dojo_maps.sources.osm.read.country import Country
 from dojo_maps.sources.osm.read.data import OsmData
@@ -97,7 +98,8 @@ def build_network(
         else:
             tried = rules.network.track_attempts
             unsettled.append(not_converged(known, wanted, layout.graph, attempts=tried))
-    built = mend_outlines(program_signals(converted.data, road_map))
+    built = move_waiting_places(program_signals(converted.data, road_map), road_map, rules.waiting)
+    built = mend_outlines(built)
     built = trim_outlines(built, road_map, layout.graph)
     built = fill_outlines(built, road_map, layout)
     road_map, issues = read_network(built, path=path, name=name, sha256=sha256)

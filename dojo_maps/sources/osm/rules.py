@@ -380,6 +380,16 @@ class MovementRules:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class WaitingRules:
+    """Where vehicles wait inside junctions (`network`)."""
+
+    widest: float = 2.5
+    """m across a vehicle, as a bus is; on narrower lanes there are narrower ones."""
+    nearest: float = 1.0
+    """m from the stop line: whose way is met before cannot be kept clear."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class NetworkRules:
     """What a built network must be like, and how often it is built (`network`)."""
 
@@ -503,6 +513,7 @@ class ImportRules:
     terrain: TerrainRules = field(default_factory=TerrainRules)
     sidewalks: SidewalkRules = field(default_factory=SidewalkRules)
     movements: MovementRules = field(default_factory=MovementRules)
+    waiting: WaitingRules = field(default_factory=WaitingRules)
     network: NetworkRules = field(default_factory=NetworkRules)
     completeness: CompletenessRules = field(default_factory=CompletenessRules)
     surroundings: SurroundingRules = field(default_factory=SurroundingRules)

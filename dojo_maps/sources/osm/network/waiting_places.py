@@ -1,0 +1,84 @@
+"""Where vehicles wait inside junctions for those that go first: clear of the ways of these.
+
+netconvert lets them wait where the middles of two ways meet, or beyond. But vehicles are wide: the corner of
+a bus stands over a crossing, and one that joins a stream at a small angle stands in it.
+"""
+
+import re
+from xml.sax.saxutils import unescape
+
+import numpy as np
+
+from dojo_maps.description import RoadMap
+from dojo_maps.geometry.polylines import Floats, along
+from dojo_maps.signals.waiting import find_meetings
+from dojo_maps.sources.osm.rules import WaitingRules
+
+_LANE = re.compile(
+    r'(<lane id="(:[^"]*)"[^>]*? length=")([^"]*)("[^>]*? shape=")([^"]*)(")'
+    r'|(<junction id="(:[^"]*)" type="internal" )x="[^"]*" y="[^"]*"( z="[^"]*")?'
+)
+_PROGRAM = re.compile(r'<tlLogic id="([^"]*)"[^>]*>(.*?)</tlLogic>', re.DOTALL)
+_STATE = re.compile(r'state="([^"]*)"')
+_Part = tuple[float, Floats]
+"""Metres of an internal lane, and its shape."""
+
+
+def move_waiting_places(data: bytes, road_map: RoadMap, rules: WaitingRules) -> bytes:
+    """Move the places where vehicles wait inside junctions back, until they stand in nobody's way.
+
+    Args:
+        data: the network, with the programs of its signals.
+        road_map: the same, read; its programs do not matter.
+        rules: the limits to go by.
+
+    Returns:
+        The network with other places where internal lanes are split.
+    """
+    text = data.decode("utf-8")
+    states = {unescape(found[1]): _STATE.findall(found[2]) for found in _PROGRAM.finditer(text)}
+    parts = {found[2]: (float(found[3]), _read_shape(found[5])) for found in _LANE.finditer(text) if found[2]}
+    changed: dict[str, _Part] = {}
+    meetings = find_meetings(road_map, states, widest=rules.widest, nearest=rules.nearest, walkers=True)
+    for meeting in meetings:
+        before, after = meeting.connection.via
+        (length, shape), (rest, onward) = parts[before], parts[after]
+        place = meeting.place * length / max(float(along(shape)[-1]), 1e-6)
+        if place < length:
+            first, second = _split(shape, meeting.place)
+            changed[before] = place, first
+            changed[after] = rest + length - place, np.concatenate([second, onward[1:]])
+
+    def replaced(found: re.Match[str]) -> str:
+        name = found[2] or found[8]
+        if name not in changed:
+            return found[0]
+        length, shape = changed[name]
+        if found[2]:
+            return f"{found[1]}{length:.2f}{found[4]}{_write_shape(shape)}{found[6]}"
+        x, y, *z = shape[0]
+        height = f' z="{z[0]:.2f}"' if found[9] else ""
+        return f'{found[7]}x="{x:.2f}" y="{y:.2f}"{height}'
+
+    return _LANE.sub(replaced, text).encode("utf-8") if changed else data
+
+
+def _split(shape: Floats, place: float) -> tuple[Floats, Floats]:
+    """Split a line at some metres from its start."""
+    lengths = along(shape)
+    at = np.array([[np.interp(place, lengths, values) for values in shape.T]])
+    return (
+        np.concatenate([shape[lengths < place], at]),
+        np.concatenate([at, shape[lengths > place]]),
+    )
+
+
+def _read_shape(text: str) -> Floats:
+    corners = [[float(value) for value in corner.split(",")] for corner in text.split()]
+    # netconvert leaves out heights of 0.
+    return np.array([[*corner, 0.0][:3] for corner in corners])
+
+
+def _write_shape(shape: Floats) -> str:
+    size = 3 if shape[:, 2].any() else 2
+    return " ".join(",".join(f"{value:.2f}" for value in row) for row in shape[:, :size])
