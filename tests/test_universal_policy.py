@@ -4,6 +4,7 @@ import csv
 import os
 import signal
 from pathlib import Path
+from typing import Any
 
 import gymnasium
 import numpy as np
@@ -105,7 +106,12 @@ def test_torch_and_numpy_score_alike(weights: dict[str, np.ndarray]) -> None:
     from dojo_env.learning.universal.network import PhaseNet  # noqa: PLC0415 - torch is not everywhere
 
     torch.manual_seed(3)
-    network, draw = PhaseNet(), np.random.default_rng(1)
+    for network in (PhaseNet(), PhaseNet.of_weights(weights)):
+        check_scores(network, torch)
+
+
+def check_scores(network: Any, torch: Any) -> None:
+    draw = np.random.default_rng(1)
     phases, rules = draw.random((2, 6, len(PHASE_FEATURES)), np.float32), draw.random((2, 5), np.float32)
     mask = np.array([[True] * 6, [True] * 4 + [False] * 2])
     present = np.array([5, 1])
@@ -137,6 +143,12 @@ def test_a_policy_is_trained_and_serves_another_junction(tmp_path: Path) -> None
     assert set(read_weights(folder / "policy.npz")) == set(WEIGHTS)
     done = run_env("run", "--scenario", "cologne1", "--controller", folder, "--seconds", 60)
     assert done.returncode == 0, done.stderr
+    on = tmp_path / "on"
+    done = run_env("train", *SMALL, "rounds=1", "--from", folder, "--out", on)
+    assert done.returncode == 0, done.stderr
+    before, after = (read_weights(each / "policy.npz") for each in (folder, on))
+    # The first rounds learn only what states are worth.
+    assert all(np.array_equal(before[name], after[name]) for name in ("score1_weight", "rule_weight"))
 
 
 @pytest.mark.sampled(0)
@@ -165,6 +177,7 @@ def test_bad_arguments_are_one_line(tmp_path: Path) -> None:
         ("wings", ["--set", "wings=2"]),
         ("rounds=0", ["--set", "rounds=0"]),
         ("nowhere", ["--junctions", "nowhere"]),
+        ("missing.npz", ["--junctions", "two-way", "--from", tmp_path / "missing.npz"]),
     ):
         done = run_env("train", "--quiet", "--junctions", *arguments, "--out", tmp_path / "a")
         assert done.returncode == 2, done.stderr

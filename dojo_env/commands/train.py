@@ -47,7 +47,10 @@ def add_train(commands: Commands) -> None:
         help="the network that sees lanes in pictures, for any junction, from those of --junctions",
     )
     train.add_argument(
-        "--from", dest="start", metavar="POLICY", help="go on from such a policy: a file, or learned"
+        "--from",
+        dest="start",
+        metavar="POLICY",
+        help="with --junctions: begin with a policy, learned or a run's",
     )
     train.add_argument("--algorithm", choices=list(ALGORITHMS), help="(default: ppo)")
     train.add_argument("--observation", choices=OBSERVATIONS, help="(default: features)")
@@ -106,6 +109,10 @@ def _train_row(options: argparse.Namespace) -> int:
     from dojo_env.learning.settings import check_folder
     from dojo_env.learning.settings import read_training as read_training_file
 
+    if options.start is not None:
+        raise ConfigError(
+            "--from is for a policy of any junction; name some with --junctions, or leave it out"
+        )
     training, logs = read_training(options), _choose_logs(options)
     folder = choose_folder(options.out, training)
     tell = say_nothing if options.quiet else say

@@ -26,7 +26,7 @@ class UniversalTraining:
 
     Attributes:
         scenarios: names or paths; the policy learns at all of their signals.
-        start: the policy to go on from, a file or `learned`; None begins with queue pressure.
+        start: the policy to go on from, a file, a run's folder or `learned`; None begins with queue pressure.
         seed: of everything random.
         rounds: of episodes, each with an update.
         episodes: of a round.

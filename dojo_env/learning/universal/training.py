@@ -265,12 +265,13 @@ def read_start(name: str) -> Weights:
     """Read the policy that a training goes on from.
 
     Args:
-        name: `learned`, or a file.
+        name: `learned`, a file, or a run's folder.
 
     Raises:
         PolicyError: the file holds none.
     """
-    return read_weights(PACKAGED / "learned.npz" if name == "learned" else Path(name))
+    path = PACKAGED / "learned.npz" if name == "learned" else Path(name)
+    return read_weights(path / POLICY if path.is_dir() else path)
 
 
 def write_weights(weights: Weights, path: Path) -> None:
