@@ -11,8 +11,14 @@ _FLOOR, _BAY = 3.0, 2.1
 _GROUND_FLOOR, _SHOP_BAY = 3.5, 4.2
 _SILL, _SURROUND = 0.85, 0.1
 """Height of window sills above the floor, and width of what frames a window in the wall, metres."""
+_EAVES, _SHADOW = 0.3, 0.4
+"""Height of the boards along a roof's edge, and of their shadow on the wall, metres."""
+_REVEAL = 0.13
+"""Height of the shadow that a lintel throws on the pane behind it, metres."""
 _PIPE_APART = 11.0
 """Metres between downpipes."""
+_WORN_WHITE = 0.5
+"""Brightness of road paint that is some years old, as a share of new paint's."""
 _COVER = 0.33
 """Radius of a manhole's cover, metres."""
 
@@ -186,7 +192,7 @@ def paint(x, y, lane, pixel):
     chips = 1.3 * _layered_noise(7.0 * x, 7.0 * y, 7.0 * pixel) + 0.9 * dirt
     wheels = _hump(abs(abs(lane[1]) - _TRACK), 1.4 * _TRACK_WIDTH) if lane[3] != 0.0 else 0.0
     gone = min(1.0, max(0.0, 3.0 * (chips + 0.32 * wheels - 0.3)))
-    return (0.86 - 0.3 * max(0.0, dirt) - 0.1 * wheels) * (1.0 - 0.75 * gone)
+    return (_WORN_WHITE - 0.25 * max(0.0, dirt) - 0.08 * wheels) * (1.0 - 0.75 * gone)
 
 
 @kernel
@@ -230,8 +236,10 @@ def facade(along, height, left, number, pixel):
     """
     own = int(number * 65535.0)
     wall = _wall(along, height, left, own, pixel)
-    if left < 0.5:
-        return (1.12 if left < 0.32 else 0.62), -1.0
+    if left < _EAVES:
+        return 1.3, -1.0
+    if left < _EAVES + _SHADOW:
+        return 0.38 + 0.5 * (left - _EAVES) / _SHADOW, -1.0
     if height < _GROUND_FLOOR and own % 5 < 2 and left > _FLOOR:
         return _shop(along, height, own, wall, pixel)
     if height < 0.6 or left < 1.0 or pixel > 1.0:
@@ -247,7 +255,8 @@ def facade(along, height, left, number, pixel):
 @kernel
 def _wall(along, height, left, own, pixel):
     """Plaster that weather has marked, or courses of brick; string courses, downpipes and a darker foot."""
-    tone = 1.0 + 0.22 * _layered_noise(0.4 * along, 0.4 * height, 0.4 * pixel)
+    tone = 1.0 + 0.14 * _layered_noise(0.4 * along, 0.4 * height, 0.4 * pixel)
+    tone += 0.35 * _layered_noise(6.0 * along, 6.0 * height, 6.0 * pixel)
     tone += 0.1 * _layered_noise(3.0 * along, 0.5 * height, 3.0 * pixel)
     tone *= 1.0 - 0.12 * max(0.0, 1.0 - 0.5 * left)
     if own % 3 == 0:
@@ -296,7 +305,10 @@ def _window(aside, bay, height, own, wall):
         shut = reach > half + _SURROUND and aside > half + 0.03 and up < tall
         return (0.42 if shut else 1.22 if own % 2 == 0 else wall), -1.0
     transom = 0.66 * tall if own // 16 % 3 else 2.0 * tall
-    if half - aside < 0.06 or min(up, tall - up) < 0.06 or aside < 0.04 or abs(up - transom) < 0.035:
+    if tall - up < _REVEAL:
+        return 0.3 * wall, -1.0
+    below = tall - _REVEAL - up
+    if half - aside < 0.06 or min(up, below) < 0.06 or aside < 0.04 or abs(up - transom) < 0.035:
         return 1.3, -1.0
     pane = _hashed(bay + 31 * own, storey)
     return _curtain(aside / half, up / tall, pane), pane
@@ -371,6 +383,13 @@ def ruffle(x, y, z, pixel, normal):
 def clouds(x, y):
     """Share of thin clouds that hides the sky at a place far above."""
     return min(0.85, max(0.0, 2.2 * _layered_noise(x, y, 0.0) + 0.12))
+
+
+@kernel
+def woods(x, y):
+    """How high woods and hills stand over the horizon in a direction, as a share of their distance."""
+    hills = 0.016 + 0.014 * _layered_noise(7.0 * x, 7.0 * y, 0.0)
+    return hills + 0.012 * _layered_noise(60.0 * x, 60.0 * y, 0.0)
 
 
 @kernel
