@@ -159,7 +159,7 @@ def _things(corners: Floats, sources: NDArray[np.int64], ids: Sequence[str]) -> 
     np.minimum.at(low, sources, heights.min(axis=1))
     np.maximum.at(high, sources, heights.max(axis=1))
     numbers = np.array([(crc32(name.encode()) & 0xFFFF) / 0xFFFF for name in ids])
-    things: Floats = np.stack([low, high, numbers, 0 * low, 0 * low], axis=1).reshape(-1, 5)[sources]
+    things: Floats = np.stack([low, high, numbers, *np.zeros((2, len(ids)))], axis=1).reshape(-1, 5)[sources]
     return things
 
 
@@ -182,7 +182,7 @@ def _follow_roofs(things: Floats, corners: Floats) -> None:
     begin, way = places[edges // len(places)], places[edges % len(places)] - places[edges // len(places)]
     rise = (tops[1] - tops[0]) * way / np.abs(way) ** 2
     over_origin = tops[0] - rise.real * begin.real - rise.imag * begin.imag
-    things[np.ix_(walls, [1, 3, 4])] = np.stack([over_origin, rise.real, rise.imag], axis=1)[edge]
+    things[walls[:, None], [1, 3, 4]] = np.stack([over_origin, rise.real, rise.imag], axis=1)[edge]
 
 
 def _coloured(plain: Floats, numbers: NDArray[np.float32], surface: Surface, up: Floats) -> Floats:
