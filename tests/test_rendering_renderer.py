@@ -435,11 +435,11 @@ def test_gables_end_at_the_slopes_of_their_roofs():
     _follow_roofs(things, corners)
     walls = np.isclose(_normals(mesh.vertices, mesh.faces)[:, 2], 0.0)
     x, y, z = np.moveaxis(corners[walls], 2, 0)
-    _, top, _, by_x, by_y = things[walls].T[:, :, None]
-    roof = top + by_x * x + by_y * y
+    _, _, _, over_origin, by_x, by_y = things[walls].T[:, :, None]
+    roof = over_origin + by_x * x + by_y * y
     assert np.allclose(roof, 13.0 - np.abs(y - 4.0), atol=1e-3)  # The ridge lies 4 m above the eaves.
     assert np.allclose(roof[z > 1.0], z[z > 1.0], atol=1e-3)
-    below = [textures.facade(5.0, 8.0, left, 0.5, 0.05)[0] for left in (0.1, 0.35, 0.8)]
+    below = [textures.facade(5.0, 8.0, left, 0.0, 8.0 + left, 0.5, 0.05)[0] for left in (0.1, 0.35, 0.8)]
     assert below[0] > below[2] > below[1]  # Boards, their shadow, and the wall.
 
 
@@ -457,7 +457,7 @@ def _bare(scene):
     """Nothing but the road map."""
     return replace(scene, vertices=np.empty((0, 3)), faces=np.empty((0, 3), np.int32),
                    normals=np.empty((0, 3)), semantics=np.empty(0, np.uint8), surfaces=np.empty(0, np.uint8),
-                   colours=np.empty((0, 3), np.float32), things=np.empty((0, 5), np.float32),
+                   colours=np.empty((0, 3), np.float32), things=np.empty((0, 6), np.float32),
                    parked=Snapshot(time=0.0))  # fmt: skip
 
 

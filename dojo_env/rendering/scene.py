@@ -62,9 +62,9 @@ class Scene:
         semantics: (m,) `Semantic`.
         surfaces: (m,) `Surface`.
         colours: (m, 3) linear.
-        things: (m, 5) of the thing that each face belongs to: its lowest and highest place, metres, and a
-            number of its own from 0 to 1. Over a building's wall the highest place follows the roof: it rises
-            by the last two, metres per metre of x and of y, from what it would be over the origin.
+        things: (m, 6) of the thing that each face belongs to: its lowest and highest place, metres, and a
+            number of its own from 0 to 1; then how high its roof would be over the origin, and by how much
+            it rises for each metre of x and of y. Along a wall it is the roof over that wall.
         lanes: (k, 10) pieces of lanes, see `LaneMap`.
         parked: the cars that stand in it; they are no part of its meshes.
         ways: the middles of lanes.
@@ -107,7 +107,7 @@ def build_scene(
     """
     vertices: list[Floats] = [np.empty((0, 3))]
     faces = [np.empty((0, 3), dtype=np.int64)]
-    colours, things = [np.empty((0, 3), np.float32)], [np.empty((0, 5), np.float32)]
+    colours, things = [np.empty((0, 3), np.float32)], [np.empty((0, 6), np.float32)]
     looks: list[tuple[int, Semantic, Surface]] = []
     count = 0
     for mesh in bundle.read_meshes():
@@ -159,7 +159,8 @@ def _things(corners: Floats, sources: NDArray[np.int64], ids: Sequence[str]) -> 
     np.minimum.at(low, sources, heights.min(axis=1))
     np.maximum.at(high, sources, heights.max(axis=1))
     numbers = np.array([(crc32(name.encode()) & 0xFFFF) / 0xFFFF for name in ids])
-    things: Floats = np.stack([low, high, numbers, *np.zeros((2, len(ids)))], axis=1).reshape(-1, 5)[sources]
+    flat = np.zeros((2, len(ids)))
+    things: Floats = np.stack([low, high, numbers, high, *flat], axis=1).reshape(-1, 6)[sources]
     return things
 
 
@@ -167,7 +168,7 @@ def _follow_roofs(things: Floats, corners: Floats) -> None:
     """Let walls end where the roof above them does, not at its ridge.
 
     Args:
-        things: (m, 5) of a building's faces, see `Scene.things`; changed.
+        things: (m, 6) of a building's faces, see `Scene.things`; changed.
         corners: (m, 3, 3) of the faces, metres.
     """
     places, place = np.unique(corners[:, :, 0].round(3) + 1j * corners[:, :, 1].round(3), return_inverse=True)
@@ -182,7 +183,7 @@ def _follow_roofs(things: Floats, corners: Floats) -> None:
     begin, way = places[edges // len(places)], places[edges % len(places)] - places[edges // len(places)]
     rise = (tops[1] - tops[0]) * way / np.abs(way) ** 2
     over_origin = tops[0] - rise.real * begin.real - rise.imag * begin.imag
-    things[walls[:, None], [1, 3, 4]] = np.stack([over_origin, rise.real, rise.imag], axis=1)[edge]
+    things[walls, 3:] = np.stack([over_origin, rise.real, rise.imag], axis=1)[edge]
 
 
 def _coloured(plain: Floats, numbers: NDArray[np.float32], surface: Surface, up: Floats) -> Floats:

@@ -65,7 +65,7 @@ class Surroundings(NamedTuple):
         normals: (m, 3) of the scene's faces.
         surfaces: (m,) `Surface`.
         colours: (m, 3) linear.
-        things: (m, 3) lowest and highest place of the thing each face belongs to, and its own number.
+        things: (m, 6) of the thing that each face belongs to, as `Scene.things`.
         light: (7, 3) rows as `Light.packed` has them.
         sun: the scene as the sun sees it.
         around: the smoothed heights of the scene seen from above.
@@ -270,9 +270,9 @@ def _tone(surface, face, place, normal, pixel, world, lane):
             textures.tiles(along / across, z, pixel) if normal[2] < _LEVEL else textures.gravel(x, y, pixel)
         )
     elif surface == _FACADE:
-        foot, number = world.things[face, 0], world.things[face, 2]
-        top = world.things[face, 1] + world.things[face, 3] * x + world.things[face, 4] * y
-        tone, pane = textures.facade(along, z - foot, top - z, number, pixel)
+        foot, top, number, roof, by_x, by_y = world.things[face]
+        roof, slope = roof + by_x * x + by_y * y, by_y * normal[0] - by_x * normal[1]
+        tone, pane = textures.facade(along, z - foot, roof - z, slope, top - foot, number, pixel)
     elif surface == _GLASS:
         pane = 0.2
     if level:

@@ -218,15 +218,17 @@ def tiles(along, z, pixel):
 
 
 @kernel
-def facade(along, height, left, number, pixel):
-    """A wall of plaster or brick, a cornice, windows and doors, and perhaps shops on the ground floor.
+def facade(along, height, left, slope, ridge, number, pixel):
+    """A wall of plaster or brick, boards under the roof, windows and doors, and perhaps shops below.
 
     No two houses have the same bays. Windows in even bands, as nobody builds them, are taken for a train's.
 
     Args:
         along: metres along the wall.
         height: metres above the building's foot.
-        left: metres to its highest place.
+        left: metres to the roof.
+        slope: metres by which the roof rises for each metre along the wall.
+        ridge: how high the roof's highest place is above the building's foot, metres.
         number: the building's own, from 0 to 1.
         pixel: size of a pixel there, metres.
 
@@ -240,16 +242,18 @@ def facade(along, height, left, number, pixel):
         return 1.3, -1.0
     if left < _EAVES + _SHADOW:
         return 0.38 + 0.5 * (left - _EAVES) / _SHADOW, -1.0
-    if height < _GROUND_FLOOR and own % 5 < 2 and left > _FLOOR:
-        return _shop(along, height, own, wall, pixel)
-    if height < 0.6 or left < 1.0 or pixel > 1.0:
-        return wall, -1.0
-    bay = _BAY + 0.35 * (own // 8 % 4)
+    is_shop = height < _GROUND_FLOOR and own % 5 < 2
+    bay = _SHOP_BAY if is_shop else _BAY + 0.35 * (own // 8 % 4)
     i = floor(along / bay)
-    aside = abs(along / bay - i - 0.5) * bay
+    aside = along - (i + 0.5) * bay
+    roof = ridge - abs(ridge - height - left + slope * aside)  # Over the bay's middle; both slopes are alike.
+    if is_shop and roof - 0.5 * bay * abs(slope) > _GROUND_FLOOR + 1.5:
+        return _shop(along, height, own, wall, pixel)
+    if height < 0.6 or pixel > 1.0:
+        return wall, -1.0
     if height < _GROUND_FLOOR and (i + own) % 4 == 1:
-        return _door(aside, height, wall)
-    return _window(aside, i, height, own, wall)
+        return _door(abs(aside), height, wall)
+    return _window(abs(aside), i, height, roof, abs(slope), own, wall)
 
 
 @kernel
@@ -285,10 +289,11 @@ def _door(aside, height, wall):
 
 
 @kernel
-def _window(aside, bay, height, own, wall):
+def _window(aside, bay, height, roof, slope, own, wall):
     """A window in its frame, with mullion and transom, over a sill; it may have shutters, or be left out.
 
-    Stairs have theirs half a storey higher.
+    Stairs have theirs half a storey higher. None reaches into the roof, whose height over the window's middle
+    and whose slope are known.
     """
     lift = _GROUND_FLOOR - _FLOOR
     if (bay + own // 2) % 6 == 3 and height > _GROUND_FLOOR:
@@ -297,7 +302,8 @@ def _window(aside, bay, height, own, wall):
     up = height - lift - _FLOOR * storey - _SILL
     half, tall = 0.4 + 0.06 * (own // 32 % 4), 1.3 + 0.15 * (own // 128 % 3)
     reach = half + (0.5 * half + 0.1 if own // 512 % 4 == 0 else _SURROUND)
-    if aside > reach or not -0.14 < up < tall + _SURROUND or _hashed(bay, own) < 0.1:
+    is_under = height - up + tall + _SURROUND + _EAVES + 0.2 < roof - slope * reach
+    if aside > reach or not -0.14 < up < tall + _SURROUND or _hashed(bay, own) < 0.1 or not is_under:
         return wall, -1.0
     if up < 0.0:
         return (1.2 if up > -0.07 else 0.75 * wall), -1.0
