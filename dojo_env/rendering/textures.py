@@ -259,15 +259,17 @@ def facade(along, height, left, slope, ridge, number, pixel):
 @kernel
 def _wall(along, height, left, own, pixel):
     """Plaster that weather has marked, or courses of brick; string courses, downpipes and a darker foot."""
-    tone = 1.0 + 0.14 * _layered_noise(0.4 * along, 0.4 * height, 0.4 * pixel)
-    tone += 0.35 * _layered_noise(6.0 * along, 6.0 * height, 6.0 * pixel)
+    tone = 1.0 + 0.1 * _layered_noise(0.4 * along, 0.4 * height, 0.4 * pixel)
+    tone += 0.2 * _layered_noise(9.0 * along, 9.0 * height, 9.0 * pixel)
     tone += 0.1 * _layered_noise(3.0 * along, 0.5 * height, 3.0 * pixel)
     tone *= 1.0 - 0.12 * max(0.0, 1.0 - 0.5 * left)
-    if own % 3 == 0:
+    if own % 3 != 1:
         row = floor(height / 0.25)
-        stone = floor(along / 0.5 + 0.5 * (row % 2))
-        tone *= 1.0 + 0.2 * _shown(4.0 * pixel) * (_hashed(stone, row) - 0.5)
-        tone *= 1.0 - 0.25 * _stripe(abs(height - 0.25 * row), 0.03, pixel)
+        place = along / 0.5 + 0.5 * (row % 2)
+        stone = floor(place)
+        joint = min(height - 0.25 * row, 0.5 * (place - stone))
+        tone *= 1.0 + 0.24 * _shown(4.0 * pixel) * (_hashed(stone, row) - 0.5)
+        tone *= 1.0 - 0.3 * _stripe(joint, 0.03, pixel)
     course = abs((height - _GROUND_FLOOR) / _FLOOR - floor((height - _GROUND_FLOOR) / _FLOOR + 0.5)) * _FLOOR
     if own // 3 % 2 == 0 and height > _FLOOR:
         tone *= 1.0 + 0.18 * _stripe(course, 0.16, pixel) - 0.3 * _stripe(abs(course - 0.1), 0.04, pixel)
