@@ -270,9 +270,11 @@ def _tone(surface, face, place, normal, pixel, world, lane):
             textures.tiles(along / across, z, pixel) if normal[2] < _LEVEL else textures.gravel(x, y, pixel)
         )
     elif surface == _FACADE:
-        foot, top, number, roof, by_x, by_y = world.things[face]
-        roof, slope = roof + by_x * x + by_y * y, by_y * normal[0] - by_x * normal[1]
-        tone, pane = textures.facade(along, z - foot, roof - z, slope, top - foot, number, pixel)
+        foot, top, number = world.things[face, 0], world.things[face, 1], world.things[face, 2]
+        by_x, by_y = world.things[face, 4], world.things[face, 5]
+        left = world.things[face, 3] + by_x * x + by_y * y - z
+        slope = by_y * normal[0] - by_x * normal[1]
+        tone, pane = textures.facade(along, z - foot, left, slope, top - foot, number, pixel)
     elif surface == _GLASS:
         pane = 0.2
     if level:

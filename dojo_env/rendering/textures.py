@@ -260,7 +260,7 @@ def facade(along, height, left, slope, ridge, number, pixel):
 def _wall(along, height, left, own, pixel):
     """Plaster that weather has marked, or courses of brick; string courses, downpipes and a darker foot."""
     tone = 1.0 + 0.1 * _layered_noise(0.4 * along, 0.4 * height, 0.4 * pixel)
-    tone += 0.2 * _layered_noise(9.0 * along, 9.0 * height, 9.0 * pixel)
+    tone += 0.1 * _shown(9.0 * pixel) * (_smooth_noise(9.0 * along, 9.0 * height) - 0.5)
     tone += 0.1 * _layered_noise(3.0 * along, 0.5 * height, 3.0 * pixel)
     tone *= 1.0 - 0.12 * max(0.0, 1.0 - 0.5 * left)
     if own % 3 != 1:
