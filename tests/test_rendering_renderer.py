@@ -14,18 +14,19 @@ from dojo_env.camera import Camera
 from dojo_env.conditions import Conditions
 from dojo_env.errors import ConfigError, SnapshotError
 from dojo_env.parked_cars import FIRST_NUMBER
-from dojo_env.rendering import compiling
+from dojo_env.rendering import compiling, textures
 from dojo_env.rendering.classes import SEMANTIC_OF_KIND, Semantic
 from dojo_env.rendering.compiling import kernel
 from dojo_env.rendering.fleet import pack_usual, usual_fleet
 from dojo_env.rendering.lanes import draw_lane_map, find_lane
 from dojo_env.rendering.renderer import Renderer
-from dojo_env.rendering.scene import build_scene
+from dojo_env.rendering.scene import _follow_roofs, _normals, _things, build_scene
 from dojo_env.rendering.traffic import _looks, _tabulate_looks
 from dojo_env.sensors.placement import place_cameras
 from dojo_env.snapshot import Kind, Lights, Snapshot
 from dojo_maps.bundle import read_bundle
-from dojo_maps.description import LaneKind, LinkKind
+from dojo_maps.description import LaneKind, LinkKind, Prop
+from dojo_maps.meshes.buildings import raise_outlines
 
 ALL = ("rgb", "depth", "semantic", "instance", "boxes")
 
@@ -150,7 +151,7 @@ sys.path.insert(0, "tests")
 import traffic
 from dojo_env.conditions import Conditions
 from dojo_env.rendering.renderer import Renderer
-from dojo_env.rendering.scene import build_scene
+from dojo_env.rendering.scene import _follow_roofs, _normals, _things, build_scene
 from dojo_env.sensors.placement import place_cameras
 from dojo_env.snapshot import Kind
 from dojo_maps.bundle import read_bundle
@@ -424,11 +425,39 @@ def test_thousands_of_road_users_are_drawn(scene, cameras):
     assert len(picture.boxes.ids) > 500
 
 
+def test_gables_end_at_the_slopes_of_their_roofs():
+    tags = (("roof:shape", "gabled"), ("roof:direction", "0"), ("roof:height", "4.0"))
+    outline = np.array([(0, 0, 1), (10, 0, 1), (10, 8, 1), (0, 8, 1)], dtype=float)
+    house = Prop(id="house", kind="building", height=12.0, polygon=outline, tags=tags)
+    mesh = raise_outlines("building", [house], np.zeros(3))
+    corners = mesh.vertices[mesh.faces]
+    things = _things(corners, mesh.sources, mesh.ids)
+    _follow_roofs(things, corners)
+    walls = np.isclose(_normals(mesh.vertices, mesh.faces)[:, 2], 0.0)
+    x, y, z = np.moveaxis(corners[walls], 2, 0)
+    _, _, _, over_origin, by_x, by_y = things[walls].T[:, :, None]
+    roof = over_origin + by_x * x + by_y * y
+    assert np.allclose(roof, 13.0 - np.abs(y - 4.0), atol=1e-3)  # The ridge lies 4 m above the eaves.
+    assert np.allclose(roof[z > 1.0], z[z > 1.0], atol=1e-3)
+    below = [textures.facade(5.0, 8.0, left, 0.0, 8.0 + left, 0.5, 0.05)[0] for left in (0.1, 0.35, 0.8)]
+    assert below[0] > below[2] > below[1]  # Boards, their shadow, and the wall.
+
+
+def test_woods_at_the_horizon_vanish_in_fog(scene):
+    eye = Camera(name="c", position=(0.0, 0.0, 5.0), pitch_deg=0.0)
+    rows = slice(eye.height // 2 - 4, eye.height // 2 - 2)
+    clear, foggy = (
+        Renderer(_bare(scene), conditions=Conditions(fog=fog)).render(Snapshot(time=0), [eye])[0].rgb[rows]
+        for fog in (0.0, 0.02)
+    )
+    assert clear.mean() + 20 < foggy.mean()
+
+
 def _bare(scene):
     """Nothing but the road map."""
     return replace(scene, vertices=np.empty((0, 3)), faces=np.empty((0, 3), np.int32),
                    normals=np.empty((0, 3)), semantics=np.empty(0, np.uint8), surfaces=np.empty(0, np.uint8),
-                   colours=np.empty((0, 3), np.float32), things=np.empty((0, 3), np.float32),
+                   colours=np.empty((0, 3), np.float32), things=np.empty((0, 6), np.float32),
                    parked=Snapshot(time=0.0))  # fmt: skip
 
 

@@ -29,13 +29,13 @@ _PLASTERS = to_linear(
     np.array(
         [
             (214, 204, 184), (196, 182, 164), (226, 220, 208), (206, 186, 140), (178, 168, 158),
-            (190, 158, 134), (150, 96, 76), (168, 174, 178), (222, 206, 166), (128, 110, 98),
+            (190, 158, 134), (150, 96, 76), (188, 172, 148), (222, 206, 166), (128, 110, 98),
         ],
         dtype=np.uint8,
     )
 )  # fmt: skip
 """Linear colours of plaster and brick."""
-_TILES, _GRAVEL = to_linear(np.array([(132, 76, 60), (132, 130, 126)], dtype=np.uint8))
+_TILES, _GRAVEL = to_linear(np.array([(118, 78, 64), (132, 130, 126)], dtype=np.uint8))
 _PITCHED, _LEVEL_ROOF = 0.2, 0.95
 """Upward part of the normal from which a face is a roof, and a level one."""
 _LAMPS = ("signal/red", "signal/yellow", "signal/green")
@@ -62,8 +62,9 @@ class Scene:
         semantics: (m,) `Semantic`.
         surfaces: (m,) `Surface`.
         colours: (m, 3) linear.
-        things: (m, 3) of the thing that each face belongs to: its lowest and highest place, metres, and a
-            number of its own from 0 to 1.
+        things: (m, 6) of the thing that each face belongs to: its lowest and highest place, metres, and a
+            number of its own from 0 to 1; then how high its roof would be over the origin, and by how much
+            it rises for each metre of x and of y. Along a wall it is the roof over that wall.
         lanes: (k, 10) pieces of lanes, see `LaneMap`.
         parked: the cars that stand in it; they are no part of its meshes.
         ways: the middles of lanes.
@@ -106,7 +107,7 @@ def build_scene(
     """
     vertices: list[Floats] = [np.empty((0, 3))]
     faces = [np.empty((0, 3), dtype=np.int64)]
-    colours, things = [np.empty((0, 3), np.float32)], [np.empty((0, 3), np.float32)]
+    colours, things = [np.empty((0, 3), np.float32)], [np.empty((0, 6), np.float32)]
     looks: list[tuple[int, Semantic, Surface]] = []
     count = 0
     for mesh in bundle.read_meshes():
@@ -117,19 +118,23 @@ def build_scene(
         vertices.append(mesh.vertices)
         faces.append(mesh.faces + count)
         looks.append((len(mesh.faces), semantic, surface))
-        things.append(_things(mesh.vertices[mesh.faces, 2], mesh.sources, mesh.ids))
+        corners = mesh.vertices[mesh.faces]
+        own = _things(corners, mesh.sources, mesh.ids)
+        if surface == Surface.FACADE:
+            _follow_roofs(own, corners)
+        things.append(own.astype(np.float32))
         plain = np.tile(to_linear(np.array(colour)) * dark, (len(mesh.faces), 1))
         up = _normals(mesh.vertices, mesh.faces)[:, 2:]
-        colours.append(_coloured(plain, things[-1][:, 2:], surface, up).astype(np.float32))
+        colours.append(_coloured(plain, things[-1][:, 2:3], surface, up).astype(np.float32))
         count += len(mesh.vertices)
     counts = [look[0] for look in looks]
-    corners, triangles = np.concatenate(vertices), np.concatenate(faces)
+    places, triangles = np.concatenate(vertices), np.concatenate(faces)
     return Scene(
         road_map=bundle.road_map,
         origin=np.array([*bundle.road_map.origin, 0.0]),
-        vertices=corners,
+        vertices=places,
         faces=triangles.astype(np.int32),
-        normals=_normals(corners, triangles),
+        normals=_normals(places, triangles),
         semantics=np.repeat(np.array([look[1] for look in looks], dtype=np.uint8), counts),
         surfaces=np.repeat(np.array([look[2] for look in looks], dtype=np.uint8), counts),
         colours=np.concatenate(colours),
@@ -141,19 +146,44 @@ def build_scene(
     )
 
 
-def _things(heights: Floats, sources: NDArray[np.int64], ids: Sequence[str]) -> NDArray[np.float32]:
+def _things(corners: Floats, sources: NDArray[np.int64], ids: Sequence[str]) -> Floats:
     """Measure the thing that each face of a mesh belongs to; see `Scene.things`.
 
     Args:
-        heights: (m, 3) of the faces' corners, metres.
+        corners: (m, 3, 3) of the faces, metres.
         sources: (m,) index into `ids`.
         ids: names of the things.
     """
+    heights = corners[:, :, 2]
     low, high = np.full(len(ids), np.inf), np.full(len(ids), -np.inf)
     np.minimum.at(low, sources, heights.min(axis=1))
     np.maximum.at(high, sources, heights.max(axis=1))
     numbers = np.array([(crc32(name.encode()) & 0xFFFF) / 0xFFFF for name in ids])
-    return np.stack([low, high, numbers], axis=1).astype(np.float32).reshape(-1, 3)[sources]
+    flat = np.zeros((2, len(ids)))
+    things: Floats = np.stack([low, high, numbers, high, *flat], axis=1).reshape(-1, 6)[sources]
+    return things
+
+
+def _follow_roofs(things: Floats, corners: Floats) -> None:
+    """Let walls end where the roof above them does, not at its ridge.
+
+    Args:
+        things: (m, 6) of a building's faces, see `Scene.things`; changed.
+        corners: (m, 3, 3) of the faces, metres.
+    """
+    places, place = np.unique(corners[:, :, 0].round(3) + 1j * corners[:, :, 1].round(3), return_inverse=True)
+    place = place.reshape(-1, 3)
+    start, end = place.min(axis=1), place.max(axis=1)
+    at_start, at_end = place == start[:, None], place == end[:, None]
+    walls = np.flatnonzero((start < end) & (at_start | at_end).all(axis=1))
+    edges, edge = np.unique(start[walls] * len(places) + end[walls], return_inverse=True)
+    tops = np.full((2, len(edges)), -np.inf)
+    for top, is_there in zip(tops, (at_start, at_end), strict=True):
+        np.maximum.at(top, edge, np.where(is_there, corners[:, :, 2], -np.inf).max(axis=1)[walls])
+    begin, way = places[edges // len(places)], places[edges % len(places)] - places[edges // len(places)]
+    rise = (tops[1] - tops[0]) * way / np.abs(way) ** 2
+    over_origin = tops[0] - rise.real * begin.real - rise.imag * begin.imag
+    things[walls, 3:] = np.stack([over_origin, rise.real, rise.imag], axis=1)[edge]
 
 
 def _coloured(plain: Floats, numbers: NDArray[np.float32], surface: Surface, up: Floats) -> Floats:

@@ -24,6 +24,8 @@ _CLOSED_IN = 0.35
 """Share of the sky that such a place loses."""
 _BARE = (0.14, 0.21, 0.076)
 """Linear colour of the ground beyond the map's edge."""
+_WOODS, _CLEAR_WOODS, _WOODS_AWAY = (0.10, 0.16, 0.08), 0.55, 800.0
+"""Linear colour of woods at the horizon, the share of it that clear air lets through, and metres to them."""
 _KNEE = 0.55
 """Linear light from which brighter places are held back."""
 _LAMP_COLOUR = (1.0, 0.82, 0.58)
@@ -63,7 +65,7 @@ class Surroundings(NamedTuple):
         normals: (m, 3) of the scene's faces.
         surfaces: (m,) `Surface`.
         colours: (m, 3) linear.
-        things: (m, 3) lowest and highest place of the thing each face belongs to, and its own number.
+        things: (m, 6) of the thing that each face belongs to, as `Scene.things`.
         light: (7, 3) rows as `Light.packed` has them.
         sun: the scene as the sun sees it.
         around: the smoothed heights of the scene seen from above.
@@ -143,7 +145,7 @@ def _shade_sample(face, depth, u, v, view, world, scratch, lane, shown):
         distance = (view.eye[2] - world.ground) / -ray[2]
     if distance > 1e8:
         for c in range(3):
-            shown[0, c] = shown[1, c] = shown[2, c] = _sky(ray[0], ray[1], ray[2], world.light, c)
+            shown[0, c] = shown[1, c] = shown[2, c] = _far_away(ray[0], ray[1], ray[2], world.light, c)
         return
     for axis in range(3):
         place[axis] = view.eye[axis] + distance * ray[axis]
@@ -190,6 +192,16 @@ def _sky(x, y, z, light, c):
     white = light[_HORIZON, c] + 0.15 * light[_SUN_COLOUR, c]
     hidden = textures.clouds(1.1 * x / (z + 0.12), 1.1 * y / (z + 0.12)) * min(1.0, 4.0 * (z - 0.03))
     return clear + hidden * (white - clear)
+
+
+@inner
+def _far_away(x, y, z, light, c):
+    """Colour of what is farther than the map: woods and hills in the haze, and over them the sky."""
+    level = sqrt(x * x + y * y)
+    if level == 0.0 or z > level * textures.woods(x / level, y / level):
+        return _sky(x, y, z, light, c)
+    clear = _CLEAR_WOODS * exp(-_WOODS_AWAY * light[_WEATHER, 2])
+    return light[_HORIZON, c] + clear * (_WOODS[c] * light[_SKY_COLOUR, c] - light[_HORIZON, c])
 
 
 @inner
@@ -259,7 +271,10 @@ def _tone(surface, face, place, normal, pixel, world, lane):
         )
     elif surface == _FACADE:
         foot, top, number = world.things[face, 0], world.things[face, 1], world.things[face, 2]
-        tone, pane = textures.facade(along, z - foot, top - z, number, pixel)
+        by_x, by_y = world.things[face, 4], world.things[face, 5]
+        left = world.things[face, 3] + by_x * x + by_y * y - z
+        slope = by_y * normal[0] - by_x * normal[1]
+        tone, pane = textures.facade(along, z - foot, left, slope, top - foot, number, pixel)
     elif surface == _GLASS:
         pane = 0.2
     if level:

@@ -11,8 +11,14 @@ _FLOOR, _BAY = 3.0, 2.1
 _GROUND_FLOOR, _SHOP_BAY = 3.5, 4.2
 _SILL, _SURROUND = 0.85, 0.1
 """Height of window sills above the floor, and width of what frames a window in the wall, metres."""
+_EAVES, _SHADOW = 0.3, 0.4
+"""Height of the boards along a roof's edge, and of their shadow on the wall, metres."""
+_REVEAL = 0.13
+"""Height of the shadow that a lintel throws on the pane behind it, metres."""
 _PIPE_APART = 11.0
 """Metres between downpipes."""
+_WORN_WHITE = 0.5
+"""Brightness of road paint that is some years old, as a share of new paint's."""
 _COVER = 0.33
 """Radius of a manhole's cover, metres."""
 
@@ -186,7 +192,7 @@ def paint(x, y, lane, pixel):
     chips = 1.3 * _layered_noise(7.0 * x, 7.0 * y, 7.0 * pixel) + 0.9 * dirt
     wheels = _hump(abs(abs(lane[1]) - _TRACK), 1.4 * _TRACK_WIDTH) if lane[3] != 0.0 else 0.0
     gone = min(1.0, max(0.0, 3.0 * (chips + 0.32 * wheels - 0.3)))
-    return (0.86 - 0.3 * max(0.0, dirt) - 0.1 * wheels) * (1.0 - 0.75 * gone)
+    return (_WORN_WHITE - 0.25 * max(0.0, dirt) - 0.08 * wheels) * (1.0 - 0.75 * gone)
 
 
 @kernel
@@ -212,15 +218,17 @@ def tiles(along, z, pixel):
 
 
 @kernel
-def facade(along, height, left, number, pixel):
-    """A wall of plaster or brick, a cornice, windows and doors, and perhaps shops on the ground floor.
+def facade(along, height, left, slope, ridge, number, pixel):
+    """A wall of plaster or brick, boards under the roof, windows and doors, and perhaps shops below.
 
     No two houses have the same bays. Windows in even bands, as nobody builds them, are taken for a train's.
 
     Args:
         along: metres along the wall.
         height: metres above the building's foot.
-        left: metres to its highest place.
+        left: metres to the roof.
+        slope: metres by which the roof rises for each metre along the wall.
+        ridge: how high the roof's highest place is above the building's foot, metres.
         number: the building's own, from 0 to 1.
         pixel: size of a pixel there, metres.
 
@@ -230,31 +238,38 @@ def facade(along, height, left, number, pixel):
     """
     own = int(number * 65535.0)
     wall = _wall(along, height, left, own, pixel)
-    if left < 0.5:
-        return (1.12 if left < 0.32 else 0.62), -1.0
-    if height < _GROUND_FLOOR and own % 5 < 2 and left > _FLOOR:
-        return _shop(along, height, own, wall, pixel)
-    if height < 0.6 or left < 1.0 or pixel > 1.0:
-        return wall, -1.0
-    bay = _BAY + 0.35 * (own // 8 % 4)
+    if left < _EAVES:
+        return 1.3, -1.0
+    if left < _EAVES + _SHADOW:
+        return 0.38 + 0.5 * (left - _EAVES) / _SHADOW, -1.0
+    is_shop = height < _GROUND_FLOOR and own % 5 < 2
+    bay = _SHOP_BAY if is_shop else _BAY + 0.35 * (own // 8 % 4)
     i = floor(along / bay)
-    aside = abs(along / bay - i - 0.5) * bay
+    aside = along - (i + 0.5) * bay
+    roof = ridge - abs(ridge - height - left + slope * aside)  # Over the bay's middle; both slopes are alike.
+    if is_shop and roof - 0.5 * bay * abs(slope) > _GROUND_FLOOR + 1.5:
+        return _shop(along, height, own, wall, pixel)
+    if height < 0.6 or pixel > 1.0:
+        return wall, -1.0
     if height < _GROUND_FLOOR and (i + own) % 4 == 1:
-        return _door(aside, height, wall)
-    return _window(aside, i, height, own, wall)
+        return _door(abs(aside), height, wall)
+    return _window(abs(aside), i, height, roof, abs(slope), own, wall)
 
 
 @kernel
 def _wall(along, height, left, own, pixel):
     """Plaster that weather has marked, or courses of brick; string courses, downpipes and a darker foot."""
-    tone = 1.0 + 0.22 * _layered_noise(0.4 * along, 0.4 * height, 0.4 * pixel)
+    tone = 1.0 + 0.1 * _layered_noise(0.4 * along, 0.4 * height, 0.4 * pixel)
+    tone += 0.1 * _shown(9.0 * pixel) * (_smooth_noise(9.0 * along, 9.0 * height) - 0.5)
     tone += 0.1 * _layered_noise(3.0 * along, 0.5 * height, 3.0 * pixel)
     tone *= 1.0 - 0.12 * max(0.0, 1.0 - 0.5 * left)
-    if own % 3 == 0:
+    if own % 3 != 1:
         row = floor(height / 0.25)
-        stone = floor(along / 0.5 + 0.5 * (row % 2))
-        tone *= 1.0 + 0.2 * _shown(4.0 * pixel) * (_hashed(stone, row) - 0.5)
-        tone *= 1.0 - 0.25 * _stripe(abs(height - 0.25 * row), 0.03, pixel)
+        place = along / 0.5 + 0.5 * (row % 2)
+        stone = floor(place)
+        joint = min(height - 0.25 * row, 0.5 * (place - stone))
+        tone *= 1.0 + 0.24 * _shown(4.0 * pixel) * (_hashed(stone, row) - 0.5)
+        tone *= 1.0 - 0.3 * _stripe(joint, 0.03, pixel)
     course = abs((height - _GROUND_FLOOR) / _FLOOR - floor((height - _GROUND_FLOOR) / _FLOOR + 0.5)) * _FLOOR
     if own // 3 % 2 == 0 and height > _FLOOR:
         tone *= 1.0 + 0.18 * _stripe(course, 0.16, pixel) - 0.3 * _stripe(abs(course - 0.1), 0.04, pixel)
@@ -276,10 +291,11 @@ def _door(aside, height, wall):
 
 
 @kernel
-def _window(aside, bay, height, own, wall):
+def _window(aside, bay, height, roof, slope, own, wall):
     """A window in its frame, with mullion and transom, over a sill; it may have shutters, or be left out.
 
-    Stairs have theirs half a storey higher.
+    Stairs have theirs half a storey higher. None reaches into the roof, whose height over the window's middle
+    and whose slope are known.
     """
     lift = _GROUND_FLOOR - _FLOOR
     if (bay + own // 2) % 6 == 3 and height > _GROUND_FLOOR:
@@ -288,7 +304,8 @@ def _window(aside, bay, height, own, wall):
     up = height - lift - _FLOOR * storey - _SILL
     half, tall = 0.4 + 0.06 * (own // 32 % 4), 1.3 + 0.15 * (own // 128 % 3)
     reach = half + (0.5 * half + 0.1 if own // 512 % 4 == 0 else _SURROUND)
-    if aside > reach or not -0.14 < up < tall + _SURROUND or _hashed(bay, own) < 0.1:
+    is_under = height - up + tall + _SURROUND + _EAVES + 0.2 < roof - slope * reach
+    if aside > reach or not -0.14 < up < tall + _SURROUND or _hashed(bay, own) < 0.1 or not is_under:
         return wall, -1.0
     if up < 0.0:
         return (1.2 if up > -0.07 else 0.75 * wall), -1.0
@@ -296,7 +313,10 @@ def _window(aside, bay, height, own, wall):
         shut = reach > half + _SURROUND and aside > half + 0.03 and up < tall
         return (0.42 if shut else 1.22 if own % 2 == 0 else wall), -1.0
     transom = 0.66 * tall if own // 16 % 3 else 2.0 * tall
-    if half - aside < 0.06 or min(up, tall - up) < 0.06 or aside < 0.04 or abs(up - transom) < 0.035:
+    if tall - up < _REVEAL:
+        return 0.3 * wall, -1.0
+    below = tall - _REVEAL - up
+    if half - aside < 0.06 or min(up, below) < 0.06 or aside < 0.04 or abs(up - transom) < 0.035:
         return 1.3, -1.0
     pane = _hashed(bay + 31 * own, storey)
     return _curtain(aside / half, up / tall, pane), pane
@@ -371,6 +391,13 @@ def ruffle(x, y, z, pixel, normal):
 def clouds(x, y):
     """Share of thin clouds that hides the sky at a place far above."""
     return min(0.85, max(0.0, 2.2 * _layered_noise(x, y, 0.0) + 0.12))
+
+
+@kernel
+def woods(x, y):
+    """How high woods and hills stand over the horizon in a direction, as a share of their distance."""
+    hills = 0.016 + 0.014 * _layered_noise(7.0 * x, 7.0 * y, 0.0)
+    return hills + 0.012 * _layered_noise(60.0 * x, 60.0 * y, 0.0)
 
 
 @kernel
