@@ -177,12 +177,14 @@ def test_bad_arguments_are_one_line(tmp_path: Path) -> None:
         ("wings", ["--set", "wings=2"]),
         ("rounds=0", ["--set", "rounds=0"]),
         ("nowhere", ["--junctions", "nowhere"]),
-        ("missing.npz", ["--junctions", "two-way", "--from", tmp_path / "missing.npz"]),
     ):
         done = run_env("train", "--quiet", "--junctions", *arguments, "--out", tmp_path / "a")
         assert done.returncode == 2, done.stderr
         assert words in done.stderr
         assert len(done.stderr.strip().splitlines()) == 1, done.stderr
+    start = tmp_path / "missing.npz"
+    done = run_env("train", "--quiet", "--junctions", "two-way", "--from", start, "--out", tmp_path / "a")
+    assert (done.returncode, done.stderr) == (3, f"dojo-env: {start}: no such file\n")
     assert not (tmp_path / "a").exists()
 
 
