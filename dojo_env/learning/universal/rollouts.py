@@ -24,8 +24,8 @@ Array = NDArray[np.float32]
 
 DISCOUNT = 0.97
 """From decision time to decision time, which are 5 s apart: what comes in three minutes counts a third."""
-STANDING, WAITING, WALKERS = 1.0, 0.02, 2.0
-"""What one that stands, a second of its waiting, and walkers at a crossing cost beside one on its way."""
+WAITING, WALKERS = 0.02, 2.0
+"""What a second of a vehicle's waiting costs beside one that stands, and walkers at a crossing beside one."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -142,14 +142,9 @@ def _run(case: Case, weights: Mapping[str, Array]) -> list[Trajectory]:
 
 
 def measure_cost(signal: str, instant: Instant) -> float:
-    """Measure what a decision time costs: who is on the way, who stands, how long, and who waits on foot.
-
-    Those on the way, added up over time, are the time that all of them need to pass.
-    """
-    halting = instant.approach(signal).halting
+    """Measure what a decision time costs: who stands, for how long, and who waits on foot."""
     return (
-        len(halting)
-        + STANDING * sum(halting)
+        float(sum(instant.approach(signal).halting))
         + WAITING * instant.signals[signal].lanes.total_waiting
         + WALKERS * len(instant.list_wanted_walks(signal))
     )
