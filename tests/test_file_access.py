@@ -65,6 +65,7 @@ EXPLAINED = {
     "dojo_env/benchmark/cluster.py": {"read_bytes"},
     "dojo_maps/whole_file.py": {"open"},
     "dojo_maps/report/page.py": {"read_text"},
+    "tools/make_training_maps.py": {"FileProcessor"},
     "dojo_maps/viewer/page.py": {"read_text"},
     "dojo_maps/sources/osm/read/boundaries.py": {"read_text"},
     "dojo_env/demand.py": {"read_bytes"},
