@@ -26,10 +26,6 @@ _EDGE = 2.0
 _TYPES = {"tensor(float)": np.float32, "tensor(float16)": np.float16, "tensor(uint8)": np.uint8}
 
 
-_Candidates = tuple[Floats, Floats, NDArray[np.intp]]
-"""Boxes, scores and classes."""
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DetectorSettings:
     """How a network is used; None leaves it to the network itself, or to its style.
@@ -42,8 +38,7 @@ class DetectorSettings:
         size: height and width of its input, pixels, where it takes any.
         least_score: from which on a detection counts, 0 to 1.
         most_overlap: intersection over union up to which two boxes are two road users.
-        tile: side of the overlapping squares that larger pictures are cut into, pixels; 0 cuts none. What is
-            larger than they overlap is looked for in the whole picture.
+        tile: side of the overlapping squares that larger pictures are cut into, pixels; 0 cuts none.
         tile_overlap: share of a tile that its neighbour shows, too.
     """
 
@@ -129,8 +124,6 @@ class OnnxDetector:
         height, width = picture.shape[:2]
         windows = list_windows(height, width, self.settings)
         parts = [self._look(picture, window) for window in windows]
-        if len(windows) > 1:
-            parts.append(self._look_for_large(picture))
         boxes, scores, classes = (np.concatenate(column) for column in zip(*parts, strict=True))
         if not len(boxes):
             return NOTHING
@@ -140,17 +133,9 @@ class OnnxDetector:
         kinds = np.array([self._kinds[number] for number in classes[order].tolist()], np.uint8)
         return Detections(boxes=boxes[order], scores=scores[order], kinds=kinds)
 
-    def _look_for_large(self, picture: Image) -> _Candidates:
-        """Find in the whole picture what no tile may show whole: what is larger than tiles overlap.
-
-        Source: Akyon et al., Slicing aided hyper inference and fine-tuning for small object detection, 2022.
-        """
-        boxes, scores, classes = self._look(picture, (0, 0, picture.shape[1], picture.shape[0]))
-        overlap = self.settings.tile * self.settings.tile_overlap
-        is_large = (boxes[:, 2:] - boxes[:, :2]).max(axis=1, initial=0.0) > overlap
-        return boxes[is_large], scores[is_large], classes[is_large]
-
-    def _look(self, picture: Image, window: tuple[int, int, int, int]) -> _Candidates:
+    def _look(
+        self, picture: Image, window: tuple[int, int, int, int]
+    ) -> tuple[Floats, Floats, NDArray[np.intp]]:
         """Find candidates in a part of the picture, but those that its inner edges cut."""
         left, top, right, bottom = window
         image, fit = self._scaling.place(picture[top:bottom, left:right], *self._size)
