@@ -1,15 +1,14 @@
 """How fast environments are beside bare libsumo, all with the same decisions.
 
-Each run has a process of its own. The variants take turns, so that a busy machine slows all alike, and the
-ratios are medians over the rounds; seconds are of processor time. SUMO is bare where only its steps and the
-signals' states are asked for.
+Each run has a process of its own, and the variants take turns. Seconds are of processor time, those of the
+fastest of the rounds: others' work on the machine only ever adds to them. SUMO is bare where only its steps
+and the signals' states are asked for.
 """
 
 import argparse
 import json
 import os
 import resource
-import statistics
 import subprocess
 import sys
 import time
@@ -155,8 +154,8 @@ def compare(scenario: str, variants: list[str], rounds: int) -> list[dict[str, A
     """Measure the variants in turns; a table row each."""
     runs = [{variant: measure(variant, scenario) for variant in variants} for _ in range(rounds)]
     rows = []
-    for variant in variants:
-        seconds = statistics.median(run[variant]["seconds"] for run in runs)
+    fastest = {variant: min(run[variant]["seconds"] for run in runs) for variant in variants}
+    for variant, seconds in fastest.items():
         rows.append(
             {
                 "scenario": scenario,
@@ -164,10 +163,8 @@ def compare(scenario: str, variants: list[str], rounds: int) -> list[dict[str, A
                 "seconds": seconds,
                 "simulated_per_s": SECONDS / seconds,
                 "steps_per_s": SECONDS / INTERVAL / seconds,
-                "of_bare": statistics.median(r["bare"]["seconds"] / r[variant]["seconds"] for r in runs),
-                "of_sumo_rl": statistics.median(
-                    r[variant]["seconds"] / r["sumo-rl"]["seconds"] for r in runs
-                ),
+                "of_bare": fastest["bare"] / seconds,
+                "of_sumo_rl": seconds / fastest["sumo-rl"],
                 "arrived": runs[0][variant]["arrived"],
                 "megabytes": max(run[variant]["megabytes"] for run in runs),
             }
