@@ -16,6 +16,7 @@ from typing import Any
 import forked
 import networks
 import pytest
+from hypothesis import HealthCheck, settings
 from oracle import ExpectedMap, read_expected
 from scene_reader import Scene, read_scene
 
@@ -23,6 +24,9 @@ REPOSITORY = Path(__file__).resolve().parents[1]
 # Whoever starts the tests in the background has SIGINT ignored, and with it all commands that they interrupt.
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
+# How long an example takes depends on what else the machine does.
+settings.register_profile("untimed", deadline=None, suppress_health_check=[HealthCheck.too_slow])
+settings.load_profile("untimed")
 NO_GENERATED = "--no-generated"
 _FIRST = (
     "test_ray", "test_train", "test_learned_rows", "test_benchmark", "test_robustness", "test_env_encoders",

@@ -201,7 +201,7 @@ def fuzz(name: str, examples: int, check: Callable[[bytes], None]) -> None:
     """Check an installed network, damaged at random so many times, always in the same ways."""
     good = networks.read_network_bytes(networks.installed_networks()[name])
 
-    @settings(max_examples=examples, deadline=None, derandomize=True, suppress_health_check=list(HealthCheck))
+    @settings(max_examples=examples, derandomize=True, suppress_health_check=list(HealthCheck))
     @given(st.randoms(use_true_random=True))
     def run(chance: random.Random) -> None:
         check(damage(good, chance))

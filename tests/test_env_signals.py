@@ -74,7 +74,7 @@ CONFIGS = st.builds(
 
 @pytest.mark.sampled(4)
 @pytest.mark.parametrize("name", [*NETWORKS, *(f"{name}+" for name in ENRICHED)])
-@settings(max_examples=8, deadline=None, derandomize=True)
+@settings(max_examples=8, derandomize=True)
 @given(config=CONFIGS, seed=st.integers(0, 1000))
 def test_random_requests_never_break_a_rule(name: str, config: SignalConfig, seed: int) -> None:
     draw = np.random.default_rng(seed)

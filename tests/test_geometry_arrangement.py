@@ -60,7 +60,7 @@ def upward_area(mesh: Mesh) -> float:
     return float(np.maximum(doubled, 0.0).sum() / 2)
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(boxes)
 def test_divide_ground_covers_every_claim_once(drawn: list[Box]) -> None:
     pieces = rotated_boxes(drawn)
@@ -76,7 +76,7 @@ def test_divide_ground_covers_every_claim_once(drawn: list[Box]) -> None:
     assert frame.equals(frame.envelope)
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(boxes)
 def test_raised_surfaces_are_watertight_and_as_large_as_their_parts(drawn: list[Box]) -> None:
     pieces = rotated_boxes(drawn)

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from dojo_env.rendering.raster import COVER, NEARER, STATIC, draw_face, draw_mesh, fill_triangle
@@ -16,7 +16,6 @@ def blank(height=80, width=100):
     return np.zeros((height, width), dtype=np.float32), np.full((height, width), STATIC, dtype=np.int32)
 
 
-@settings(deadline=None)  # the first call compiles
 @given(rim=st.lists(corner, min_size=3, max_size=8, unique=True), hub=corner)
 def test_fill_covers_each_pixel_of_a_fan_once(rim, hub):
     """Triangles around a hub, in the order of their angle, tile a star: no gap and nothing twice."""
