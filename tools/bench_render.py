@@ -86,6 +86,7 @@ def crowd(base: Snapshot, count: int, centre: np.ndarray) -> Snapshot:
         numbers=np.arange(1, count + 1, dtype=np.int32),
         positions=moved,
         lanes=tuple(base.lanes[k] for k in rows),
+        types=tuple(base.types[k] for k in rows),
         **{name: getattr(base, name)[rows] for name in columns},
     )
 
