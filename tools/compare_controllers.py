@@ -19,8 +19,7 @@ from pathlib import Path
 
 import numpy as np
 
-from dojo_env.controllers import make_controller
-from dojo_env.controllers.phase_competition import PhaseCompetition
+from dojo_env.commands.options import find_controller
 from dojo_env.learning.episode_pools import open_processes
 from dojo_env.runs import JAMMED, run_controller
 from dojo_maps.whole_file import write_json
@@ -43,10 +42,8 @@ class Job:
 
 def measure(job: Job) -> dict[str, float]:
     """Run an episode."""
-    is_file = job.controller.endswith(".npz")
-    controller = PhaseCompetition(Path(job.controller)) if is_file else make_controller(job.controller)
     (found,) = run_controller(
-        controller,
+        find_controller(job.controller, job.scenario),
         [job.seed],
         scenario=job.scenario,
         num_seconds=job.seconds,
@@ -96,7 +93,7 @@ def main() -> int:
     """Run all, print the table, and write every episode as JSON where asked."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
     parser.add_argument("scenarios", nargs="+", metavar="SCENARIO")
-    parser.add_argument("--controllers", nargs="+", default=["learned"], help="names, or policies (.npz)")
+    parser.add_argument("--controllers", nargs="+", default=["learned"], help="names, or runs' folders")
     parser.add_argument("--rule", default="queue-pressure", help="what learns nothing")
     parser.add_argument("--demands", nargs="+", type=float, default=[0.9, 1.1], help="shares of the own")
     parser.add_argument("--seeds", type=int, default=6)

@@ -16,7 +16,8 @@ _SIDES = np.array(
      [[1, 3, 7], [1, 7, 5]], [[0, 4, 6], [0, 6, 2]]]
 )  # fmt: skip
 """Corners of the two triangles of each side: nose, tail, left, right, top and bottom."""
-
+_REACHES = (0.0, 1.0, 0.5, 0.5, 1.0, 0.0)
+"""How far each side lies from the front's middle on the ground, outwards, as a share of the box."""
 
 Ints = NDArray[np.int32]
 
@@ -97,16 +98,8 @@ def _faces_away(users, k, side, view):
         part = users.frames[k, row, axis]
         along += part * (view.eye[row] - users.places[k, row])
         square += part * part
-    along /= square
-    if side == 0:
-        return along <= 0.0
-    if side == 1:
-        return along >= -1.0
-    if side == 2:
-        return along <= 0.5
-    if side == 3:
-        return along >= -0.5
-    return along <= 1.0 if side == 4 else along >= 0.0
+    outwards = 1.0 if side % 2 == 0 else -1.0
+    return outwards * along / square <= _REACHES[side]
 
 
 @kernel
