@@ -74,7 +74,7 @@ EXPLAINED = {
     "dojo_env/datasets/writing.py": {"open"},
     "dojo_env/encoders/efficientnet.py": {"load"},
     "dojo_env/encoders/onnx_file.py": {"load"},
-    "dojo_env/rendering/compiling.py": {"read_bytes"},
+    "dojo_env/rendering/compiling.py": {"read_bytes", "load"},
     "dojo_env/watching/server.py": {"read_text", "loads"},
     "dojo_env/watching/video.py": {"VideoCapture", "open"},
     "dojo_maps/progress.py": {"open"},

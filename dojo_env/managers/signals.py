@@ -21,7 +21,7 @@ class SignalManager(Manager):
 
     Attributes:
         safety: every breach of the rules that was seen in the episode.
-        longest_red: for how many seconds of the episode somebody saw no green at the most.
+        longest_red: the longest that somebody saw no green, seconds; 0 if nobody waited a third of the limit.
         timing: the timing plan that the next episode runs, where one does.
     """
 

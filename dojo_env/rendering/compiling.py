@@ -13,12 +13,13 @@ from typing import Any, TypeVar
 
 import numba
 import numpy as np
+from numpy.typing import NDArray
 
 from dojo_env.cache import cache_folder
 from dojo_env.errors import ConfigError
-from dojo_env.plain_arrays import read_arrays
 from dojo_maps.errors import SourceError, UsageError, WriteError
-from dojo_maps.whole_file import replaced
+from dojo_maps.input_files import check_file
+from dojo_maps.whole_file import added_files
 
 Arrays = TypeVar("Arrays", bound=tuple[Any, ...])
 
@@ -52,23 +53,34 @@ def kept_arrays(
     """Load what an earlier process made and kept, or make and keep it.
 
     Args:
-        name: of the file.
+        name: of the folder that keeps it.
         kind: of named tuple that holds the arrays.
         kinds: numpy's type of each of its fields, in order.
         make: gives the tuple; it follows from the sources alone.
     """
-    path = Path(_FOLDER) / f"{name}.npz"
-    if _FOLDER and path.is_file():
+    folder = Path(_FOLDER) / name
+    if _FOLDER:
         # What somebody has damaged is made anew.
         with suppress(SourceError):
-            found = read_arrays(path, kinds, most=_MOST_BYTES, error=SourceError)
-            # Kernels are compiled for arrays that may be written.
-            return kind(**{field: array.copy() for field, array in found.items()})
+            return kind(**{field: _mapped(folder / f"{field}.npy", kinds[field]) for field in kinds})
     made = make()
     if _FOLDER:
-        with suppress(WriteError, UsageError), replaced(path, parents=True) as fresh:
-            np.savez(fresh, **dict(zip(kinds, made, strict=True)))
+        with suppress(WriteError, UsageError), added_files(folder) as fresh:
+            for field, array in zip(kinds, made, strict=True):
+                np.save(fresh / f"{field}.npy", np.ascontiguousarray(array))
     return made
+
+
+def _mapped(path: Path, kind: str) -> NDArray[Any]:
+    """Map a kept array into memory, copied where it is written: processes share what they only read."""
+    check_file(path, most=_MOST_BYTES)
+    try:
+        array = np.load(path, mmap_mode="c", allow_pickle=False)
+    except (ValueError, OSError) as error:
+        raise SourceError(path, f"cannot be read as an array ({error})") from error
+    if array.dtype != np.dtype(kind):
+        raise SourceError(path, f"is of kind {array.dtype.str}, expected {kind}")
+    return array.view(np.ndarray)
 
 
 def kernel(function: Callable[..., Any]) -> Any:
