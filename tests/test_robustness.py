@@ -5,7 +5,7 @@ import json
 from pathlib import Path
 
 import pytest
-from commands import make_row, run_tool
+from commands import make_row, run_env, run_tool
 
 pytest.importorskip("stable_baselines3")
 
@@ -48,6 +48,18 @@ def test_policy_gives_its_own_figures_again_and_others_beside(
     with (results / "matrix.csv").open() as file:
         means = {(line["under"], line["figure"]): float(line["mean"]) for line in csv.DictReader(file)}
     assert means[other, "queue"] == under[other]["figures"]["queue"]["mean"]
+
+
+def test_row_of_a_controller_is_evaluated_where_it_is_named(tmp_path: Path) -> None:
+    results = tmp_path / "results"
+    words = ("--rows", "QueuePressure", "--scenarios", "two-way", "--seeds", 2, "--seconds", 300)
+    done = run_env("benchmark", *words, "--results", results)
+    assert done.returncode == 0, done.stderr
+    assert evaluate(results, "QueuePressure", "features", "noisier-detector").count("under") == 2
+    under = read_under(results, "QueuePressure")
+    figures = json.loads((results / "two-way" / "QueuePressure" / "figures.json").read_text())["figures"]
+    assert all(figures[name] == cell for name, cell in under["features"]["figures"].items())
+    assert under["noisier-detector"]["figures"] != under["features"]["figures"]
 
 
 def test_row_without_a_policy_is_one_line(tmp_path: Path) -> None:

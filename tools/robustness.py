@@ -1,8 +1,8 @@
-"""Evaluate trained policies under what they were not trained for, and write the matrix of results.
+"""Evaluate rows under what they were not trained for, and write the matrix of results.
 
 Who sees images gets other light, weather and cameras; who sees features gets them from a detector that looks
-through the approaches' cameras, from a perfect one to a noisy one. Each row's results go to its folder; what
-is there already for the same policy is not run again.
+through the approaches' cameras, from a perfect one to a noisy one. Rows of controllers must be named. Each
+row's results go to its folder; what is there already for the same policy is not run again.
 """
 
 import argparse
@@ -14,18 +14,27 @@ from pathlib import Path
 from typing import Any
 
 from dojo_env.benchmark.kept_rows import KeptRow, read_kept
+from dojo_env.controllers import make_controller
 from dojo_env.errors import ConfigError
-from dojo_env.learning.other_conditions import CAMERAS, DETECTORS, list_conditions
+from dojo_env.learning.other_conditions import (
+    ALL,
+    CAMERAS,
+    DETECTORS,
+    choose_for_controller,
+    list_conditions,
+)
 from dojo_env.learning.result_files import read_result
 from dojo_env.learning.settings import POLICY, SETTINGS, RunFileError, list_versions, read_training
 from dojo_env.metrics import SIX
-from dojo_env.runs import summarize
+from dojo_env.runs import run_controller, summarize
 from dojo_maps.command import Parser, run_command
 from dojo_maps.input_files import sha256_of
 from dojo_maps.interruption import begin
 from dojo_maps.whole_file import write_json, write_table, write_text
 
 FILE = "robustness.json"
+_BESIDE = {"MaxPressure": "which knows all vehicles", "Blind": "which sees nothing"}
+"""Rows that are told under each table."""
 _TEXT = """## Under other conditions
 
 Policies as they were trained, evaluated under conditions that most of them never met: travel time / \
@@ -36,17 +45,18 @@ and see of each pixel how far it is from its own mean in the episode.
 
 
 def run_under(row: KeptRow, names: Sequence[str], seeds: int, seconds: int) -> None:
-    """Evaluate a row's policy under those of the named conditions that it can meet; all without names."""
-    training = read_training(row.folder / SETTINGS)
-    known = list_conditions(training)
-    words = ["python", "tools/robustness.py", "--scenarios", training.scenario, "--rows", row.name,
+    """Evaluate a row under those of the named conditions that it can meet; all without names."""
+    scenario, settings = row.folder.parent.name, row.result.get("settings", {})
+    words = ["python", "tools/robustness.py", "--scenarios", scenario, "--rows", row.name,
              "--seeds", str(seeds), "--seconds", str(seconds)]  # fmt: skip
-    basis = {
-        "row": row.name,
-        "policy": sha256_of(row.folder / POLICY, error=RunFileError),
-        "seeds": seeds,
-        "seconds": seconds,
-    }
+    basis = {"row": row.name, "seeds": seeds, "seconds": seconds}
+    if row.learned:
+        training = read_training(row.folder / SETTINGS)
+        known = list_conditions(training)
+        basis["policy"] = sha256_of(row.folder / POLICY, error=RunFileError)
+    else:
+        controller = make_controller(row.result["controller"])
+        known = choose_for_controller(controller, [ALL])
     path = row.folder / FILE
     kept = read_result(path, "under") if path.is_file() else {}
     done = kept["under"] if basis.items() <= kept.items() else {}
@@ -54,14 +64,18 @@ def run_under(row: KeptRow, names: Sequence[str], seeds: int, seconds: int) -> N
         told = {setting: _plain(value) for setting, value in known[name].items()}
         if done.get(name, {}).get("changes") == told:
             continue
-        from dojo_env.learning.evaluation import run_policy  # torch takes long to load
+        if row.learned:
+            from dojo_env.learning.evaluation import run_policy  # torch takes long to load
 
-        episodes, _ = run_policy(training, row.folder, range(seeds), num_seconds=seconds, **known[name])
+            episodes, _ = run_policy(training, row.folder, range(seeds), num_seconds=seconds, **known[name])
+        else:
+            own = {"scenario": scenario, "num_seconds": seconds, **settings, **known[name]}
+            episodes = run_controller(controller, range(seeds), **own)
         figures = {key: value for key, value in summarize(episodes).items() if key in SIX}
         done = {**done, name: {"changes": told, "figures": figures}}
         result = {**basis, "command": shlex.join(words), "versions": list_versions(), "under": done}
         write_json(path, result)
-        print(f"{training.scenario}: {row.name} under {name}", file=sys.stderr, flush=True)
+        print(f"{scenario}: {row.name} under {name}", file=sys.stderr, flush=True)
 
 
 def _plain(value: Any) -> Any:
@@ -73,21 +87,22 @@ def _plain(value: Any) -> Any:
 
 
 def find_rows(results: Path, scenarios: Sequence[str], names: Sequence[str] | None) -> list[KeptRow]:
-    """Find the rows that have a policy: the named ones, or all.
+    """Find the rows to evaluate: the named ones, or all that have a policy.
 
     Raises:
-        ConfigError: a named one has none.
+        ConfigError: a named one has neither a policy nor a controller.
     """
     kept = read_kept(results)
     found = []
     for scenario in scenarios:
         rows = kept.get(scenario, {})
-        ready = {name: row for name, row in rows.items() if (row.folder / POLICY).is_file()}
-        if missing := set(names or ()) - set(ready):
+        policies = {name: row for name, row in rows.items() if (row.folder / POLICY).is_file()}
+        acting = {name: row for name, row in rows.items() if "controller" in row.result}
+        if missing := set(names or ()) - set(policies) - set(acting):
             raise ConfigError(
                 f"{scenario}: no policy of {', '.join(sorted(missing))}; run dojo-env benchmark first"
             )
-        found += [row for name, row in ready.items() if names is None or name in names]
+        found += [row for name, row in rows.items() if name in (names or policies)]
     return found
 
 
@@ -99,7 +114,7 @@ def write_matrix(results: Path) -> str:
                  for name, row in rows.items() if (row.folder / FILE).is_file()}  # fmt: skip
         for known in (CAMERAS, DETECTORS):
             shown = {name: under for name, under in found.items() if under.keys() & known}
-            parts += [_table(scenario, shown, known, rows.get("MaxPressure"))] if shown else []
+            parts += [_table(scenario, shown, known, rows)] if shown else []
         lines += [
             [scenario, name, under, figure, cell["figures"][figure]["mean"], cell["figures"][figure]["std"]]
             for name, cells in found.items()
@@ -114,7 +129,7 @@ def write_matrix(results: Path) -> str:
 
 
 def _table(
-    scenario: str, shown: Mapping[str, Any], known: Mapping[str, Any], reference: KeptRow | None
+    scenario: str, shown: Mapping[str, Any], known: Mapping[str, Any], rows: Mapping[str, KeptRow]
 ) -> str:
     """Write a table of those that see alike."""
     columns = [name for name in known if any(name in under for under in shown.values())]
@@ -122,9 +137,10 @@ def _table(
     for row, under in shown.items():
         cells = [_cell(under[name]["figures"]) if name in under else "not run" for name in columns]
         lines.append(f"| {row} | {' | '.join(cells)} |")
-    if reference is not None:
-        lines += ["", f"MaxPressure, which knows all vehicles: {_cell(reference.figures)}."]
-    return "\n".join([*lines, ""])
+    beside = [
+        f"{name}, {what}: {_cell(rows[name].figures)}." for name, what in _BESIDE.items() if name in rows
+    ]
+    return "\n".join([*lines, "", " ".join(beside), ""])
 
 
 def _cell(figures: Mapping[str, Mapping[str, float]]) -> str:
@@ -146,7 +162,9 @@ def _explain(columns: Collection[str]) -> str:
 def build_parser() -> Parser:
     """Declare what the command takes."""
     parser = Parser(description=__doc__)
-    parser.add_argument("--rows", nargs="*", metavar="ROW", help="all with a policy, unless named")
+    parser.add_argument(
+        "--rows", nargs="*", metavar="ROW", help="all with a policy, unless named; controllers' rows, too"
+    )
     parser.add_argument("--scenarios", nargs="+", default=["two-way", "cologne1"], metavar="NAME")
     parser.add_argument("--under", nargs="+", default=[], choices=(*CAMERAS, *DETECTORS), metavar="NAME",
                         help=f"of {', '.join((*CAMERAS, *DETECTORS))}; all, unless named")  # fmt: skip
