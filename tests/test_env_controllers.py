@@ -96,6 +96,35 @@ def test_every_link_with_demand_is_served(
     assert not figures["violations"]
 
 
+@pytest.mark.parametrize("controller", ["queue-pressure", "max-pressure", "sotl"])
+def test_who_waits_before_a_lane_that_holds_nobody_is_served(controller: str, tmp_path: Path) -> None:
+    ends = {"w": (-200, 0), "m": (-30, 0), "c": (0, 0), "e": (200, 0), "s": (0, -200), "n": (0, 200)}
+    nodes = "".join(
+        f'<node id="{name}" x="{x}" y="{y}" type="{"traffic_light" if name == "c" else "priority"}"/>'
+        for name, (x, y) in ends.items()
+    )
+    (tmp_path / "x.nod.xml").write_text(f"<nodes>{nodes}</nodes>")
+    lanes = {"wm": "", "mc": 'length="0.9"', "ce": "", "sc": "", "cn": ""}
+    edges = "".join(f'<edge id="{k}" from="{k[0]}" to="{k[1]}" {more}/>' for k, more in lanes.items())
+    (tmp_path / "x.edg.xml").write_text(f"<edges>{edges}</edges>")
+    networks.run_sumo_tool("netconvert", "-n", tmp_path / "x.nod.xml", "-e", tmp_path / "x.edg.xml",
+                  "-o", tmp_path / "x.net.xml")  # fmt: skip
+    (tmp_path / "x.rou.xml").write_text(
+        '<routes><flow id="few" begin="0" end="500" period="50" from="wm" to="ce"/>'
+        '<flow id="many" begin="0" end="900" period="3" from="sc" to="cn"/></routes>'
+    )
+    (tmp_path / "x.sumocfg").write_text(
+        '<configuration><input><net-file value="x.net.xml"/><route-files value="x.rou.xml"/></input>'
+        '<time><end value="900"/></time></configuration>'
+    )
+    world = LocalWorld(build_config(scenario=tmp_path / "x.sumocfg"))
+    world.run(make_controller(controller), 1)
+    late = [name for name, trip in world.traffic.simulation.trips.items()
+            if name.startswith("few") and trip.arrival is None]  # fmt: skip
+    world.close()
+    assert not late
+
+
 @pytest.mark.slow
 @pytest.mark.sampled(2)
 @pytest.mark.parametrize("controller", OWN)

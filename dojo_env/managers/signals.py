@@ -177,7 +177,8 @@ class SignalManager(Manager):
     def _list_waiting(self, signal: str, links: set[int]) -> set[int]:
         """List those of a signal's links at which somebody stands."""
         plan = self._plans[signal]
-        lanes = dict.fromkeys(source for link, source, _ in plan.links if link in links)
+        sources = dict.fromkeys(source for link, source, _ in plan.links if link in links)
+        lanes = dict.fromkeys(lane for source in sources for lane in (source, *plan.before.get(source, ())))
         coming = self._simulation.list_approaching(signal, lanes)
         crossings = [(link, crossing) for link, crossing in plan.walks if link in links]
         wanted = self._simulation.list_wanted_crossings() if crossings else set()

@@ -35,11 +35,11 @@ class LongestRed:
         self._since = [time] * len(self._state)
         self._wanted: dict[int, float] = {}
         places = {lane: number for number, lane in enumerate(plan.lanes)}
-        walked = {link for link, _ in plan.walks}
+        untold = {link for link, _ in plan.walks} | {link for link, lane, _ in plan.links if lane in plan.before}
         self._lanes = {
             link: tuple({places[lane] for other, lane, _ in plan.links if other == link})
             for link, _, _ in plan.links
-            if link not in walked
+            if link not in untold
         }
         self._greens = [green_links(state) for state in plan.phases]
         changes = [self._longest_change(greens, config) for greens in self._greens]
@@ -99,7 +99,7 @@ class LongestRed:
             wanted[link] = self._since[link] if is_new else time
 
     def _is_busy(self, link: int, halting: Sequence[float]) -> bool:
-        """Tell whether somebody may wait at a link; of walkers that is not known."""
+        """Tell whether somebody may wait at a link; of walkers, and of short lanes, that is not known."""
         lanes = self._lanes.get(link)
         return lanes is None or any(halting[lane] for lane in lanes)
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import chain
 
 import numpy as np
 from numpy.typing import NDArray
@@ -55,6 +56,8 @@ class SignalPlan:
         out_lanes: the lanes that lead away from it, in the same order.
         links: (index, from lane, to lane) of each vehicle link, with multiplicity.
         upstream: lanes by which vehicles come to `lanes` within 150 m, no other signal between.
+        before: of each of `lanes` that is shorter than a vehicle, the lanes on which those stand who wait at
+            its end; they are in `upstream`, too.
         walks: (index, crossing) of each way across on foot.
         exits: the lanes behind each vehicle link, each once.
         room: how many standing vehicles each of `out_lanes` holds.
@@ -78,6 +81,7 @@ class SignalPlan:
     out_lanes: tuple[str, ...]
     links: tuple[tuple[int, str, str], ...]
     upstream: tuple[str, ...]
+    before: Mapping[str, tuple[str, ...]]
     walks: tuple[tuple[int, str], ...]
     exits: Mapping[int, tuple[str, ...]]
     room: tuple[float, ...]
@@ -120,6 +124,7 @@ def build_plan(road_map: RoadMap, signal: Signal, config: SignalConfig) -> Signa
     lane_of = index.lanes
     lanes = tuple(dict.fromkeys(source for _, source, _ in links))
     out_lanes = tuple(dict.fromkeys(target for _, _, target in links))
+    before = _find_before(index, lanes)
     speeds = np.zeros(count)
     for letter, source, _ in links:
         speeds[letter] = max(speeds[letter], lane_of[source].speed)
@@ -136,7 +141,8 @@ def build_plan(road_map: RoadMap, signal: Signal, config: SignalConfig) -> Signa
         lanes=lanes,
         out_lanes=out_lanes,
         links=links,
-        upstream=_find_upstream(index, lanes),
+        upstream=tuple(dict.fromkeys([*_find_upstream(index, lanes), *chain(*before.values())])),
+        before=before,
         walks=tuple((link, way) for link, way in list_walks(signal) if way in index.crossings),
         exits={
             link: tuple(dict.fromkeys(b for other, _, b in links if other == link)) for link, _, _ in links
@@ -270,6 +276,18 @@ def _find_upstream(index: MapIndex, lanes: Sequence[str]) -> tuple[str, ...]:
                 found[source] = None
                 left[source] = metres - index.lanes[source].length
     return tuple(found)
+
+
+def _find_before(index: MapIndex, lanes: Sequence[str]) -> dict[str, tuple[str, ...]]:
+    """Find where those stand who wait at the end of a lane that is too short for them."""
+    found: dict[str, tuple[str, ...]] = {}
+    for lane in lanes:
+        if index.lanes[lane].length < ROOM_OF_A_VEHICLE:
+            entering = index.entering.get(lane, ())
+            ways = [*chain(*(each.via for each in entering))]
+            ways += [each.from_lane for each in entering if each.signal is None]
+            found[lane] = tuple(dict.fromkeys(way for way in ways if way not in lanes))
+    return found
 
 
 def _clearances(road_map: RoadMap, signal: Signal, count: int, speed: float) -> NDArray[np.float64]:
