@@ -35,7 +35,8 @@ class LongestRed:
         self._since = [time] * len(self._state)
         self._wanted: dict[int, float] = {}
         places = {lane: number for number, lane in enumerate(plan.lanes)}
-        untold = {link for link, _ in plan.walks} | {link for link, lane, _ in plan.links if lane in plan.before}
+        untold = {link for link, _ in plan.walks}
+        untold |= {link for link, lane, _ in plan.links if lane in plan.before}
         self._lanes = {
             link: tuple({places[lane] for other, lane, _ in plan.links if other == link})
             for link, _, _ in plan.links
