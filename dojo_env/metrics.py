@@ -128,6 +128,7 @@ def _group(trips: Mapping[str, Trip], key: Any) -> dict[str, dict[str, float]]:
             "departed": len(members),
             "arrived": sum(t.arrival is not None for t in members),
             "mean_trip_duration": _mean([t.arrival - t.depart for t in members if t.arrival is not None]),
+            "mean_waiting": _mean([t.waiting for t in members]),
         }
         for name, members in sorted(groups.items())
     }

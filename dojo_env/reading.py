@@ -214,10 +214,14 @@ class Approach:
 
 @dataclass(slots=True, kw_only=True)
 class Trip:
-    """A vehicle's journey; times are simulated seconds; the simulation adds `arrival` when it comes."""
+    """A vehicle's journey; times are simulated seconds.
+
+    The simulation adds `arrival` when it comes, and at each decision how long the vehicle has stood so far.
+    """
 
     mode: str
     route: tuple[str, ...]
     depart: float
     depart_delay: float
     arrival: float | None = None
+    waiting: float = 0.0

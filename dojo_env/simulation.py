@@ -272,24 +272,27 @@ class Simulation:
         return set(map(get.person_getNextEdge, people))
 
     def read_lanes(self, lanes: Sequence[str]) -> tuple[list[tuple[str, ...]], list[list[float]]]:
-        """Measure lanes; returns the vehicles on each, and the first rows of a `LaneReading`.
+        """Measure lanes, and note for how long each vehicle on the road has waited so far.
 
         Args:
             lanes: ids, n of them.
 
         Returns:
-            The vehicles on each lane, and six rows of n values: vehicles, halting ones, mean speed, mean
-            length, waiting, CO2.
+            The vehicles on each lane, and the first rows of a `LaneReading`, of n values each: vehicles,
+            halting ones, mean speed, mean length, waiting, CO2.
         """
         get = self._get
         on_lane = list(map(get.lane_getLastStepVehicleIDs, lanes))
-        waiting = get.vehicle_getAccumulatedWaitingTime
+        ids, _ = self._list_moving()
+        waited = dict(zip(ids, map(get.vehicle_getAccumulatedWaitingTime, ids), strict=True))
+        for vehicle in waited.keys() & self._trips.keys():
+            self._trips[vehicle].waiting = waited[vehicle]
         return on_lane, [
             list(map(len, on_lane)),
             list(map(get.lane_getLastStepHaltingNumber, lanes)),
             list(map(get.lane_getLastStepMeanSpeed, lanes)),
             list(map(get.lane_getLastStepLength, lanes)),
-            [sum(map(waiting, ids)) for ids in on_lane],
+            [sum(waited.get(vehicle, 0.0) for vehicle in vehicles) for vehicles in on_lane],
             list(map(get.lane_getCO2Emission, lanes)),
         ]
 

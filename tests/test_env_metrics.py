@@ -82,6 +82,8 @@ def test_trips_agree_with_tripinfo(episode) -> None:
     assert figures["time_loss"] == pytest.approx(np.mean(losses), abs=0.1)
     mode = figures["modes"]["passenger"]
     assert (mode["arrived"], mode["departed"]) == (figures["arrived"], figures["departed"])
+    # What a vehicle stands after the last decision before it arrives is not counted.
+    assert mode["mean_waiting"] == pytest.approx(np.mean([float(t["waitingTime"]) for t in trips]), abs=0.2)
     movements = next(iter(figures["movements"].values()))
     # A trip or two may end before the signal.
     assert 0 <= figures["departed"] - sum(m["departed"] for m in movements.values()) <= 2
