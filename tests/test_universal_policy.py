@@ -9,7 +9,7 @@ from typing import Any
 import gymnasium
 import numpy as np
 import pytest
-from commands import run_env, start_env, wait_for_file
+from commands import run_env, run_tool, start_env, wait_for_file
 
 import dojo_env
 from dojo_env.config import build_config
@@ -37,6 +37,20 @@ def weights() -> dict[str, np.ndarray]:
 
 def column(phases: np.ndarray, name: str) -> np.ndarray:
     return phases[:, PHASE_FEATURES.index(name)]
+
+
+def test_policies_side_by_side_add_up_their_scores(tmp_path: Path, weights: dict[str, np.ndarray]) -> None:
+    pytest.importorskip("torch")
+    network = pytest.importorskip("dojo_env.learning.universal.network").PhaseNet(8)
+    np.savez(tmp_path / "small.npz", **network.export())
+    done = run_tool("join_policies", "learned", tmp_path / "small.npz", "--out", tmp_path / "both.npz")
+    assert done.returncode == 0, done.stderr
+    draw = np.random.default_rng(1)
+    phases = draw.random((5, len(PHASE_FEATURES)), np.float32)
+    seen = (phases, draw.random(INPUTS - len(PHASE_FEATURES), np.float32), 2)
+    alone = [score_phases(each, *seen) for each in (weights, read_weights(tmp_path / "small.npz"))]
+    both = score_phases(read_weights(tmp_path / "both.npz"), *seen)
+    np.testing.assert_allclose(both, sum(alone), rtol=1e-4, atol=1e-4)
 
 
 def test_phases_are_observed_in_gymnasiums_way_and_tell_who_waits() -> None:
