@@ -8,6 +8,7 @@ from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from dojo_env.config import build_config
@@ -19,6 +20,7 @@ from dojo_env.scenario import Scenario, find_scenario, open_map
 from dojo_maps.bundle import Bundle
 from dojo_maps.demand.changing import ChangingTraffic
 from dojo_maps.demand.patterns import Pattern, find_pattern, list_patterns
+from dojo_maps.description import Prop
 from dojo_maps.errors import SourceError
 from dojo_maps.sumo_programs import find_program
 
@@ -89,17 +91,22 @@ def test_left_turns_grow_and_a_sides_total_does_not(cologne: Bundle) -> None:
     assert other == pytest.approx(one, rel=0.1)
 
 
+def run_with_stops(bundle: Bundle, folder: Path) -> list[ET.Element]:
+    """Let SUMO drive `x.rou.xml`; returns who stopped where."""
+    command = [find_program("sumo"), "-n", bundle.network, "-r", folder / "x.rou.xml", "--end", "1200",
+               "--stop-output", folder / "stops.xml", "--no-step-log", "--xml-validation", "never",
+               "--time-to-teleport", "-1"]  # fmt: skip
+    done = subprocess.run([str(part) for part in command], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    return ET.parse(folder / "stops.xml").getroot().findall("stopinfo")  # noqa: S314
+
+
 def test_cars_break_down_where_others_can_pass_as_sumo_tells(cologne: Bundle, tmp_path: Path) -> None:
     pattern = Pattern(name="broken", incidents=(8, 8), incident_seconds=(60, 90))
     traffic = ChangingTraffic(cologne.road_map, cologne.network, pattern)
     text = traffic.format(2, begin=0, end=900)
     (tmp_path / "x.rou.xml").write_text(text)
-    command = [find_program("sumo"), "-n", cologne.network, "-r", tmp_path / "x.rou.xml", "--end", "1200",
-               "--stop-output", tmp_path / "stops.xml", "--no-step-log", "--xml-validation", "never",
-               "--time-to-teleport", "-1"]  # fmt: skip
-    done = subprocess.run([str(part) for part in command], capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr
-    stops = ET.parse(tmp_path / "stops.xml").getroot().findall("stopinfo")  # noqa: S314
+    stops = run_with_stops(cologne, tmp_path)
     asked = re.findall(r'<stop lane="([^"]+)"', text)
     assert len(asked) >= 1
     assert sorted(stop.get("lane") for stop in stops) == sorted(asked)
@@ -109,6 +116,30 @@ def test_cars_break_down_where_others_can_pass_as_sumo_tells(cologne: Bundle, tm
         assert 60 <= lasted <= 95
         road = lanes[stop.get("lane", "")].road
         assert sum(lane.road == road and "passenger" in lane.allow for lane in lanes.values()) >= 2
+
+
+def test_buses_stop_at_bus_stops(cologne: Bundle, tmp_path: Path) -> None:
+    first = next(
+        link for link in cologne.road_map.connections if link.signal is not None and "s" in link.direction
+    )
+    lane = next(lane for lane in cologne.road_map.lanes if lane.id == first.from_lane)
+    start, way = lane.shape[0, :2], np.diff(lane.shape[:2, :2], axis=0)[0]
+    along = way / np.linalg.norm(way)
+    right = np.array([along[1], -along[0]])
+    pole, far = ((*(start + 20 * along + metres * right), 0.0) for metres in (3, 200))
+    props = tuple(
+        Prop(id=f"stop{number}", kind="bus_stop", height=2.5, position=place)
+        for number, place in enumerate((pole, far))
+    )
+    road_map, pattern = replace(cologne.road_map, props=props), Pattern(name="buses", buses=(80, 80))
+    traffic = ChangingTraffic(road_map, cologne.network, pattern)
+    trips, _ = traffic.draw(4, begin=0, end=900)
+    called = [trip for trip in trips if trip.stops]
+    assert called
+    assert {(trip.vehicle_class, trip.stops[0].lane) for trip in called} == {("bus", lane.id)}
+    (tmp_path / "x.rou.xml").write_text(traffic.format(4, begin=0, end=900))
+    stops = run_with_stops(cologne, tmp_path)
+    assert sorted(stop.get("lane") for stop in stops) == [lane.id] * len(called)
 
 
 def test_buses_and_emergency_vehicles_come_now_and_then(cologne: Bundle) -> None:

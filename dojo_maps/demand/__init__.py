@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 
+from dojo_maps.demand.bus_stops import BusStops
 from dojo_maps.demand.changing import ChangingTraffic
 from dojo_maps.demand.counts import GOOD_GEH, WALKERS, Count, CountMet, compare
 from dojo_maps.demand.movements import CYCLISTS, Route, find_rides, find_routes
@@ -127,7 +128,8 @@ def write_demand(
         strolls = []
     if not trips and not strolls:
         return None
-    trips += _cyclists(road_map, options, chance)
+    stops = BusStops(road_map)
+    trips = [stops.call(trip) for trip in trips] + _cyclists(road_map, options, chance)
     strolls += _strollers(walks, options, chance)
     return _deliver(road_map, trips, strolls, path, options)
 

@@ -10,7 +10,8 @@ from pathlib import Path
 
 import numpy as np
 
-from dojo_maps.demand.movements import Route, find_routes
+from dojo_maps.demand.bus_stops import BusStops
+from dojo_maps.demand.movements import BUS, Route, find_routes
 from dojo_maps.demand.patterns import Pattern, Range
 from dojo_maps.demand.route_file import Stop, Stroll, Trip, draw_strolls, find_stubs, format_routes
 from dojo_maps.demand.volumes import fill_routes
@@ -67,6 +68,7 @@ class ChangingTraffic:
         self._signals = _group_sides(road_map, self._routes)
         self._closable = _find_closable(road_map, self._routes)
         self._stubs = find_stubs(road_map)
+        self._bus_stops = BusStops(road_map)
 
     def draw(self, seed: int, *, begin: float, end: float) -> tuple[list[Trip], list[Stroll]]:
         """Draw the traffic of an episode.
@@ -149,11 +151,12 @@ class ChangingTraffic:
         """Draw a signal's buses, emergency vehicles and incidents."""
         pattern, hours = self._pattern, (end - begin) / 3600
         places = [place for side in sides for place in side if self._rates[place] > 0]
-        for name, often in (("bus", pattern.buses), ("emergency", pattern.emergencies)):
+        for name, often in ((BUS, pattern.buses), ("emergency", pattern.emergencies)):
             for _ in range(int(chance.poisson(_draw(often, chance) * hours)) if places else 0):
                 route = self._routes[int(chance.choice(places))]
                 depart = begin + chance.random() * (end - begin)
-                yield Trip(depart=float(depart), roads=route.roads, vehicle_class=name)
+                trip = Trip(depart=float(depart), roads=route.roads, vehicle_class=name)
+                yield self._bus_stops.call(trip)
         closable = [place for place in places if place in self._closable]
         for _ in range(int(chance.poisson(_draw(pattern.incidents, chance) * hours)) if closable else 0):
             place = int(chance.choice(closable))
@@ -167,7 +170,10 @@ class ChangingTraffic:
             )
             depart = begin + chance.random() * (end - begin)
             yield Trip(
-                depart=float(depart), roads=self._routes[place].roads, vehicle_class="passenger", stop=stop
+                depart=float(depart),
+                roads=self._routes[place].roads,
+                vehicle_class="passenger",
+                stops=(stop,),
             )
 
 

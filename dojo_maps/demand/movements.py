@@ -8,7 +8,8 @@ from dataclasses import dataclass
 from dojo_maps.description import Connection, LaneKind, RoadMap
 from dojo_maps.index import MapIndex
 
-CLASSES = ("passenger", "bus")
+BUS = "bus"
+CLASSES = ("passenger", BUS)
 """Who drives a movement: cars, or buses where cars may not."""
 CYCLISTS = "bicycle"
 TURNAROUNDS = ("t", "T")

@@ -33,12 +33,12 @@ class Stop:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Trip:
-    """A vehicle: when it departs, seconds, its roads, SUMO's word for who it is, and where it breaks down."""
+    """A vehicle: when it departs, seconds, its roads, SUMO's word for who it is, and where it stops."""
 
     depart: float
     roads: tuple[str, ...]
     vehicle_class: str
-    stop: Stop | None = None
+    stops: tuple[Stop, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -143,13 +143,14 @@ def _vehicle(trip: Trip, route: int, number: int, *, is_stub: bool) -> str:
     )
     if is_stub:
         text += ' departPos="last"'
-    if trip.stop is None:
+    if not trip.stops:
         return f"{text}/>"
-    stop = trip.stop
-    return (
-        f'{text}><stop lane={quoteattr(stop.lane)} startPos="{stop.place - stop.length:.1f}" '
-        f'endPos="{stop.place:.1f}" duration="{stop.seconds:g}"/></vehicle>'
+    stops = "".join(
+        f'<stop lane={quoteattr(stop.lane)} startPos="{stop.place - stop.length:.1f}" '
+        f'endPos="{stop.place:.1f}" duration="{stop.seconds:g}"/>'
+        for stop in trip.stops
     )
+    return f"{text}>{stops}</vehicle>"
 
 
 def _people(strolls: Iterable[Stroll]) -> Iterator[tuple[Stroll, str]]:
