@@ -39,8 +39,8 @@ class BusStops:
             pole = shapely.Point(prop.position[:2])
             nearest = int(tree.nearest(pole))
             lane, line = lanes[nearest], lines[nearest]
-            place = float(line.project(pole, normalized=True)) * lane.length
-            if line.distance(pole) <= _BESIDE and place >= _BUS:
+            place = max(float(line.project(pole, normalized=True)) * lane.length, _BUS)
+            if line.distance(pole) <= _BESIDE and place <= lane.length:
                 stop = Stop(lane=lane.id, place=round(place, 1), length=_BUS, seconds=_SECONDS)
                 self._stops[lane.road].append(stop)
         self._room = {lane.id: lane.length for lane in lanes}
