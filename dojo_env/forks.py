@@ -137,7 +137,6 @@ def _answer_and_end(
     ctypes.CDLL(None).prctl(_DIE_WITH_PARENT, signal.SIGKILL)
     if os.getppid() != caller:
         os._exit(0)
-    is_done = threading.Event()
 
     def answer() -> None:
         try:
@@ -147,26 +146,21 @@ def _answer_and_end(
         except KeyboardInterrupt:
             pass  # Who asks has been interrupted, too.
         finally:
-            is_done.set()
+            os._exit(0)
 
     try:
         thread = threading.Thread(target=answer)
-        thread.start()  # It leaves interrupts to this one.
-        try:
-            signal.pthread_sigmask(signal.SIG_UNBLOCK, _INTERRUPTS)
-            _wait(is_done)
-        except KeyboardInterrupt:
-            interrupt = ctypes.py_object(KeyboardInterrupt)
-            ctypes.pythonapi.PyThreadState_SetAsyncExc(ctypes.c_ulong(thread.ident or 0), interrupt)
-            _wait(is_done)
+        thread.start()
+        # Raised by a handler, it could come while this thread holds a lock that the other one needs.
+        number = signal.sigwait({n for n in _INTERRUPTS if signal.getsignal(n) is not signal.SIG_IGN})
+        if signal.getsignal(number) is _interrupt_once:
+            silence()
+        interrupt = ctypes.py_object(KeyboardInterrupt)
+        ctypes.pythonapi.PyThreadState_SetAsyncExc(ctypes.c_ulong(thread.ident or 0), interrupt)
+        while True:
+            signal.pause()  # Interrupts are blocked: what is written now is not disturbed.
     finally:
         os._exit(0)
-
-
-def _wait(is_done: threading.Event) -> None:
-    """Wait until it is done. A join that was interrupted could not be repeated."""
-    while not is_done.wait(_HEARTBEAT):
-        pass  # An interruption that comes just before a wait is answered after it.
 
 
 def receive(pipe: Connection, gone: Any) -> Any:
