@@ -48,7 +48,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 def pytest_configure(config: pytest.Config) -> None:
     config.addinivalue_line(
         "markers",
-        "slow: takes longer than seven seconds; -m 'not slow' leaves it out",
+        "slow: takes longer than seven seconds; -m 'not slow' leaves it out, --whole runs all of them",
     )
     config.addinivalue_line(
         "markers",
@@ -76,6 +76,8 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     So no worker is left alone with it in the end. What draws comes last.
     """
     left_out = set() if config.getoption("--whole") else _choose_left_out(items)
+    if not config.getoption("--whole") and not config.getoption("file_or_dir"):
+        left_out |= _choose_slow(items)
     if left_out:
         config.hook.pytest_deselected(items=[item for item in items if item in left_out])
     items[:] = sorted(
@@ -96,6 +98,12 @@ def _choose_left_out(items: list[pytest.Item]) -> set[pytest.Item]:
             chance = random.Random(networks.SAMPLE_SEED)  # noqa: S311 - the same on every run
             left_out.update(chance.sample(cases, max(0, len(cases) - mark.args[0])))
     return left_out
+
+
+def _choose_slow(items: list[pytest.Item]) -> set[pytest.Item]:
+    """Choose which of the slow tests a run of all tests leaves out: two in three, spread over the files."""
+    slow = [item for item in items if item.get_closest_marker("slow")]
+    return set(slow) - set(slow[::3])
 
 
 @lru_cache(maxsize=4)

@@ -499,6 +499,7 @@ def test_unknown_signals_and_short_states_show_nothing(scene, cameras):
     assert Renderer(scene, show_links=True).render(odd, cameras[:1])[0].rgb.std() > 1
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("change", [{}, {"distortion": (-0.2, 0.05, 0.0, 0.0)}])
 @pytest.mark.parametrize(("hour", "smooth"), [(12.0, False), (12.0, True), (23.0, True)])
 def test_parked_cars_look_as_if_they_had_just_stopped(scene, cameras, hour, smooth, change):
