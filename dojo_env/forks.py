@@ -75,10 +75,11 @@ def must_return_within(seconds: float) -> None:
     """End a fork that is not back in time from a call into C, which holds Python's lock: nobody else could.
 
     Args:
-        seconds: from now on, within which it must be called again; 0 sets no bound any more.
+        seconds: of processor time from now on, within which it must be called again; 0 sets no bound any
+            more. A machine that is busy, or a process that is stopped for a while, does no harm.
     """
     if _is_fork:
-        signal.setitimer(signal.ITIMER_REAL, seconds)
+        signal.setitimer(signal.ITIMER_PROF, seconds)
 
 
 def call_in_fork(function: Callable[..., Any], *arguments: Any) -> Any:
@@ -115,7 +116,7 @@ def call_in_fork(function: Callable[..., Any], *arguments: Any) -> Any:
         mine.close()
         _, status = os.waitpid(process, 0)
     if answer is None:
-        late = os.WIFSIGNALED(status) and os.WTERMSIG(status) == signal.SIGALRM
+        late = os.WIFSIGNALED(status) and os.WTERMSIG(status) == signal.SIGPROF
         raise SimulationDiedError(
             "SUMO came to no end of a simulated second; look for impossible values, as a vehicle's length"
             if late
@@ -133,7 +134,7 @@ def _answer_and_end(
     """Send what a call returns or raises, and end without a word: all else here is the caller's."""
     global _is_fork  # noqa: PLW0603 - it is the whole process's
     _is_fork = True
-    signal.signal(signal.SIGALRM, signal.SIG_DFL)
+    signal.signal(signal.SIGPROF, signal.SIG_DFL)
     ctypes.CDLL(None).prctl(_DIE_WITH_PARENT, signal.SIGKILL)
     if os.getppid() != caller:
         os._exit(0)

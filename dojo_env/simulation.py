@@ -36,7 +36,7 @@ _LARGEST_SEED = 2**31 - 1
 _LOADING_LIMIT = 300.0
 """Seconds that SUMO may take to load a scenario; the largest cities in public use take a third of it."""
 _LONGEST_SECOND = 60.0
-"""Seconds that SUMO may take for a simulated one; with impossible values it never comes to an end."""
+"""Seconds of processor time that SUMO may take for a step; with impossible values it comes to no end."""
 _owner: "weakref.ref[Simulation] | None" = None
 _labels = iter(range(1 << 62))
 _loadable: list[dict[str, str]] = []
