@@ -80,8 +80,10 @@ More is better for throughput, less for all others.
 tells how far a row comes from it (0 %) to the best row known, published ones included (100 %), in travel \
 time; who serves less than nine tenths of the best throughput *jams*. An hour jams where one vehicle in 20 \
 is late at its end; that is not told of rows that were run before it was counted. *Tuned* rows are SUMO's \
-logics with times found by the same search. Scenarios such as *cologne1-surges* have traffic drawn anew for \
-each seed, in which one side after another is busy, and nobody who does not look knows which.
+logics with times found by the same search. *Learned* and *Learned-vision* are the policies for any junction \
+that ship with the package; their trainings met these junctions among many others. Scenarios such as \
+*cologne1-surges* have traffic drawn anew for each seed, in which one side after another is busy, and nobody \
+who does not look knows which.
 """
 _PAPER = """All rows but *FixedTime*, the network's own program, change in the same way: 2 s of yellow, no \
 all-red, and the same time where green is only added; minimum greens are below, under *Settings*. *SOTL* and \
