@@ -16,9 +16,9 @@ KEPT = [json.loads(path.read_text(encoding="utf-8")) for path in sorted(RESULTS.
 
 @pytest.mark.parametrize("kept", KEPT, ids=lambda kept: f"{kept['scenario']}-{kept['row']}")
 def test_kept_row_needs_no_new_run(kept: dict[str, object]) -> None:
-    task = row_runs.describe(
-        find_row(kept["row"]), kept["scenario"], seeds=kept["seeds"], seconds=kept["seconds"]
-    )
+    names = ("seeds", "seconds", "trainings")
+    asked = {name: kept[name] for name in names if name in kept}
+    task = row_runs.describe(find_row(kept["row"]), kept["scenario"], **asked)
     assert row_runs.is_done(task, RESULTS)
 
 
