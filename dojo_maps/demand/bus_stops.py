@@ -17,10 +17,7 @@ _BUS = 15.0
 _TO_CHANGE = 60.0
 """Metres that a bus needs after a stop to get to another lane."""
 _SECONDS = 15.0
-"""How long a bus stands.
-
-Source: Transit Capacity and Quality of Service Manual, 3rd edition, exhibit 6-4: 15 s at usual stops.
-"""
+"""How long a bus stands: a choice of ours, not a measurement."""
 
 
 class BusStops:
