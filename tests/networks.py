@@ -198,6 +198,23 @@ def build_bridge(folder: Path) -> Path:
     return _build(folder, "bridge", nodes, edges, _KEEP, *_WALK)
 
 
+def build_fork(folder: Path, *, left_hand: bool = False) -> Path:
+    """A one-way road of three lanes of which the outer one leaves; the others go straight on."""
+    side = -1 if left_hand else 1
+    nodes = [_node("w", -150, 0), _node("c", 0, 0), _node("e", 150, 0), _node("off", 120, -60 * side)]
+    edges = [
+        _edge("in", "w", "c", numLanes=3, speed=13.89),
+        _edge("straight", "c", "e", numLanes=2, speed=13.89),
+        _edge("off", "c", "off", numLanes=1, speed=13.89),
+    ]
+    ways = [("straight", 1, 0), ("straight", 2, 1), ("off", 0, 0)]
+    connections = [
+        f'<connection from="in" to="{to}" fromLane="{start}" toLane="{end}"/>' for to, start, end in ways
+    ]
+    options = [_KEEP, *(["--lefthand"] if left_hand else [])]
+    return _build(folder, "fork", nodes, edges, *options, connections=connections)
+
+
 def build_slope(folder: Path) -> Path:
     """A signalised junction with sidewalks and crossings on a hillside of 8 % by 5 %."""
     nodes, ends = _star(tilt=(0.08, 0.05))

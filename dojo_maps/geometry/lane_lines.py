@@ -11,6 +11,7 @@ import shapely
 from dojo_maps.description import Lane, LaneKind, Road, RoadMap
 from dojo_maps.geometry.paint import KERB_GAP, Canvas, Paint, PaintLayer
 from dojo_maps.geometry.polylines import Flags, Ints, Shapes, drop_repeats, offset_lines
+from dojo_maps.geometry.through_lines import trace_through_lines
 from dojo_maps.index import MapIndex
 
 _WIDTH = 0.12
@@ -48,7 +49,7 @@ class _Line:
 
 
 def line_markings(road_map: RoadMap, canvas: Canvas) -> Paint:
-    """Paint the lines of every road, up to the crossings."""
+    """Paint the lines of every road up to the crossings, and those that run on through junctions."""
     lane_of = MapIndex(road_map).lanes
     inward = -1.0 if road_map.left_hand else 1.0
     lines = [line for road in road_map.roads for line in _dividers(road, lane_of, inward)]
@@ -63,11 +64,26 @@ def line_markings(road_map: RoadMap, canvas: Canvas) -> Paint:
     shapes = shapely.intersection(shapes, areas[[number[ground] for ground in grounds]])
     shapes = _clear_obstacles(shapes, road_map)
     strokes, index = _strokes(shapes, np.array([line.style is _Style.DASHED for line in lines], dtype=bool))
+    through, owners = _through_strokes(road_map)
+    cut, part = canvas.cut(_widen(through, _WIDTH))
     return Paint(
         layer=PaintLayer.MARKING,
-        polygons=shapely.buffer(strokes, _WIDTH / 2, cap_style="flat", join_style="mitre", mitre_limit=2.0),
-        ids=tuple(lines[i].lane.id for i in index),
+        polygons=np.concatenate([_widen(strokes, _WIDTH), cut]),
+        ids=(*(lines[i].lane.id for i in index), *(owners[i] for i in part)),
     )
+
+
+def _through_strokes(road_map: RoadMap) -> tuple[Shapes, list[str]]:
+    """Dash the lines through junctions; each stroke belongs to the lane before or behind, as it is nearer."""
+    lines, beside = trace_through_lines(road_map)
+    strokes, index = _strokes(_clear_obstacles(lines.copy(), road_map), np.ones(len(lines), dtype=bool))
+    places = shapely.line_locate_point(lines[index], shapely.centroid(strokes), normalized=True)
+    ends = zip(index, places, strict=True)
+    return strokes, [beside[k].from_lane if place < 0.5 else beside[k].to_lane for k, place in ends]
+
+
+def _widen(strokes: Shapes, width: float) -> Shapes:
+    return shapely.buffer(strokes, width / 2, cap_style="flat", join_style="mitre", mitre_limit=2.0)
 
 
 def rail_markings(road_map: RoadMap) -> Paint:
@@ -85,9 +101,7 @@ def rail_markings(road_map: RoadMap) -> Paint:
     rails = offset_lines(lines, np.resize([_GAUGE / 2, -_GAUGE / 2], len(both)))
     return Paint(
         layer=PaintLayer.TRACK,
-        polygons=shapely.buffer(
-            rails, _RAIL_WIDTH / 2, cap_style="flat", join_style="mitre", mitre_limit=2.0
-        ),
+        polygons=_widen(rails, _RAIL_WIDTH),
         ids=tuple(lane.id for lane in both),
     )
 
