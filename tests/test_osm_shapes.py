@@ -332,3 +332,32 @@ def test_signalised_crossing_beside_a_side_street_has_lights(tmp_path: Path) -> 
     bundle, report = built(d, tmp_path)
     assert [crossing.signal is not None for crossing in bundle.road_map.crossings].count(True) >= 1
     assert report["osm"]["signalised_junctions"] == {"kept": 1, "of": 1, "share": 1.0}
+
+
+@pytest.mark.parametrize("left_hand", [False, True])
+def test_ways_from_one_road_across_a_wide_junction_do_not_cross(left_hand: bool, tmp_path: Path) -> None:
+    """A slip road that joins the road straight on begins beyond it, though it leads back to its side."""
+    side = -1 if left_hand else 1
+    d = Drawing(centre=LONDON if left_hand else HELSINKI)
+    wide = {"highway": "secondary", "oneway": "yes", "lanes": "3"}
+    d.way((0, -150), (0, 0), (0, 20), (0, 100), (0, 250), **wide)
+    d.way((-150 * side, 0), (-14 * side, 0), (0, 0), (150 * side, 0), **wide)
+    d.way((150 * side, 20), (0, 20), (-14 * side, 20), (-150 * side, 20), **wide)
+    d.way((-14 * side, 0), (-14 * side, 20), highway="secondary", lanes="2")
+    slip = ((-14 * side, 20), (-6 * side, 36), (-6 * side, 60), (0, 100))
+    d.way(*slip, highway="secondary_link", oneway="yes")
+    for place in ((0, 0), (0, 20), (-14 * side, 0), (-14 * side, 20)):
+        d.node(*place, highway="traffic_signals")
+    bundle, _ = built(d, tmp_path)
+    road = {lane.id: lane.road for lane in bundle.road_map.lanes}
+    ways = [
+        (way, shapely.linestrings(way.shape[:, :2]))
+        for way in bundle.road_map.connections
+        if road[way.from_lane] == "1001#0"
+    ]
+    assert len({road[way.to_lane] for way, _ in ways}) == 4
+    assert not [
+        (one.id, other.id)
+        for (one, shape), (other, line) in itertools.combinations(ways, 2)
+        if one.from_lane != other.from_lane and shapely.crosses(shape, line)
+    ]

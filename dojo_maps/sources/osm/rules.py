@@ -371,6 +371,10 @@ class MovementRules:
     """cosine of the angle between two roads that arrive side by side."""
     heading: float = 15.0
     """m over which a road's heading at a junction is taken."""
+    apart: float = 5.0
+    """m between the places where two roads leave a junction from which ways to them may cross."""
+    beside: float = 1.5
+    """m from a road's middle to the lanes from which such ways are drawn."""
     longest_path: int = 14
     """vertices of a way across a junction."""
     most_paths: int = 20_000

@@ -8,6 +8,11 @@ import math
 from collections import deque
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import accumulate
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
 
 from dojo_maps.errors import SourceError
 from dojo_maps.sources.osm.layout.arms import Arm, Layout
@@ -81,10 +86,44 @@ class Movements:
         kept = kept or {target: angle for target, angle in reached.items() if target.section != arm.section}
         if not kept and self._layout.leaving(arm):
             kept = {arm: 180.0}
+        targets = sorted(kept, key=lambda target: (kept[target], target))
+        self._uncross(arm, targets)
+        # Whoever lies farther in turns farther in, wherever his road leads then.
+        angles = accumulate((kept[target] for target in targets), max)
         return [
             Movement(source=arm, target=target, angle=angle)
-            for target, angle in sorted(kept.items(), key=lambda entry: (entry[1], entry[0]))
+            for target, angle in zip(targets, angles, strict=True)
         ]
+
+    def _uncross(self, arm: Arm, targets: list[Arm]) -> None:
+        """Swap roads of a large junction that are not in the order in which ways to them cross none."""
+        for last in range(len(targets) - 1, 0, -1):
+            for place in range(last):
+                outer, inner = targets[place : place + 2]
+                if self._cross(arm, outer, inner) and not self._cross(arm, inner, outer):
+                    targets[place : place + 2] = inner, outer
+
+    def _cross(self, arm: Arm, outer: Arm, inner: Arm) -> bool:
+        """Tell whether the way from an outer lane to one road crosses that from an inner one to another."""
+        if math.dist(self._vertex(outer), self._vertex(inner)) < self._layout.rules.movements.apart:
+            return False
+        side = -1.0 if self._graph.left_hand else 1.0
+        return shapely.crosses(self._draw(arm, outer, side), self._draw(arm, inner, -side))
+
+    def _draw(self, source: Arm, target: Arm, side: float) -> shapely.LineString:
+        """Draw the way from a lane on one side of a road, 1 its right, into another road."""
+        begin, behind = self._reach(source)
+        back = (behind - begin) / np.hypot(*(behind - begin))
+        right = np.array([-back[1], back[0]]) * self._layout.rules.movements.beside
+        return shapely.LineString([begin + side * right, *self._reach(target)])
+
+    def _reach(self, arm: Arm) -> list[NDArray[np.float64]]:
+        """Give two places on a road: where it leaves its junction, about, and one beyond."""
+        line = self._graph.line(self._graph.sections[arm.section])
+        line = shapely.LineString(line[::-1, :2] if arm.at_end else line[:, :2])
+        heading = self._layout.rules.movements.heading
+        first = min(max(self._layout.cuts.get(arm, 0.0), heading), line.length / 2)
+        return [shapely.get_coordinates(line.interpolate(place))[0] for place in (first, first + heading)]
 
     def _open(self, arm: Arm, arms: set[Arm], junction: int) -> list[Arm]:
         """List all roads out of a junction that no restriction closes, where its ways lead nowhere."""
