@@ -16,7 +16,10 @@ def add_area_options(parser: argparse.ArgumentParser) -> None:
     """
     area = parser.add_mutually_exclusive_group(required=True)
     area.add_argument(
-        "source", metavar="FILE", nargs="?", help=".osm, .osm.xml, .osm.gz, .osm.bz2 or .osm.pbf"
+        "source",
+        metavar="FILE",
+        nargs="?",
+        help=".osm, .osm.xml, .osm.pbf or .osm.json; also packed, as .gz, .bz2, .xz or .zip",
     )
     area.add_argument("--place", metavar="TEXT", help="download around a place with this name")
     area.add_argument(

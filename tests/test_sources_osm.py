@@ -13,7 +13,9 @@ import pytest
 from osm_drawings import cross
 
 from dojo_maps.errors import SourceError
+from dojo_maps.sources.files import map_name
 from dojo_maps.sources.osm import OsmData, is_osm, link_to, read_osm
+from dojo_maps.sources.osm.read.reading import SUFFIXES
 
 
 def helsinki() -> Path:
@@ -206,3 +208,8 @@ def read(folder: Path, elements: str) -> OsmData:
     path = folder / "a.osm"
     path.write_text(f"<osm>{elements}</osm>")
     return read_osm(path)
+
+
+@pytest.mark.parametrize("suffix", SUFFIXES)
+def test_map_is_named_after_its_file(suffix: str) -> None:
+    assert map_name(Path("folder") / f"a.b{suffix}") == "a.b"

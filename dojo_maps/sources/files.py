@@ -6,6 +6,7 @@ from pathlib import Path
 from dojo_maps.errors import SourceError, ToolMissingError
 from dojo_maps.input_files import is_there
 from dojo_maps.sources.cityflow_files import find_files, is_cityflow
+from dojo_maps.sources.osm.read.reading import SUFFIXES as OSM_SUFFIXES
 from dojo_maps.wording import did_you_mean
 
 SCENARIO_NETWORKS = {
@@ -20,10 +21,7 @@ SCENARIO_NETWORKS = {
 }  # fmt: skip
 """Networks by name, inside the installed `sumo_rl` package."""
 
-_SUFFIXES = (
-    *(".net.xml.gz", ".net.xml", ".osm.pbf", ".osm.xml", ".osm.gz", ".osm.bz2", ".osm", ".pbf"),
-    *(".xodr.gz", ".xodr", ".xml.gz", ".xml", ".json"),
-)
+_SUFFIXES = (".net.xml.gz", ".net.xml", *OSM_SUFFIXES, ".xodr.gz", ".xodr", ".xml.gz", ".xml", ".json")
 
 
 def find_network(name: str) -> tuple[Path, str]:
@@ -69,7 +67,5 @@ def list_files(source: str | Path) -> list[Path]:
 
 def map_name(path: Path) -> str:
     """Name a map after its file: `cologne.net.xml.gz` becomes `cologne`."""
-    for suffix in _SUFFIXES:
-        if path.name.endswith(suffix) and path.name != suffix:
-            return path.name.removesuffix(suffix)
-    return path.stem
+    fitting = [suffix for suffix in _SUFFIXES if path.name.endswith(suffix) and path.name != suffix]
+    return path.name.removesuffix(max(fitting, key=len)) if fitting else path.stem

@@ -35,7 +35,7 @@ from dojo_maps.sources.osm.read.country import Country
 from dojo_maps.sources.osm.read.data import OsmData
 from dojo_maps.sources.osm.read.restrictions import read_restrictions
 from dojo_maps.sources.osm.rules import RULES, ImportRules
-from dojo_maps.sources.signal_programs import program_signals
+from dojo_maps.sources.osm.signals.programs import program_signals
 from dojo_maps.sources.sumo_net import read_network
 from dojo_maps.whole_file import scratch_folder
 

@@ -127,7 +127,7 @@ class CrowdingRules:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RoundaboutRules:
-    """What a roundabout is, and how far a small one grows (`graph`)."""
+    """What a roundabout is, and how far a small one grows (`graph`, `plain`)."""
 
     largest: float = 60.0
     """m across, of a ring that nothing but its shape makes a roundabout."""
@@ -210,7 +210,8 @@ class CrossingRules:
     same: float = 5.0
     """m between two crossings of one section that are one."""
     at_border: float = 14.0
-    """m from a vertex up to which a crossing lies on the junction's border, ..."""
+    """m from a vertex up to which a crossing lies on the junction's border, and beyond which it has a node of
+    its own, so the least length of the road up to it, ..."""
     at_border_with_signals: float = 30.0
     """... and with signals."""
     at_vertex: float = 4.0

@@ -1,4 +1,7 @@
-"""What of an extract a built network lacks, each loss with the OSM element and a link to it."""
+"""What of an extract a built network lacks, each loss with the OSM element and a link to it.
+
+Things beside roads, such as trees and bus stops, tell their own losses: `surroundings.props`.
+"""
 
 import math
 from collections import defaultdict

@@ -21,14 +21,12 @@ from dojo_maps.sources.osm.completeness.road_length import measure_road_length
 from dojo_maps.sources.osm.completeness.track_length import measure_tracks
 from dojo_maps.sources.osm.graph.edge_id import EdgeId
 from dojo_maps.sources.osm.graph.projection import way_line
-from dojo_maps.sources.osm.network.lane_strips import strips
+from dojo_maps.sources.osm.network.lane_strips import CARRIAGEWAY, strips
 from dojo_maps.sources.osm.network.osm_network import OsmNetwork
 from dojo_maps.sources.osm.read.data import OsmData
 from dojo_maps.sources.osm.read.foot_tags import is_sidewalk
 from dojo_maps.sources.osm.read.restrictions import find_conditional
 from dojo_maps.wording import counted
-
-_DRIVEN = ("driving", "bus")
 
 
 def score_network(data: OsmData, network: OsmNetwork) -> tuple[dict[str, Any], tuple[Issue, ...]]:
@@ -110,9 +108,11 @@ def _check_sidewalks(data: OsmData, network: OsmNetwork) -> tuple[float, float, 
 
 def _overlap(network: OsmNetwork) -> float:
     """Measure the ground that the lanes of two roads both cover."""
-    roads = strips(network.road_map, _DRIVEN)
+    roads = strips(network.road_map, CARRIAGEWAY)
     height = {
-        lane.road: float(lane.shape[:, 2].mean()) for lane in network.road_map.lanes if lane.kind in _DRIVEN
+        lane.road: float(lane.shape[:, 2].mean())
+        for lane in network.road_map.lanes
+        if lane.kind in CARRIAGEWAY
     }
     names = sorted(roads)
     tree = shapely.STRtree([roads[name] for name in names])

@@ -1,7 +1,8 @@
 """Roundabouts: rings that close, tagged as such or not, and small ones widened.
 
 A small ring grows by a few metres, so that a car finds room between two arms; netconvert leaves too little of
-it between them otherwise. Mini-roundabouts, which are nodes, are in `plain.right_of_way`.
+it between them otherwise. Mini-roundabouts are nodes: who goes first there is in `plain.right_of_way`, their
+corners are in `plain.junction_nodes`.
 """
 
 import math

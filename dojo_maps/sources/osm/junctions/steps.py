@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 from types import MappingProxyType
 
 from dojo_maps.sources.osm.graph.road_graph import RoadGraph
+from dojo_maps.sources.osm.junctions.controllers import assign_signals, signals_of_junctions
 from dojo_maps.sources.osm.junctions.grouping import Junctions, group_vertices
 from dojo_maps.sources.osm.junctions.loops import is_inner, split_loops
 from dojo_maps.sources.osm.junctions.mapped_crossings import MappedCrossing, find_crossings
@@ -14,7 +15,6 @@ from dojo_maps.sources.osm.junctions.midblock_crossings import (
     over_both_carriageways,
     split_between,
 )
-from dojo_maps.sources.osm.junctions.signals import assign_signals, signals_of_junctions
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

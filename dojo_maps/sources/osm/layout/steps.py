@@ -9,9 +9,9 @@ from dojo_maps.sources.osm.layout.approach_extension import extend_approaches
 from dojo_maps.sources.osm.layout.arms import Layout
 from dojo_maps.sources.osm.layout.carriageway_spacing import space_carriageways
 from dojo_maps.sources.osm.layout.crossing_arms import align_carriageways, host_crossings
+from dojo_maps.sources.osm.layout.crossing_signals import add_crossing_signals
 from dojo_maps.sources.osm.layout.fork_trimming import trim_forks
 from dojo_maps.sources.osm.layout.heights import clear_by_nature, compute_heights
-from dojo_maps.sources.osm.layout.midblock_signals import add_midblock_signals
 from dojo_maps.sources.osm.layout.sidewalks import lay_sidewalks
 from dojo_maps.sources.osm.layout.terrain import find_ground
 from dojo_maps.sources.osm.layout.track_meetings import meet_roads
@@ -41,7 +41,7 @@ def lay_out(
     )
     layout = meet_roads(host_crossings(extend_approaches(layout)))
     layout = trim_forks(align_carriageways(layout))
-    layout = add_midblock_signals(space_carriageways(layout))
+    layout = add_crossing_signals(space_carriageways(layout))
     ground = find_ground(layout, raster)
     natural = clear_by_nature(layout.graph, ground) if ground else frozenset()
     graph, heights = compute_heights(layout.graph, natural)

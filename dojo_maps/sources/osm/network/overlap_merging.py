@@ -8,11 +8,11 @@ from collections.abc import Iterator
 
 import shapely
 
-from dojo_maps.description import LaneKind, RoadMap
+from dojo_maps.description import RoadMap
 from dojo_maps.geometry.polylines import Floats
 from dojo_maps.sources.osm.graph.edge_id import EdgeId
 from dojo_maps.sources.osm.layout.arms import Layout
-from dojo_maps.sources.osm.network.lane_strips import strips
+from dojo_maps.sources.osm.network.lane_strips import CARRIAGEWAY, strips
 from dojo_maps.sources.osm.plain.plain_xml import Plain
 from dojo_maps.sources.osm.rules import NetworkRules
 
@@ -35,7 +35,7 @@ def lying_on_neighbours(road_map: RoadMap, layout: Layout, plain: Plain) -> list
 
 def _overlapping(road_map: RoadMap, rules: NetworkRules) -> Iterator[tuple[str, str]]:
     """Pair the roads that meet at a junction and lie on each other beyond it, not counting directions."""
-    ground = strips(road_map, (LaneKind.DRIVING, LaneKind.BUS))
+    ground = strips(road_map, CARRIAGEWAY)
     names = sorted(ground)
     ends = {road.id: {road.from_junction, road.to_junction} for road in road_map.roads}
     outlines = {junction.id: junction.polygon[:, :2] for junction in road_map.junctions}

@@ -6,14 +6,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from xml.sax.saxutils import quoteattr
 
-import numpy as np
-
 from dojo_maps.geometry.polylines import Floats
 from dojo_maps.sources.osm.graph.edge_id import EdgeId
 from dojo_maps.sources.osm.graph.road_graph import Section
 from dojo_maps.sources.osm.graph.roundabouts import find_rings
 from dojo_maps.sources.osm.layout.arms import Arm, Layout, divider
 from dojo_maps.sources.osm.layout.carriageway_spacing import side_by_side
+from dojo_maps.sources.osm.plain.junction_nodes import write_nodes
 from dojo_maps.sources.osm.plain.lane_connections import STRAIGHT, connect_lanes
 from dojo_maps.sources.osm.plain.movements import Movement, Movements
 from dojo_maps.sources.osm.plain.right_of_way import RightOfWay
@@ -76,7 +75,7 @@ def write_plain(layout: Layout, restrictions: Sequence[Restriction], folder: Pat
     }
     tracks = TrackEdges(layout)
     edges = [*_edges(layout, arms, sections, rights), *_roundabouts(layout), *tracks.edges()]
-    nodes = [_location(layout), *tracks.nodes(), *_nodes(layout, arms, rights, tracks)]
+    nodes = [_location(layout), *tracks.nodes(), *write_nodes(layout, arms, rights, tracks)]
     connections = [*_connections(layout, arms, movements, guessed), *tracks.connections()]
     _write(folder / EDGES, "edges", edges)
     _write(folder / NODES, "nodes", nodes)
@@ -100,32 +99,6 @@ def _location(layout: Layout) -> str:
         f'<location netOffset="{x:.2f},{y:.2f}" convBoundary="0,0,1,1" '
         f'origBoundary="0,0,1,1" projParameter={quoteattr(str(projection.proj))}/>'
     )
-
-
-def _nodes(layout: Layout, arms: dict[int, list[Arm]], rights: RightOfWay, tracks: TrackEdges) -> list[str]:
-    """Write the roads' junctions; those that tracks lead into have types and outlines of their own."""
-    members = layout.junctions.members()
-    entered, level_crossings = tracks.junctions, tracks.rail_crossings()
-    outlines = layout.tracks.outlines if layout.tracks is not None else {}
-    lines = []
-    for junction in sorted(arms):
-        places = np.array([layout.graph.places[vertex] for vertex in members[junction]])
-        x, y = (places.min(axis=0) + places.max(axis=0)) / 2
-        controller = layout.junctions.controllers.get(junction)
-        kind = f'type="{rights.kind(junction, arms[junction])}"'
-        if controller is not None:
-            kind = f'type="traffic_light" tl="{controller}"'
-        elif junction in level_crossings:
-            kind = 'type="rail_crossing"'
-        elif junction not in entered and not any(layout.leaving(arm) for arm in arms[junction]):
-            kind = 'type="dead_end"'
-        if any(layout.graph.sections[name].road.roundabout for name, _ in arms[junction]):
-            kind += f' radius="{layout.rules.roundabouts.corner_radius}"'
-        if junction in outlines:
-            kind += f' shape="{" ".join(f"{x:.2f},{y:.2f},{z:.2f}" for x, y, z in outlines[junction])}"'
-        z = sum(layout.height(vertex) for vertex in members[junction]) / len(places)
-        lines.append(f'<node id="{junction}" x="{x:.2f}" y="{y:.2f}" z="{z:.2f}" {kind}/>')
-    return lines
 
 
 def _driven_sections(layout: Layout) -> dict[EdgeId, Section]:

@@ -1,7 +1,8 @@
 """The lanes of a way, direction by direction: who may use each, and the turns painted on it.
 
 Lanes are listed from the outermost: the right one where traffic keeps right. Source: OpenStreetMap wiki,
-Lanes, Bus lanes, Key:cycleway.
+Lanes, Bus lanes, Key:cycleway. Which ways are roads at all: `way_tags`; which lanes make a road count as
+built: `network.lane_strips`.
 """
 
 from collections.abc import Iterable, Sequence

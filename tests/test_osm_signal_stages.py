@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import pytest
 
-from dojo_maps.sources.signal_programs import compute_program
-from dojo_maps.sources.signal_stages import SignalLink, build_stages
+from dojo_maps.sources.osm.signals.programs import compute_program
+from dojo_maps.sources.osm.signals.stages import SignalLink, build_stages
 
 CAR = SignalLink(
     index=0, road="stem", walks=False, foes=frozenset(), yields_to=frozenset(), length=15.0, speed=13.9,

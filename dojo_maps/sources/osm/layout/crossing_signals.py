@@ -4,12 +4,12 @@ import math
 from collections.abc import Sequence
 from dataclasses import replace
 
+from dojo_maps.sources.osm.junctions.controllers import share_controllers
 from dojo_maps.sources.osm.junctions.grouping import Junctions
-from dojo_maps.sources.osm.junctions.signals import share_controllers
 from dojo_maps.sources.osm.layout.arms import Arm, Layout
 
 
-def add_midblock_signals(layout: Layout) -> Layout:
+def add_crossing_signals(layout: Layout) -> Layout:
     """Give signals to the junctions of crossings that have them, and to those near a signal of no junction.
 
     Where roads meet beside the crossing, they stop for it as well; near junctions share a controller. A

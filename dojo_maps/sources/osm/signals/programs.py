@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from dojo_maps.description import RoadMap
 from dojo_maps.signals.timing import clearing_time, walking_time, yellow_time
-from dojo_maps.sources.signal_stages import SignalLink, Stage, build_stages, letters_of, read_links
+from dojo_maps.sources.osm.signals.stages import SignalLink, Stage, build_stages, letters_of, read_links
 
 _WALK = 7
 """Seconds that people see green. Source: MUTCD, 4I.06."""
