@@ -239,7 +239,9 @@ def test_stops_that_a_source_tells_of_get_shelters_beside_their_street() -> None
     x, y = np.array(invented.position[:2]) + 3.0 * np.array([np.cos(heading_of(invented)), 0.0])
     stop = Prop(id="stop", kind="bus_stop", height=0.0, position=(float(x), float(y), 0.0))
     source = replace(bare.source, kind="osm")
-    (shelter,) = _props(build_town(replace(bare, source=source, props=(*bare.props, stop))), "shelter")
+    pole = replace(stop, id="pole", tags=(("shelter", "no"),))
+    town = build_town(replace(bare, source=source, props=(*bare.props, stop, pole)))
+    (shelter,) = _props(town, "shelter")
     assert np.hypot(*(np.array(shelter.position[:2]) - [x, y])) < 4.0
     assert heading_of(shelter) == pytest.approx(heading_of(invented), abs=0.1)
 

@@ -43,6 +43,8 @@ def street() -> osm_drawings.Drawing:
     drawing.node(60, -15, natural="tree", height="14")
     drawing.node(0, 30, natural="tree")
     drawing.node(25, 25, natural="tree")
+    drawing.node(-95, -10, highway="bus_stop")
+    drawing.node(40, 9, highway="bus_stop", shelter="no")
     drawing.node(5000, 5000, natural="tree")
     drawing.way((20, 70), (60, 70), natural="tree_row", leaf_type="needleleaved")
     return drawing
@@ -71,6 +73,13 @@ def test_context_is_described(bundle: Bundle) -> None:
     assert sorted(set(heights.values())) == [7.4, 9.0, 10.6, 20.2]
     assert dict(of_kind(road_map, "building")[0].tags)["name"] == "Tall & <old>"
     assert len({prop.id for prop in road_map.props}) == len(road_map.props)
+
+
+def test_stops_stay_and_only_those_with_a_shelter_get_one(bundle: Bundle) -> None:
+    assert len(of_kind(bundle.road_map, "bus_stop")) == 2
+    (shelter,) = of_kind(bundle.road_map, "shelter")
+    stops = {dict(stop.tags).get("shelter"): stop.position for stop in of_kind(bundle.road_map, "bus_stop")}
+    assert np.linalg.norm(np.subtract(shelter.position, stops[None])[:2]) < 6.0
 
 
 def test_courtyard_stays_open(bundle: Bundle) -> None:

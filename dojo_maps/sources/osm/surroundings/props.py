@@ -40,7 +40,7 @@ _GREEN = {
     "natural": ("wood", "scrub", "grassland", "heath", "wetland"),
 }  # fmt: skip
 _KEPT_TAGS = ("name", "building", "building:levels", "height", "natural", "landuse", "leisure", "waterway",
-              "leaf_type", "species", "genus")  # fmt: skip
+              "leaf_type", "species", "genus", "shelter")  # fmt: skip
 _MOST_CORNERS = 2_000
 _MOST_NEIGHBOURS = 200
 
@@ -152,7 +152,7 @@ class _Finder:
     def _stops(self) -> Iterator[_Thing]:
         for node, found in self._data.nodes.items():
             tags = found.tags
-            if tags.get("highway") == "bus_stop" and tags.get("shelter") != "no":
+            if tags.get("highway") == "bus_stop":
                 place = self._shapes.place(node)
                 if place is not None:
                     yield from self._placed("bus_stop", f"node/{node}", tags, place, 0.0)
