@@ -19,7 +19,7 @@ from pathlib import Path
 
 import numpy as np
 
-from dojo_env.commands.options import find_controller
+from dojo_env.commands.options import find_controller, read_yellow
 from dojo_env.learning.episode_pools import open_processes
 from dojo_env.runs import JAMMED, run_controller
 from dojo_maps.whole_file import write_json
@@ -38,6 +38,8 @@ class Job:
     demand: float
     seed: int
     seconds: int
+    yellow: float | str = 2
+    all_red: float = 0
 
 
 def measure(job: Job) -> dict[str, float]:
@@ -47,6 +49,8 @@ def measure(job: Job) -> dict[str, float]:
         [job.seed],
         scenario=job.scenario,
         num_seconds=job.seconds,
+        yellow_time=job.yellow,
+        all_red=job.all_red,
         additional_sumo_cmd=f"--scale {job.demand:g}",
     )
     return {name: float(found[name]) for name in FIGURES}
@@ -98,13 +102,15 @@ def main() -> int:
     parser.add_argument("--demands", nargs="+", type=float, default=[0.9, 1.1], help="shares of the own")
     parser.add_argument("--seeds", type=int, default=6)
     parser.add_argument("--seconds", type=int, default=1800)
+    parser.add_argument("--yellow", default=2, type=read_yellow, help="seconds, or speed")
+    parser.add_argument("--all-red", default=0, type=float, help="seconds")
     parser.add_argument("--processes", type=int, default=2)
     parser.add_argument("--json", type=Path)
     options = parser.parse_args()
     controllers = list(dict.fromkeys([options.rule, FIXED, *options.controllers]))
     seeds = range(options.seeds)
     jobs = [
-        Job(*each, options.seconds)
+        Job(*each, options.seconds, options.yellow, options.all_red)
         for each in product(controllers, options.scenarios, options.demands, seeds)
     ]
     with open_processes(options.processes) as run_all:

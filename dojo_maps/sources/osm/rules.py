@@ -181,7 +181,10 @@ class JunctionRules:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SignalRules:
-    """Which junction a signal is for, and which junctions share a controller (`junctions`, `layout`)."""
+    """Which junction a signal is for, and which junctions share a controller (`junctions`, `layout`).
+
+    Times of programs are in `signals.programs`, as the checks have them in `dojo_maps.signals.timing`.
+    """
 
     before_junction: float = 45.0
     """m along an approach from a signal to its junction; stop lines stand back so far at most."""

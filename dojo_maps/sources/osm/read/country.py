@@ -10,7 +10,7 @@ from enum import Enum
 from statistics import median
 
 from dojo_maps.sources.osm.read.boundaries import country_at
-from dojo_maps.sources.osm.read.data import OsmData
+from dojo_maps.sources.osm.read.data import OsmData, Tags
 
 
 def _codes(text: str) -> frozenset[str]:
@@ -150,11 +150,14 @@ def _centre_of(data: OsmData) -> tuple[float, float]:
     return median(node.lon for node in nodes), median(node.lat for node in nodes)
 
 
+def is_roundabout(tags: Tags) -> bool:
+    """Tell whether a way is part of a roundabout, by its tags."""
+    return tags.get("junction") in ("roundabout", "circular")
+
+
 def _is_ring(data: OsmData, way: int) -> bool:
     nodes = data.ways[way].nodes
-    ring = (
-        data.ways[way].tags.get("junction") in ("roundabout", "circular") and "highway" in data.ways[way].tags
-    )
+    ring = is_roundabout(data.ways[way].tags) and "highway" in data.ways[way].tags
     return ring and len(nodes) > 3 and nodes[0] == nodes[-1] and all(node in data.nodes for node in nodes)
 
 

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from dojo_maps.sources.osm.read.country import Country, read_speed
+from dojo_maps.sources.osm.read.country import Country, is_roundabout, read_speed
 from dojo_maps.sources.osm.read.data import Tags
 from dojo_maps.sources.osm.read.lane_tags import LaneTags, LaneUse, read_lanes
 from dojo_maps.sources.osm.read.lengths import read_length
@@ -14,7 +14,8 @@ KINDS = {
     "secondary": 7, "secondary_link": 6, "tertiary": 5, "tertiary_link": 4, "unclassified": 3,
     "residential": 3, "road": 3, "living_street": 2, "busway": 4, "bus_guideway": 4, "service": 1,
 }  # fmt: skip
-"""Roads that are built, by the tag `highway`, and their priority; service roads at signals only."""
+"""Roads that are built, by the tag `highway`, and their priority; service roads at signals only. Speed limits of
+roads that tell none: `Country.default_speed`."""
 DRIVES = ("parking_aisle", "driveway", "drive-through", "emergency_access")
 """Service roads that are no arms of a junction, by the tag `service`."""
 _BUS_ONLY = ("busway", "bus_guideway")
@@ -104,7 +105,7 @@ def read_road(
         backward=lanes.backward,
         sidewalks=("yes", "yes") if tags["highway"] == "pedestrian" else _sidewalks(tags),
         layer=read_layer(tags),
-        roundabout=tags.get("junction") in ("roundabout", "circular"),
+        roundabout=is_roundabout(tags),
         offset=read_placement(tags, lanes.forward, lanes.backward, width, left_hand=country.left_hand),
         centre=lanes.centre,
     )
@@ -163,9 +164,7 @@ def _direction(tags: Tags) -> int:
     value = tags.get("oneway", "")
     if value in ("-1", "reverse"):
         return -1
-    implied = tags.get("junction") in ("roundabout", "circular") or tags.get("highway", "").startswith(
-        "motorway"
-    )
+    implied = is_roundabout(tags) or tags.get("highway", "").startswith("motorway")
     if value in ("yes", "true", "1") or (implied and value != "no"):
         return 1
     shut = [
