@@ -14,8 +14,8 @@ KINDS = {
     "secondary": 7, "secondary_link": 6, "tertiary": 5, "tertiary_link": 4, "unclassified": 3,
     "residential": 3, "road": 3, "living_street": 2, "busway": 4, "bus_guideway": 4, "service": 1,
 }  # fmt: skip
-"""Roads that are built, by the tag `highway`, and their priority; service roads at signals only. Speed limits of
-roads that tell none: `Country.default_speed`."""
+"""Roads that are built, by the tag `highway`, and their priority; service roads at signals only.
+Where a road tells no speed limit, `Country.default_speed` has it."""
 DRIVES = ("parking_aisle", "driveway", "drive-through", "emergency_access")
 """Service roads that are no arms of a junction, by the tag `service`."""
 _BUS_ONLY = ("busway", "bus_guideway")
