@@ -3,6 +3,7 @@
 The same files give the same bytes: pictures carry no date and no version.
 """
 
+import io
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -12,6 +13,7 @@ from matplotlib import ticker
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
+from PIL import Image
 
 from dojo_env.benchmark.kept_rows import KeptRow, read_kept
 from dojo_env.benchmark.tables import BLIND
@@ -34,6 +36,8 @@ PAPER_CHOICES = {
     "cologne1": ("DQN-F", "DQN-MV", "DQN-BEV", "DQN-BEV*"),
 }
 """The rows that these figures show."""
+_COLOURS = 64
+"""Of a picture."""
 TICKS = (30, 40, 50, 60, 80, 100, 150, 200, 300, 500, 1000, 2000)
 
 
@@ -62,10 +66,17 @@ def draw_all(results: Path, published: Mapping[str, Published]) -> list[Path]:
                 if figure is None:
                     path.unlink(missing_ok=True)
                     continue
-                with replaced(path) as fresh:
-                    figure.savefig(fresh, metadata={"Software": None})
+                _write(figure, path)
                 drawn.append(path)
     return drawn
+
+
+def _write(figure: Figure, path: Path) -> None:
+    """Write a figure with a palette, in a third of the bytes."""
+    file = io.BytesIO()
+    figure.savefig(file, format="png")
+    with replaced(path) as fresh, Image.open(file) as picture:
+        picture.convert("RGB").quantize(_COLOURS, dither=Image.Dither.NONE).save(fresh, "png", optimize=True)
 
 
 def choose_rows(kept: Mapping[str, KeptRow]) -> list[str]:
