@@ -42,7 +42,7 @@ def test_pictures_have_the_same_bytes_each_time(results: Path) -> None:
     assert drawn[0] == drawn[1]
     for picture in drawn[0]:
         assert picture.startswith(b"\x89PNG")
-        assert 5_000 < len(picture) < 400_000
+        assert 2_000 < len(picture) < 100_000
         assert not re.search(rb"tEXt|tIME", picture)
 
 

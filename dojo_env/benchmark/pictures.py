@@ -194,8 +194,8 @@ def draw_bars(scenario: str, kept: Mapping[str, KeptRow], published: Published) 
     episodes = counted(kept[names[0]].result["seeds"], "episode")
     figure.suptitle(f"{scenario}: means of {episodes}, bars with their spread")
     handles = [
-        (COLOURS[5], "ours, not learned"),
-        *([(COLOURS[0], "ours, learned")] if any(row.learned for row in kept.values()) else []),
+        (COLOURS[5], "ours, not trained here"),
+        *([(COLOURS[0], "ours, trained here")] if any(row.learned for row in kept.values()) else []),
         *([("#bdbdbd", "published")] if published else []),
     ]
     figure.legend(
