@@ -98,10 +98,13 @@ class Movements:
     def _uncross(self, arm: Arm, targets: list[Arm]) -> None:
         """Swap roads of a large junction that are not in the order in which ways to them cross none."""
         for last in range(len(targets) - 1, 0, -1):
+            before = list(targets)
             for place in range(last):
                 outer, inner = targets[place : place + 2]
                 if self._cross(arm, outer, inner) and not self._cross(arm, inner, outer):
                     targets[place : place + 2] = inner, outer
+            if targets == before:
+                break
 
     def _cross(self, arm: Arm, outer: Arm, inner: Arm) -> bool:
         """Tell whether the way from an outer lane to one road crosses that from an inner one to another."""
@@ -113,7 +116,7 @@ class Movements:
     def _draw(self, source: Arm, target: Arm, side: float) -> shapely.LineString:
         """Draw the way from a lane on one side of a road, 1 its right, into another road."""
         begin, behind = self._reach(source)
-        back = (behind - begin) / np.hypot(*(behind - begin))
+        back = (behind - begin) / max(math.dist(behind, begin), 1e-6)
         right = np.array([-back[1], back[0]]) * self._layout.rules.movements.beside
         return shapely.LineString([begin + side * right, *self._reach(target)])
 
