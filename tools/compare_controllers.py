@@ -38,8 +38,8 @@ class Job:
     demand: float
     seed: int
     seconds: int
-    yellow: float | str = 2
-    all_red: float = 0
+    yellow: float | str
+    all_red: float
 
 
 def measure(job: Job) -> dict[str, float]:

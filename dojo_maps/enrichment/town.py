@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import shapely
 
-from dojo_maps.description import Prop, RoadMap
+from dojo_maps.description import RoadMap
 from dojo_maps.enrichment.houses import generate_forecourts, generate_houses
 from dojo_maps.enrichment.parking import PARKING, PAVEMENT_BEHIND, generate_parking, park_on_lanes
 from dojo_maps.enrichment.roadside import Roadside
@@ -33,15 +33,13 @@ def build_town(road_map: RoadMap) -> RoadMap:
     houses = () if is_told else generate_houses(near)
     known = tuple(prop for prop in road_map.props if prop.kind == "building")
     roadside = Roadside(near, prop_shapes(known + houses))
-    sheltered = [
+    stops = [
         prop.position[:2]
         for prop in road_map.props
         if prop.kind == "bus_stop" and prop.position and ("shelter", "no") not in prop.tags
     ]
     props = houses + roadside.put_lamps()
-    shelters: tuple[Prop, ...] = ()
-    if sheltered or not is_told:
-        shelters = roadside.put_shelters(np.array(sheltered).reshape(-1, 2))
+    shelters = roadside.put_shelters(np.array(stops).reshape(-1, 2)) if stops or not is_told else ()
     props += shelters
     if is_told:
         return replace(road_map, props=road_map.props + props + park_on_lanes(near))
