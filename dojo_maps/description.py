@@ -58,6 +58,10 @@ class LaneKind(StrEnum):
     OTHER = "other"
 
 
+CARRIAGEWAY = (LaneKind.DRIVING, LaneKind.BUS)
+"""Lanes of motor traffic, which make a road."""
+
+
 class Origin(StrEnum):
     """Whether a thing stands in the network or was added to be looked at."""
 

@@ -17,7 +17,7 @@ from itertools import groupby
 import numpy as np
 import shapely
 
-from dojo_maps.description import Lane, LaneKind, Origin, Points, Prop, Sidewalk
+from dojo_maps.description import CARRIAGEWAY, Lane, LaneKind, Origin, Points, Prop, Sidewalk
 from dojo_maps.enrichment.houses import GENERATED, chance
 from dojo_maps.enrichment.vicinity import Vicinity, areas
 from dojo_maps.geometry.pieces import GRID, flat_polygons
@@ -117,8 +117,7 @@ def generate_parking(
 def park_on_lanes(near: Vicinity) -> tuple[Prop, ...]:
     """Park cars on the parking lanes of a vicinity: those that are open to nobody."""
     closed = [lane for lane in near.road_map.lanes if lane.kind is LaneKind.SHOULDER and not lane.allow]
-    driven = (LaneKind.DRIVING, LaneKind.BUS)
-    outermost = {lane.road: lane.index for lane in reversed(near.road_map.lanes) if lane.kind in driven}
+    outermost = {lane.road: lane.index for lane in reversed(near.road_map.lanes) if lane.kind in CARRIAGEWAY}
     side = 1.0 if near.road_map.left_hand else -1.0
     cars: list[Prop] = []
     for lane in closed:

@@ -12,12 +12,11 @@ from typing import Any
 import numpy as np
 import shapely
 
-from dojo_maps.description import Connection, Lane, LaneKind, Points, Road, RoadMap
+from dojo_maps.description import CARRIAGEWAY, Connection, Lane, LaneKind, Points, Road, RoadMap
 from dojo_maps.geometry.polylines import Floats, drop_repeats
 
 Feature = dict[str, Any]
 
-_CARS = (LaneKind.DRIVING, LaneKind.BUS)
 _LANE_TYPES = {
     LaneKind.DRIVING: "LANE_SURFACE_STREET",
     LaneKind.BUS: "LANE_SURFACE_STREET",
@@ -95,7 +94,7 @@ def _add_neighbours(
     """Name the lanes for cars on either side of each, nearest first."""
     sides = ("left_neighbor", "right_neighbor")[::inward]
     for road in roads:
-        row = [lane for lane in road.lanes if lane in lanes and lanes[lane].kind in _CARS]
+        row = [lane for lane in road.lanes if lane in lanes and lanes[lane].kind in CARRIAGEWAY]
         for index, lane in enumerate(row):
             features[lane][sides[0]] = row[index + 1 :]
             features[lane][sides[1]] = row[:index][::-1]
@@ -124,7 +123,7 @@ def _line_kind(outer: Lane | None, inner: Lane | None) -> str:
     """Choose the line between two lanes of a road, or at its edge."""
     if outer is None or inner is None:
         return _EDGE
-    if (outer.kind in _CARS) != (inner.kind in _CARS):
+    if (outer.kind in CARRIAGEWAY) != (inner.kind in CARRIAGEWAY):
         return _SOLID
     return _BROKEN if outer.change_inward or inner.change_outward else _SOLID
 

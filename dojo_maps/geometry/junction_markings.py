@@ -7,7 +7,7 @@ import numpy as np
 import shapely
 from shapely import affinity
 
-from dojo_maps.description import Crossing, Lane, LaneKind, Points, RoadMap
+from dojo_maps.description import CARRIAGEWAY, Crossing, Lane, Points, RoadMap
 from dojo_maps.geometry.paint import Canvas, Paint, PaintLayer
 from dojo_maps.geometry.polylines import Floats, Shapes, along, drop_repeats, place_on, places_on
 from dojo_maps.index import MapIndex
@@ -116,7 +116,7 @@ def _arrow_lanes(road_map: RoadMap) -> list[tuple[Lane, str]]:
             signalled.add(start)
     chosen = []
     for road in road_map.roads:
-        lanes = [lane_of[i] for i in road.lanes if lane_of[i].kind in (LaneKind.DRIVING, LaneKind.BUS)]
+        lanes = [lane_of[i] for i in road.lanes if lane_of[i].kind in CARRIAGEWAY]
         branches = len(targets[road.id]) > 1
         if branches and (len(lanes) > 1 or road.id in signalled):
             chosen += [

@@ -6,13 +6,12 @@ from itertools import pairwise
 import numpy as np
 import shapely
 
-from dojo_maps.description import Connection, Lane, LaneKind, RoadMap
+from dojo_maps.description import CARRIAGEWAY, Connection, Lane, RoadMap
 from dojo_maps.geometry.polylines import Floats, Shapes, along, drop_repeats, places_on
 from dojo_maps.index import MapIndex
 
 _PLACES = 17
 """Of a line, evenly apart."""
-_KINDS = (LaneKind.DRIVING, LaneKind.BUS)
 
 
 def trace_through_lines(road_map: RoadMap) -> tuple[Shapes, list[Connection]]:
@@ -46,7 +45,7 @@ def _list_neighbours(paths: list[Connection], lanes: dict[str, Lane]) -> list[tu
     found: dict[tuple[str, str], list[tuple[int, int, Connection]]] = defaultdict(list)
     for path in paths:
         start, end = lanes[path.from_lane], lanes[path.to_lane]
-        if start.kind in _KINDS and end.kind in _KINDS:
+        if start.kind in CARRIAGEWAY and end.kind in CARRIAGEWAY:
             found[start.road, end.road].append((start.index, end.index, path))
     return [
         (outer[2], inner[2])

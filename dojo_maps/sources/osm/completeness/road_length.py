@@ -10,11 +10,11 @@ from typing import Any
 import numpy as np
 import shapely
 
+from dojo_maps.description import CARRIAGEWAY
 from dojo_maps.geometry.pieces import lane_strips
 from dojo_maps.issue import Issue, Severity
 from dojo_maps.sources.osm.completeness.losses import Left, loss, share_of
 from dojo_maps.sources.osm.graph.projection import way_line
-from dojo_maps.sources.osm.network.lane_strips import CARRIAGEWAY
 from dojo_maps.sources.osm.network.osm_network import OsmNetwork
 from dojo_maps.sources.osm.read.data import OsmData, Tags
 from dojo_maps.sources.osm.read.way_tags import KINDS, why_not_a_road

@@ -4,6 +4,7 @@ from typing import Any
 
 import shapely
 
+from dojo_maps.description import CARRIAGEWAY
 from dojo_maps.index import MapIndex
 from dojo_maps.issue import Element, Issue, Severity
 from dojo_maps.sources.osm.completeness.assumptions import tell_driving_side, tell_ground
@@ -21,7 +22,7 @@ from dojo_maps.sources.osm.completeness.road_length import measure_road_length
 from dojo_maps.sources.osm.completeness.track_length import measure_tracks
 from dojo_maps.sources.osm.graph.edge_id import EdgeId
 from dojo_maps.sources.osm.graph.projection import way_line
-from dojo_maps.sources.osm.network.lane_strips import CARRIAGEWAY, strips
+from dojo_maps.sources.osm.network.lane_strips import strips
 from dojo_maps.sources.osm.network.osm_network import OsmNetwork
 from dojo_maps.sources.osm.read.data import OsmData
 from dojo_maps.sources.osm.read.foot_tags import is_sidewalk

@@ -5,11 +5,8 @@ from collections.abc import Iterable
 
 import shapely
 
-from dojo_maps.description import LaneKind, RoadMap
+from dojo_maps.description import RoadMap
 from dojo_maps.geometry.pieces import lane_strips
-
-CARRIAGEWAY = (LaneKind.DRIVING, LaneKind.BUS)
-"""Lanes that make a road: a way counts as built where these are, and those of two roads must not overlap."""
 
 
 def strips(road_map: RoadMap, kinds: Iterable[str]) -> dict[str, shapely.Geometry]:

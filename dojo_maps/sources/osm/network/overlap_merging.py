@@ -8,11 +8,11 @@ from collections.abc import Iterator
 
 import shapely
 
-from dojo_maps.description import RoadMap
+from dojo_maps.description import CARRIAGEWAY, RoadMap
 from dojo_maps.geometry.polylines import Floats
 from dojo_maps.sources.osm.graph.edge_id import EdgeId
 from dojo_maps.sources.osm.layout.arms import Layout
-from dojo_maps.sources.osm.network.lane_strips import CARRIAGEWAY, strips
+from dojo_maps.sources.osm.network.lane_strips import strips
 from dojo_maps.sources.osm.plain.plain_xml import Plain
 from dojo_maps.sources.osm.rules import NetworkRules
 

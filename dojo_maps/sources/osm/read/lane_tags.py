@@ -2,7 +2,7 @@
 
 Lanes are listed from the outermost: the right one where traffic keeps right. Source: OpenStreetMap wiki,
 Lanes, Bus lanes, Key:cycleway. Which ways are roads at all: `way_tags`; which lanes make a road count as
-built: `network.lane_strips`.
+built: `description.CARRIAGEWAY`.
 """
 
 from collections.abc import Iterable, Sequence
