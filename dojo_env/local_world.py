@@ -196,9 +196,11 @@ class LocalWorld(World):
         simulation = self.traffic.simulation
         with self._guarded():
             pending, losses = simulation.read_pending_delays(), simulation.read_time_losses()
+            locks = simulation.read_locks()
         return {
             **self._metrics.compute(simulation.trips, pending, losses),
             "longest_red": self.control.longest_red,
+            "locks": locks,
             "violations": dict(self.control.safety.counts),
             "seed": self._seed,
         }

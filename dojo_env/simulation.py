@@ -8,6 +8,7 @@ while it loads would end this process, too, so SUMO's program loads it once befo
 import os
 import subprocess
 import weakref
+from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import redirect_stdout, suppress
 from io import StringIO
@@ -37,6 +38,8 @@ _LOADING_LIMIT = 300.0
 """Seconds that SUMO may take to load a scenario; the largest cities in public use take a third of it."""
 _LONGEST_SECOND = 60.0
 """Seconds of processor time that SUMO may take for a step; with impossible values it comes to no end."""
+_LOCKED = 180.0
+"""Seconds after which who stands inside a junction does not wait for a gap in the oncoming traffic."""
 _owner: "weakref.ref[Simulation] | None" = None
 _labels = iter(range(1 << 62))
 _loadable: list[dict[str, str]] = []
@@ -388,6 +391,17 @@ class Simulation:
         running = list(map(get.vehicle_getTimeLoss, get.vehicle_getIDList()))
         mean = float(get.simulation_getParameter("", "device.tripinfo.timeLoss"))
         return mean * arrived + sum(running), arrived + len(running)
+
+    def read_locks(self) -> dict[str, int]:
+        """Count the vehicles that stand inside junctions, and have for longer than any red lasts.
+
+        Returns:
+            How many there are, by the junction's id; junctions without any are left out.
+        """
+        get, (ids, speeds) = self._get, self._list_moving()
+        stopped = (vehicle for vehicle, speed in zip(ids, speeds, strict=True) if speed < HALTING)
+        lanes = (get.vehicle_getLaneID(v) for v in stopped if get.vehicle_getWaitingTime(v) > _LOCKED)
+        return dict(Counter(lane[1:].rsplit("_", 2)[0] for lane in lanes if lane.startswith(":")))
 
     def read_snapshot(self) -> Snapshot:
         """Picture every road user and every signal.

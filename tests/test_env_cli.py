@@ -122,3 +122,22 @@ def test_an_interrupted_run_writes_what_there_is_of_its_episode(send: Any, tmp_p
         _, said = running.communicate(timeout=60)
     assert (running.returncode, said) == (130, "dojo-env: interrupted\n")
     assert sorted(path.suffix for path in tmp_path.iterdir()) == [".csv", ".json", ".npz"]
+
+
+def test_who_blocks_a_junction_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Somebody stands right behind the junction; who drives in all the same stands inside."""
+    routes = tmp_path / "blocked.rou.xml"
+    routes.write_text(
+        '<routes><vType id="car"/><vType id="pushing" jmIgnoreKeepClearTime="1"/>'
+        '<route id="way" edges="w_t t_e"/>'
+        '<vehicle id="broken" type="car" route="way" depart="0">'
+        '<stop lane="t_e_0" startPos="0" endPos="6" duration="3000"/></vehicle>'
+        '<vehicle id="behind" type="pushing" route="way" depart="20" departLane="0"/></routes>'
+    )
+    arguments = ["run", "--scenario", "two-way", "--controller", "max-pressure", "--seconds", "600"]
+    assert main([*arguments, "--routes", str(routes), "--json", str(tmp_path / "out.json")]) == 0
+    warnings = capsys.readouterr().err
+    assert "stood inside a junction" in warnings
+    assert "(t)" in warnings
+    (episode,) = json.loads((tmp_path / "out.json").read_text())["episodes"]
+    assert episode["locks"] == {"t": 1}

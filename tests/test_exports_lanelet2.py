@@ -80,21 +80,15 @@ def test_write_lanelet2_is_read_back_with_the_network_s_connections(network, net
 
 
 def _lies_right(lanelet) -> bool:
-    """Tell whether the left bound lies on the left; of what does not get far, nobody can tell."""
-    across = _start(lanelet.leftBound) - _start(lanelet.rightBound)
-    ahead = np.mean([np.subtract(*_ends(b)) for b in (lanelet.leftBound, lanelet.rightBound)], axis=0)
-    return bool(
-        np.hypot(*ahead) < 2 * np.hypot(*across) or ahead[0] * across[1] - ahead[1] * across[0] > -1e-3
-    )
+    """Tell whether the left bound lies on the left: ahead on it and back on the other one is clockwise.
 
-
-def _start(bound) -> np.ndarray:
-    return np.array([bound[0].x, bound[0].y])
-
-
-def _ends(bound) -> tuple[np.ndarray, np.ndarray]:
-    last = bound[len(bound) - 1]
-    return np.array([last.x, last.y]), _start(bound)
+    Of what does not get far, nobody can tell.
+    """
+    left, right = (np.array([(p.x, p.y) for p in bound]) for bound in (lanelet.leftBound, lanelet.rightBound))
+    ahead = (left[-1] - left[0] + right[-1] - right[0]) / 2
+    x, y = np.vstack([left, right[::-1]]).T
+    area = (x * np.roll(y, -1) - y * np.roll(x, -1)).sum() / 2
+    return bool(np.hypot(*ahead) < 2 * np.hypot(*(left[0] - right[0])) or area < 0)
 
 
 @pytest.mark.parametrize("name", ["right_hand", "left_hand"])

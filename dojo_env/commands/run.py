@@ -17,6 +17,7 @@ from dojo_env.errors import ConfigError
 from dojo_maps.command import Commands, add_command
 from dojo_maps.progress import Progress
 from dojo_maps.whole_file import write_json
+from dojo_maps.wording import counted
 
 if TYPE_CHECKING:
     from dojo_env.runs import Episodes
@@ -119,6 +120,7 @@ def _run(options: argparse.Namespace) -> int:
             "the end, and travel_time leaves them out; compare travel_time_all",
             file=sys.stderr,
         )
+    _tell_locks(figures, options.scenario)
     if violations:
         found = ", ".join(f"{count} {rule}" for rule, count in violations.most_common())
         print(f"dojo-env: warning: {options.scenario}: signals were unsafe: {found}", file=sys.stderr)
@@ -150,6 +152,19 @@ def _print_figures(figures: "Episodes") -> Counter[str]:
     violations = sum((Counter(episode["violations"]) for episode in figures), Counter[str]())
     print(f"{'safety violations':24}{violations.total():12d}")
     return violations
+
+
+def _tell_locks(figures: "Episodes", scenario: str) -> None:
+    """Say where vehicles block one another inside a junction, and what helps."""
+    locked = [episode["locks"] for episode in figures if episode["locks"]]
+    if locked:
+        junctions = ", ".join(sorted(set().union(*locked)))
+        print(
+            f"dojo-env: warning: {scenario}: at the end of {counted(len(locked), 'episode')} vehicles had "
+            f"stood inside a junction for more than three minutes ({junctions}): they block one another, or "
+            "the road ahead is full; with --yellow speed --all-red 2 a junction empties between phases",
+            file=sys.stderr,
+        )
 
 
 def _read_detector(file: str | None) -> dict[str, Any]:

@@ -124,6 +124,7 @@ class _Document:
         self._relations: list[ET.Element] = []
         self._lanelets: dict[str, _Lanelet] = {}
         self._stop_lines: dict[str, int] = {}
+        self._middles = {lane.id: _straighten_hooks(lane.shape, _width(lane)) for lane in road_map.lanes}
 
     def build(self) -> ET.Element:
         """Put everything together."""
@@ -197,7 +198,7 @@ class _Document:
         for k in range(len(lanes) + 1):
             lane = lanes[min(k, len(lanes) - 1)]
             aside = (outward if k < len(lanes) else -outward) * _width(lane) / 2
-            lines.append(self._add_line(_beside(lane.shape, aside), self._border(lanes, k)))
+            lines.append(self._add_line(_beside(self._middles[lane.id], aside), self._border(lanes, k)))
         for lane, outer, inner in zip(lanes, lines, lines[1:], strict=False):
             left, right = (outer, inner) if self._map.left_hand else (inner, outer)
             self._add_lanelet(lane.id, left, right, _lane_tags(lane))
@@ -220,8 +221,8 @@ class _Document:
     def _add_connection(self, connection: Connection) -> None:
         before, after = self._lanelets[connection.from_lane], self._lanelets[connection.to_lane]
         lane, next_lane = self._index.lanes[connection.from_lane], self._index.lanes[connection.to_lane]
-        start = place_on(_with_length(lane.shape), np.inf)
-        end = place_on(_with_length(next_lane.shape), 0.0)
+        start = place_on(_with_length(self._middles[lane.id]), np.inf)
+        end = place_on(_with_length(self._middles[next_lane.id]), 0.0)
         pieces = curve((start[0][:2], start[1]), (end[0][:2], end[1]), connection.shape[1:-1, :2])
         places = sample(pieces, apart=_SAMPLING)
         middle = points(np.column_stack([places, np.linspace(start[0][2], end[0][2], len(places))]))
@@ -229,7 +230,7 @@ class _Document:
         ends = [(before.left, after.left, width / 2), (before.right, after.right, -width / 2)]
         left, right = (self._bound(*pair, beside=middle) for pair in ends)
         for loop in _LOOPS:
-            if _lies_beside(left, right, -1.0) and _lies_beside(right, left, 1.0):
+            if _lie_beside(left, right):
                 break
             left, right = (self._bound(*pair, headings=(start[1], end[1]), loop=loop) for pair in ends)
         lines = [
@@ -383,6 +384,22 @@ def _lane_tags(lane: Lane) -> _Tags:
 def _with_length(shape: Points) -> Points:
     line = drop_repeats(shape)
     return line if len(line) > 1 else points(np.vstack([line, line + np.array([_NARROWEST, 0.0, 0.0])]))
+
+
+def _straighten_hooks(shape: Points, width: float) -> Points:
+    """Leave out the sharpest corners of a lane's middle until a border has room on each side of it."""
+    while len(shape) > 2 and not _lie_beside(*(_beside(shape, side * width / 2) for side in (1.0, -1.0))):
+        steps = np.diff(shape[:, :2], axis=0)
+        straightness = (steps[:-1] * steps[1:]).sum(axis=1) / np.maximum(
+            np.hypot(*steps[:-1].T) * np.hypot(*steps[1:].T), 1e-12
+        )
+        shape = points(np.delete(shape, 1 + int(straightness.argmin()), axis=0))
+    return shape
+
+
+def _lie_beside(left: Floats, right: Floats) -> bool:
+    """Tell whether the left bound lies on the right one's left, and that one on its right."""
+    return _lies_beside(left, right, -1.0) and _lies_beside(right, left, 1.0)
 
 
 def _lies_beside(line: Floats, other: Floats, side: float) -> bool:
