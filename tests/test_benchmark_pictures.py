@@ -46,6 +46,7 @@ def test_pictures_have_the_same_bytes_each_time(results: Path) -> None:
         assert not re.search(rb"tEXt|tIME", picture)
 
 
+@pytest.mark.slow
 def test_rows_that_jam_are_not_chosen(results: Path) -> None:
     def row(name: str, travel: float, trips: float) -> Any:
         figures = {"travel_time": {"mean": travel}, "travel_time_all": {"mean": trips}}

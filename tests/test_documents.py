@@ -179,6 +179,7 @@ def run_console(text: str, folder: Path, environment: dict[str, str]) -> None:
             assert re.search(f"^{pattern}$", done.stdout, re.MULTILINE), f"{command}\n{line}\n{done.stdout}"
 
 
+@pytest.mark.slow
 def test_site_is_built(tmp_path: Path) -> None:
     """In strict mode: a link or an anchor that leads nowhere, or a name without a docstring, is an error."""
     if not (importlib.util.find_spec("mkdocstrings") and importlib.util.find_spec("material")):

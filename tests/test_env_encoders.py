@@ -276,6 +276,7 @@ def test_pictures_of_all_environments_are_one_batch(observation: str, views: int
     encoded.close()
 
 
+@pytest.mark.slow
 def test_policy_learns_from_encoded_environments() -> None:
     from dojo_env.encoders.vectorised import EncodedVecEnv  # noqa: PLC0415
 

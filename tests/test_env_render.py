@@ -65,6 +65,7 @@ def test_rgb_array_s_views_are_what_the_agent_sees() -> None:
     assert all(np.array_equal(views[f"Approach {k + 1}"], observation[f"approach_{k}"]) for k in range(4))
 
 
+@pytest.mark.slow
 def test_rendering_changes_nothing_that_the_agent_sees() -> None:
     spoilt = Conditions(noise=4, dropped=0.5, dirt=0.3)
 

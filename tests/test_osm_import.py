@@ -188,6 +188,7 @@ def test_import_of_a_cut_junction_is_whole(lon: float, lat: float, tmp_path: Pat
     check_programs(bundle.network)
 
 
+@pytest.mark.slow
 def test_import_gives_a_junction_one_controller_however_its_signals_are_mapped(tmp_path: Path) -> None:
     for name in ("cross", "approach_signals", "dual_carriageways", "parallel_ways"):
         path = DRAWINGS[name]().write(tmp_path / f"{name}.osm")

@@ -175,6 +175,7 @@ def values(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
     return {type(value).__name__: value for value in known}
 
 
+@pytest.mark.slow
 def test_values_tell_themselves_in_a_line(values: dict[str, Any]) -> None:
     for value in values.values():
         assert len(repr(value)) <= LONGEST_REPR, repr(value)[:1000]

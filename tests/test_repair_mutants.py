@@ -40,6 +40,7 @@ def _count(fixed: Fixed, check: str) -> tuple[int, int]:
     return fixed.before.counts.get(check, (0, 0))[0], fixed.after.counts.get(check, (0, 0))[0]
 
 
+@pytest.mark.slow
 def test_planted_defects_are_repaired(request: pytest.FixtureRequest) -> None:
     chosen = NETWORKS if request.config.getoption("--whole") else NETWORKS[:1]
     tally, left = Counter[bool](), []

@@ -50,6 +50,7 @@ def test_policy_gives_its_own_figures_again_and_others_beside(
     assert means[other, "queue"] == under[other]["figures"]["queue"]["mean"]
 
 
+@pytest.mark.slow
 def test_row_of_a_controller_is_evaluated_where_it_is_named(tmp_path: Path) -> None:
     results = tmp_path / "results"
     words = ("--rows", "QueuePressure", "--scenarios", "two-way", "--seeds", 2, "--seconds", 300)
