@@ -2,7 +2,8 @@
 
 Each run has a process of its own, and the variants take turns. Seconds are of processor time, those of the
 fastest of the rounds: others' work on the machine only ever adds to them. SUMO is bare where only its steps
-and the signals' states are asked for.
+and the signals' states are asked for. The floor of pictures is bare SUMO and the time that the same pictures
+take to draw without it.
 """
 
 import argparse
@@ -30,6 +31,9 @@ ALL_SENSORS = {
 OBSERVED = ("features", "bev", "bev-camera", "multi_view", "detector", "all-sensors")
 GOALS = {"features": 0.85, "bev": 0.75, "multi_view": 0.5}
 """Shares of bare libsumo's speed."""
+OF_FLOOR = 0.8
+"""Share of the floor's speed."""
+FLOORS = ("bev", "multi_view")
 BESIDE_SUMO_RL = 1.5
 """Times that pictures may take of SUMO-RL's time with features."""
 SETTINGS = {"min_green": 8, "emission_class": None}
@@ -130,6 +134,33 @@ def run_ours(scenario: str, observation: str) -> dict[str, Any]:
     return {"seconds": seconds, "arrived": arrived}
 
 
+def run_drawing(scenario: str, observation: str) -> dict[str, Any]:
+    """Draw once more what an episode has drawn, without SUMO."""
+    world = LocalWorld(
+        build_config(scenario=scenario, observation=observation, num_seconds=SECONDS, **SETTINGS)
+    )
+    counts = {signal: len(plan.phases) for signal, plan in world.map.plans.items()}
+    draw, drawn = world.eyes.look, []
+
+    def look(*what: Any) -> Any:
+        drawn.append(what)
+        return draw(*what)
+
+    vars(world.eyes)["look"] = look
+    world.reset(1)
+    decision, ended = 0, False
+    while not ended:
+        _, _, ended, _ = world.step({name: wanted_phase(decision, count) for name, count in counts.items()})
+        decision += 1
+    start = time.process_time()
+    for what in drawn:
+        draw(*what)
+    seconds = time.process_time() - start
+    arrived = world.traffic.simulation.arrived
+    world.close()
+    return {"seconds": seconds, "arrived": arrived}
+
+
 def measure(variant: str, scenario: str) -> dict[str, Any]:
     """Run a variant in a process of its own."""
     home = Path(__import__("sumo").__file__).parent
@@ -145,7 +176,11 @@ def measure(variant: str, scenario: str) -> dict[str, Any]:
 def run_variant(variant: str, scenario: str) -> dict[str, Any]:
     """Run a variant here, and measure the memory it took."""
     runners = {"bare": run_bare, "sumo-rl": run_sumo_rl}
-    result = runners[variant](scenario) if variant in runners else run_ours(scenario, variant)
+    kind, _, drawn = variant.partition(":")
+    if kind == "drawing":
+        result = run_drawing(scenario, drawn)
+    else:
+        result = runners[variant](scenario) if variant in runners else run_ours(scenario, variant)
     result["megabytes"] = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
     return result
 
@@ -156,6 +191,7 @@ def compare(scenario: str, variants: list[str], rounds: int) -> list[dict[str, A
     rows = []
     fastest = {variant: min(run[variant]["seconds"] for run in runs) for variant in variants}
     for variant, seconds in fastest.items():
+        drawing = fastest.get(f"drawing:{variant}")
         rows.append(
             {
                 "scenario": scenario,
@@ -164,6 +200,7 @@ def compare(scenario: str, variants: list[str], rounds: int) -> list[dict[str, A
                 "simulated_per_s": SECONDS / seconds,
                 "steps_per_s": SECONDS / INTERVAL / seconds,
                 "of_bare": fastest["bare"] / seconds,
+                "of_floor": None if drawing is None else (fastest["bare"] + drawing) / seconds,
                 "of_sumo_rl": seconds / fastest["sumo-rl"],
                 "arrived": runs[0][variant]["arrived"],
                 "megabytes": max(run[variant]["megabytes"] for run in runs),
@@ -185,16 +222,18 @@ def main() -> int:
         print(json.dumps(run_variant(options.variant, options.scenarios[0])))
         return 0
     print(
-        f"{'scenario':14}{'variant':12}{'seconds':>8}{'sim s/s':>9}{'steps/s':>9}{'of bare':>9}"
+        f"{'scenario':14}{'variant':20}{'seconds':>8}{'sim s/s':>9}{'steps/s':>9}{'of bare':>9}"
         f"{'arrived':>9}{'MB':>6}"
     )
     rows = []
     for scenario in options.scenarios:
         open_map(find_scenario(scenario))
-        for row in compare(scenario, ["bare", "sumo-rl", *options.observations], options.rounds):
+        drawings = [f"drawing:{name}" for name in options.observations if name in FLOORS]
+        variants = ["bare", "sumo-rl", *options.observations, *drawings]
+        for row in compare(scenario, variants, options.rounds):
             rows.append(row)
             print(
-                f"{row['scenario']:14}{row['variant']:12}{row['seconds']:8.2f}{row['simulated_per_s']:9.0f}"
+                f"{row['scenario']:14}{row['variant']:20}{row['seconds']:8.2f}{row['simulated_per_s']:9.0f}"
                 f"{row['steps_per_s']:9.0f}{row['of_bare']:9.2f}{row['arrived']:9d}{row['megabytes']:6.0f}"
             )
     for row in rows:
@@ -203,6 +242,12 @@ def main() -> int:
             print(
                 f"{word:8}{row['scenario']}, {row['variant']}: {row['of_sumo_rl']:.2f} times SUMO-RL's time "
                 f"with features, goal {BESIDE_SUMO_RL}"
+            )
+        if row["of_floor"] is not None:
+            word = "holds" if row["of_floor"] >= OF_FLOOR else "MISSED"
+            print(
+                f"{word:8}{row['scenario']}, {row['variant']}: {row['of_floor']:.2f} of bare SUMO and drawing "
+                f"alone, goal {OF_FLOOR}"
             )
         if row["variant"] in GOALS:
             goal = GOALS[row["variant"]]
