@@ -246,8 +246,8 @@ def main() -> int:
         if row["of_floor"] is not None:
             word = "holds" if row["of_floor"] >= OF_FLOOR else "MISSED"
             print(
-                f"{word:8}{row['scenario']}, {row['variant']}: {row['of_floor']:.2f} of bare SUMO and drawing "
-                f"alone, goal {OF_FLOOR}"
+                f"{word:8}{row['scenario']}, {row['variant']}: {row['of_floor']:.2f} of bare SUMO and of "
+                f"drawing alone, goal {OF_FLOOR}"
             )
         if row["variant"] in GOALS:
             goal = GOALS[row["variant"]]
