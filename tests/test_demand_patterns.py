@@ -18,8 +18,10 @@ from dojo_env.recording import read_recording
 from dojo_env.replaying import find_map
 from dojo_env.scenario import Scenario, find_scenario, open_map
 from dojo_maps.bundle import Bundle
+from dojo_maps.demand.bus_stops import BusStops
 from dojo_maps.demand.changing import ChangingTraffic
 from dojo_maps.demand.patterns import Pattern, find_pattern, list_patterns
+from dojo_maps.demand.route_file import Trip
 from dojo_maps.description import Prop
 from dojo_maps.errors import SourceError
 from dojo_maps.sumo_programs import find_program
@@ -140,6 +142,17 @@ def test_buses_stop_at_bus_stops(cologne: Bundle, tmp_path: Path) -> None:
     (tmp_path / "x.rou.xml").write_text(traffic.format(4, begin=0, end=900))
     stops = run_with_stops(cologne, tmp_path)
     assert sorted(stop.get("lane") for stop in stops) == [lane.id] * len(called)
+
+
+@pytest.mark.parametrize("length", [24.01, 24.05, 24.09])
+def test_no_bus_stops_beyond_the_end_of_its_lane(cologne: Bundle, length: float) -> None:
+    lane = next(lane for lane in cologne.road_map.lanes if "bus" in lane.allow)
+    pole = Prop(id="stop", kind="bus_stop", height=2.5, position=tuple(lane.shape[-1].tolist()))
+    lanes = [replace(each, length=length) if each is lane else each for each in cologne.road_map.lanes]
+    stops = BusStops(replace(cologne.road_map, lanes=tuple(lanes), props=(pole,)))
+    trip = stops.call(Trip(depart=0, roads=(lane.road,), vehicle_class="bus"))
+    (stop,) = trip.stops
+    assert length - 0.1 < float(f"{stop.place:.1f}") <= length
 
 
 def test_buses_and_emergency_vehicles_come_now_and_then(cologne: Bundle) -> None:

@@ -361,3 +361,21 @@ def test_ways_from_one_road_across_a_wide_junction_do_not_cross(left_hand: bool,
         for (one, shape), (other, line) in itertools.combinations(ways, 2)
         if one.from_lane != other.from_lane and shapely.crosses(shape, line)
     ]
+
+
+@pytest.mark.parametrize("left_hand", [False, True])
+def test_way_back_to_the_road_beside_is_no_turn_to_the_outer_side(left_hand: bool, tmp_path: Path) -> None:
+    """Who comes in at a slant and is led back by half a turn would cross everybody from the lane on his side."""
+    side = -1 if left_hand else 1
+    d = Drawing(centre=LONDON if left_hand else HELSINKI)
+    one_way = {"highway": "secondary", "oneway": "yes", "lanes": "2"}
+    d.way((0, -150), (0, -20), (12 * side, 0), (12 * side, 150), **one_way)
+    d.way((-12 * side, 150), (-12 * side, 0), (-9 * side, -20), (-9 * side, -150), **one_way)
+    d.way((-150 * side, 0), (-12 * side, 0), (12 * side, 0), (150 * side, 0), highway="secondary", lanes="2")
+    for place in ((12 * side, 0), (-12 * side, 0)):
+        d.node(*place, highway="traffic_signals")
+    bundle, _ = built(d, tmp_path)
+    road = {lane.id: lane.road for lane in bundle.road_map.lanes}
+    ways = {road[way.to_lane]: way for way in bundle.road_map.connections if road[way.from_lane] == "1001#0"}
+    assert len(ways) == 3
+    assert not [road for road in ways if road.startswith("1002")]

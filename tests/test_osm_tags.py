@@ -269,6 +269,29 @@ def test_connect_lanes_merges_no_lanes_that_lead_elsewhere() -> None:
     assert (1, 0, 0) in connect_lanes(painted, [one, one], [0.0, 85.0], left_hand=False)
 
 
+BUS = LaneTags(use=LaneUse.BUS)
+
+
+@pytest.mark.parametrize(
+    ("lanes", "onto", "expected"),
+    [
+        ([BUS, PLAIN], 3, [(0, 0), (1, 1), (1, 2)]),
+        ([PLAIN, BUS], 3, [(0, 0), (0, 1), (1, 2)]),
+        ([BUS, PLAIN, PLAIN], 2, [(0, 0), (1, 0), (2, 1)]),
+        ([PLAIN, PLAIN, BUS], 2, [(0, 0), (1, 1), (2, 1)]),
+    ],
+)
+def test_connect_lanes_keeps_buses_on_their_side(
+    lanes: list[LaneTags], onto: int, expected: list[tuple[int, int]]
+) -> None:
+    found = connect_lanes(lanes, [[PLAIN] * onto], [0.0], left_hand=False)
+    assert [(lane, end) for lane, _, end in found] == expected
+    turning = [LaneTags(use=lane.use, turns=("through",)) for lane in lanes]
+    ways = connect_lanes(turning, [[PLAIN], [PLAIN] * onto], [-85.0, 0.0], left_hand=False)
+    ahead = [(lane, end) for lane, movement, end in ways if movement == 1]
+    assert not any(a < b and d < c for a, c in ahead for b, d in ahead)
+
+
 def test_trim_leaves_a_line_of_every_road() -> None:
     line = np.array([[0.0, 0.0], [30.0, 0.0]])
     assert trim(line, 4.0, 6.0)[:, 0].tolist() == [4.0, 24.0]

@@ -1,5 +1,6 @@
 """Where buses stop on their way: at the map's bus stops."""
 
+import math
 from collections import defaultdict
 from dataclasses import replace
 
@@ -38,7 +39,8 @@ class BusStops:
             lane, line = lanes[nearest], lines[nearest]
             place = max(float(line.project(pole, normalized=True)) * lane.length, _BUS)
             if line.distance(pole) <= _BESIDE and place <= lane.length:
-                stop = Stop(lane=lane.id, place=round(place, 1), length=_BUS, seconds=_SECONDS)
+                # Down to the decimetre that is written: SUMO refuses a stop beyond the lane's end.
+                stop = Stop(lane=lane.id, place=math.floor(place * 10) / 10, length=_BUS, seconds=_SECONDS)
                 self._stops[lane.road].append(stop)
         self._room = {lane.id: lane.length for lane in lanes}
         self._leads_to = {

@@ -371,6 +371,8 @@ class MovementRules:
 
     u_turn: float = 150.0
     """degrees from which a turn leads back."""
+    sharp: float = 120.0
+    """degrees from which a turn is to the side where its road lies, whichever way round is shorter."""
     side_by_side: float = 0.9
     """cosine of the angle between two roads that arrive side by side."""
     heading: float = 15.0

@@ -171,15 +171,28 @@ def _pair(
     angle: float,
     movements: int,
 ) -> list[tuple[int, int]]:
-    """Pair a movement's lanes with its road's lanes, kept in order."""
-    onto = [number for number, lane in enumerate(target) if not lane.bus] or list(range(len(target)))
-    cars = [number for number in sources if not lanes[number].bus] or list(sources)
-    inner = angle > STRAIGHT or (abs(angle) <= STRAIGHT and movements == 1 and len(cars) > len(onto))
-    shift = len(onto) - len(cars) if inner else 0
-    pairs = [(lane, onto[max(0, min(place + shift, len(onto) - 1))]) for place, lane in enumerate(cars)]
+    """Pair a movement's lanes with its road's lanes, kept in order.
+
+    Where the road has no bus lane, buses keep to their side: on a lane of their own if there is one more.
+    """
     buses = [number for number, lane in enumerate(target) if lane.bus]
-    pairs += [(lane, buses[0] if buses else onto[0]) for lane in sources if lane not in cars]
+    onto = [number for number in range(len(target)) if number not in buses] or buses
+    cars = [number for number in sources if not lanes[number].bus]
+    if not cars or (not buses and len(sources) <= len(onto)):
+        cars = list(sources)
+    inner = angle > STRAIGHT or (abs(angle) <= STRAIGHT and movements == 1 and len(cars) > len(onto))
+    shift = len(onto) - len(cars) if inner or lanes[cars[-1]].bus else 0
+    pairs = [(lane, onto[max(0, min(place + shift, len(onto) - 1))]) for place, lane in enumerate(cars)]
+    general = [pair for pair in pairs if not lanes[pair[0]].bus] or pairs
+    for lane in sources:
+        if lane not in cars:
+            beside = pairs[0][1] if lane < cars[0] else pairs[len(cars) - 1][1]
+            pairs.append((lane, buses[0] if buses else beside))
     if len(onto) > len(cars) and movements == 1:
         used = {onto_lane for _, onto_lane in pairs}
-        pairs += [(cars[-1], number) for number in onto if number not in used]
+        pairs += [
+            (min(reversed(general), key=lambda pair: abs(pair[1] - number))[0], number)
+            for number in onto
+            if number not in used
+        ]
     return sorted(set(pairs))

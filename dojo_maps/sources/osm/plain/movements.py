@@ -212,7 +212,11 @@ class Movements:
     def _angle(self, source: Arm, target: Arm) -> float:
         arriving = self._outward(source) + 180.0
         turn = (self._outward(target) - arriving + 180.0) % 360.0 - 180.0
-        return -turn if self._graph.left_hand else turn
+        turn = -turn if self._graph.left_hand else turn
+        # Whoever is led almost back turns to the side where the road lies.
+        if abs(turn) > self._layout.rules.movements.sharp and turn * self._aside(source, target) < 0:
+            turn -= math.copysign(360.0, turn)
+        return turn
 
     def _aside(self, source: Arm, target: Arm) -> float:
         """Give the degrees by which a road lies to the side, which tells parallel roads from each other."""
