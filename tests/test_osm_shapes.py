@@ -365,7 +365,7 @@ def test_ways_from_one_road_across_a_wide_junction_do_not_cross(left_hand: bool,
 
 @pytest.mark.parametrize("left_hand", [False, True])
 def test_way_back_to_the_road_beside_is_no_turn_to_the_outer_side(left_hand: bool, tmp_path: Path) -> None:
-    """Who comes in at a slant and is led back by half a turn would cross everybody from the lane on his side."""
+    """Who comes in at a slant and is led back would cross everybody from the lane on his side."""
     side = -1 if left_hand else 1
     d = Drawing(centre=LONDON if left_hand else HELSINKI)
     one_way = {"highway": "secondary", "oneway": "yes", "lanes": "2"}
