@@ -1,6 +1,7 @@
 """Which roads and lanes an import builds, and for whom: service roads, barriers, buses, bicycles."""
 
 import xml.etree.ElementTree as ET
+from collections import Counter
 from pathlib import Path
 from typing import Any
 
@@ -142,6 +143,20 @@ def test_nobody_changes_lanes_where_a_lane_opens_or_waits_on_a_cycle_lane(tmp_pa
     cars = [link for link in turning if link.get("fromLane") != "1"]
     assert cars
     assert all(link.get("contPos") == "0.00" for link in cars)
+
+
+def test_lanes_that_become_one_wait_before_the_junction(tmp_path: Path) -> None:
+    drawing = Drawing()
+    drawing.way((0, -150), (0, 0), highway="secondary", oneway="yes", lanes="3")
+    drawing.way((-150, 0), (0, 0), (150, 0), **MAIN)
+    drawing.node(0, 0, **SIGNAL)
+    built(drawing, tmp_path)
+    (network,) = tmp_path.glob("**/network.net.xml")
+    links = [link for link in ET.parse(network).iter("connection") if link.get("from") == "1001#0"]  # noqa: S314
+    onto = Counter((link.get("to"), link.get("toLane")) for link in links)
+    merging = [link for link in links if onto[link.get("to"), link.get("toLane")] > 1]
+    assert len(merging) >= 2
+    assert all(link.get("contPos") == "0.00" for link in merging)
 
 
 def test_signal_without_a_junction_is_told(tmp_path: Path) -> None:

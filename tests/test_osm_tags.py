@@ -244,6 +244,14 @@ def test_connect_lanes_follows_arrows() -> None:
     assert [(lane, movement) for lane, movement, _ in found] == [(0, 0), (1, 1), (2, 2)]
 
 
+def test_connect_lanes_takes_an_arrow_back_for_no_turn_to_the_outer_side() -> None:
+    """Where the way back is not mapped, a sharp turn to the other side is not meant."""
+    lanes = [LaneTags(turns=("left",)), LaneTags(turns=("left", "reverse"))]
+    found = connect_lanes(lanes, [[PLAIN], [PLAIN] * 2], [-183, 117], left_hand=False)
+    assert found == [(0, 0, 0), (0, 1, 0), (1, 1, 1)]
+    assert (1, 1, 0) in connect_lanes(lanes, [[PLAIN] * 2, [PLAIN]], [90, 183], left_hand=False)
+
+
 def test_connect_lanes_splits_a_road_that_ends() -> None:
     found = connect_lanes([PLAIN] * 2, [[PLAIN], [PLAIN]], [-90, 90], left_hand=False)
     assert found == [(0, 0, 0), (1, 1, 0)]

@@ -120,7 +120,7 @@ def _fits(wanted: float, angle: float) -> bool:
     if abs(wanted) < 1:
         return abs(angle) <= 60
     if abs(wanted) >= 180:
-        return abs(angle) > 140
+        return angle > 140  # Nobody turns back to the outer side.
     return angle * wanted > 0 and abs(angle) >= (20 if abs(wanted) > 50 else 8)
 
 

@@ -196,12 +196,15 @@ def _lane_links(layout: Layout, movements: Sequence[Movement]) -> list[str]:
         links += [(source, lane, found[number], onto) for lane, number, onto in pairs]
     links = _with_entries(layout, links)
     fans = _find_fans(links)
+    entries = Counter((source, movement.target, onto) for source, _, movement, onto in links)
     for link in links:
         source, lane, movement, onto = link
         origin, goal = source.incoming, movement.target.outgoing
         shifts = [bool(layout.walk(edge)) for edge in (origin, goal)]
         more = _NO_LANE_CHANGE if (source, movement.target) in fans else ""
-        more += NO_WAIT_INSIDE if _cuts_cycle_lane(layout, link) else ""
+        # Lanes that become one have no room to wait beside each other.
+        merges = entries[source, movement.target, onto] > 1
+        more += NO_WAIT_INSIDE if merges or _cuts_cycle_lane(layout, link) else ""
         lines.append(
             f'<connection from="{origin}" to="{goal}" fromLane="{lane + shifts[0]}" '
             f'toLane="{onto + shifts[1]}"{more}/>'
