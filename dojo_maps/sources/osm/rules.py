@@ -175,6 +175,12 @@ class JunctionRules:
     """m of a part of a roundabout inside a junction, up to which it vanishes."""
     short_way_round: float = 1.5
     """lengths of the straight line up to which a part of a roundabout is the short way, and vanishes."""
+    dead_end: float = 25.0
+    """m by which a road is drawn back that ends on another one, at most, ..."""
+    dead_end_left: float = 15.0
+    """... what is left of it, ..."""
+    dead_end_beyond: float = 8.0
+    """... and beyond its last crossing."""
     thin_loop: float = 0.6
     """widths of a road, as the area of a loop over its length, below which it lies on itself."""
 

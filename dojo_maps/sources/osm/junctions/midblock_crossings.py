@@ -3,43 +3,10 @@
 import itertools
 import math
 from collections import defaultdict
-from dataclasses import replace
 
-from dojo_maps.sources.osm.graph.road_graph import RoadGraph, Section, free_number
+from dojo_maps.sources.osm.graph.road_graph import RoadGraph, Section
 from dojo_maps.sources.osm.junctions.grouping import Junctions
 from dojo_maps.sources.osm.junctions.mapped_crossings import MappedCrossing
-
-
-def extend_ends(graph: RoadGraph, crossings: list[MappedCrossing]) -> RoadGraph:
-    """Lead roads that end at a crossing a little farther, as they do beyond the extract's border.
-
-    So do one-way roads that end near one: nobody could walk on from there.
-    """
-    ends = [(vertex, at[0]) for vertex, at in sorted(graph.ends().items()) if len(at) == 1]
-    sections, places = dict(graph.sections), dict(graph.places)
-    for vertex, name in ends:
-        if not _ends_at_crossing(graph, vertex, name, crossings):
-            continue
-        section = sections[name]
-        at_end = section.end == vertex
-        (x, y), (a, b) = (places[n] for n in (section.nodes[-2:] if at_end else section.nodes[1::-1]))
-        share = graph.rules.crossings.beyond_border / max(math.dist((x, y), (a, b)), 1e-3)
-        node = free_number(places)
-        places[node] = (round(a + (a - x) * share, 3), round(b + (b - y) * share, 3))
-        nodes = (*section.nodes, node) if at_end else (node, *section.nodes)
-        ways = (*section.ways, section.ways[-1]) if at_end else (section.ways[0], *section.ways)
-        sections[name] = replace(section, nodes=nodes, ways=ways)
-    return replace(graph, sections=sections, places=places)
-
-
-def _ends_at_crossing(graph: RoadGraph, vertex: int, name: str, crossings: list[MappedCrossing]) -> bool:
-    oneway = graph.sections[name].road.oneway
-    reach = graph.rules.crossings.beyond_border if oneway else 0.0
-    return any(
-        crossing.node == vertex
-        or (crossing.section == name and math.dist(crossing.place, graph.places[vertex]) < reach)
-        for crossing in crossings
-    )
 
 
 def over_both_carriageways(graph: RoadGraph, crossings: list[MappedCrossing]) -> list[tuple[int, int]]:
