@@ -383,7 +383,7 @@ def test_way_back_to_the_road_beside_is_no_turn_to_the_outer_side(left_hand: boo
 
 @pytest.mark.parametrize("crossing", [False, True])
 def test_road_that_ends_on_another_is_drawn_back(crossing: bool, tmp_path: Path) -> None:
-    """Where an extract is cut just before a junction, its roads run into each other, or are led on into it."""
+    """Where an extract is cut just before a junction, its roads run into each other, or are led on to it."""
     d = Drawing()
     end = (3, 17 if crossing else 3)
     d.way((0, 0), (100, 100), highway="primary", lanes="2", oneway="yes")

@@ -82,3 +82,27 @@ def test_short_road_between_stop_lines_ends_after_those_who_fill_it(room: float,
     lag = sum(seconds for seconds, state in rows if state[0] != "G" and state[1] == "G")
     assert lag <= 3 + 6, "its green is no green of its own for who chooses phases"
     assert all(state[2] != "G" or state[:2] == "rr" for _, state in rows)
+
+
+@pytest.mark.parametrize(
+    ("room", "alone", "together"), [(8.0, False, False), (60.0, False, True), (8.0, True, True)]
+)
+def test_turns_out_of_short_roads_do_not_wait_for_who_stands_behind_the_other(
+    room: float, alone: bool, together: bool
+) -> None:
+    """A road between two junctions, both ways; on each, whoever turns waits for the stream onto the other."""
+    links = {}
+    for k, own in enumerate(("east", "west")):
+        ahead = replace(CAR, heading=180.0 * k, direction="s", road=own, room=room)
+        onto, through, turn = 3 * k, 3 * k + 1, 3 * k + 2
+        oncoming = 3 * (1 - k)  # What fills the other road crosses who turns out of this one.
+        links[onto] = replace(
+            ahead, index=onto, road=f"to {own}", onto=own, to=own, foes=frozenset({5 - 3 * k})
+        )
+        links[through] = replace(ahead, index=through, to=f"{own} on")
+        links[turn] = replace(
+            ahead, index=turn, direction="l", far=True, alone=alone, to=f"{own} aside",
+            foes=frozenset({oncoming}), yields_to=frozenset({oncoming}),
+        )  # fmt: skip
+    stages = build_stages(links)
+    assert any({0, 3} <= stage.vehicles for stage in stages) == together

@@ -20,6 +20,9 @@ from dojo_maps.signals.conflicts import list_foes
 _OPPOSITE, _ALONGSIDE = 120.0, 45.0
 """Degrees between the headings of approaches that face each other, and of those that run side by side."""
 
+_SHORT = 30.0
+"""Metres of a road between two junctions that a few who wait to turn fill."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SignalLink:
@@ -257,8 +260,11 @@ def _turned(links: dict[int, SignalLink], one: frozenset[int], other: frozenset[
 
 
 def _compatible(links: dict[int, SignalLink], stage: set[int], group: frozenset[int]) -> bool:
+    green = stage | group
+    if _wait_in_circle(links, green) or _block_in_circle(links, green):
+        return False
     pairs = itertools.product(sorted(stage), sorted(group))
-    return all(_may_share(links[a], links[b]) for a, b in pairs) and not _wait_in_circle(links, stage | group)
+    return all(_may_share(links[a], links[b]) for a, b in pairs)
 
 
 def _wait_in_circle(links: dict[int, SignalLink], green: set[int]) -> bool:
@@ -267,6 +273,16 @@ def _wait_in_circle(links: dict[int, SignalLink], green: set[int]) -> bool:
     while free := {k for k in left if not links[k].yields_to & left}:
         left -= free
     return bool(left)
+
+
+def _block_in_circle(links: dict[int, SignalLink], green: set[int]) -> bool:
+    """Tell whether two that turn out of short roads could each wait for who stands behind the other."""
+    turning = [links[k] for k in green if links[k].far and not links[k].alone and links[k].room < _SHORT]
+    waits_for = {link.index: {links[k].onto for k in link.yields_to & green} for link in turning}
+    return any(
+        other.road in waits_for[one.index] and one.road in waits_for[other.index]
+        for one, other in itertools.combinations(turning, 2)
+    )
 
 
 def _may_share(one: SignalLink, other: SignalLink) -> bool:
