@@ -1,11 +1,14 @@
 """Stages of a signal, on links of a few lines each."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
+from networks import run_sumo_tool
 
+from dojo_maps.conversion import convert
 from dojo_maps.sources.osm.signals.programs import compute_program
-from dojo_maps.sources.osm.signals.stages import SignalLink, build_stages
+from dojo_maps.sources.osm.signals.stages import SignalLink, build_stages, read_links
 
 CAR = SignalLink(
     index=0, road="stem", walks=False, foes=frozenset(), yields_to=frozenset(), length=15.0, speed=13.9,
@@ -106,3 +109,26 @@ def test_turns_out_of_short_roads_do_not_wait_for_who_stands_behind_the_other(
         )  # fmt: skip
     stages = build_stages(links)
     assert any({0, 3} <= stage.vehicles for stage in stages) == together
+
+
+@pytest.mark.parametrize(("length", "known"), [(12, True), (60, False)])
+def test_next_stop_line_is_known_behind_a_fork(length: int, known: bool, tmp_path: Path) -> None:
+    """A road forks right after a junction; on one branch the next stop line of the signal follows."""
+    places = {"w": (-100, 0), "s": (0, -100), "j": (0, 0), "f": (length + 8, 0), "l": (length + 30, 0)}
+    places |= {"e": (200, 0), "b": (length + 60, 80), "n": (length + 30, 90), "m": (length + 30, -90)}
+    kinds = dict.fromkeys("jl", 'type="traffic_light" tl="t"')
+    nodes = "".join(
+        f'<node id="{name}" x="{x}" y="{y}" {kinds.get(name, "")}/>' for name, (x, y) in places.items()
+    )
+    edges = "".join(
+        f'<edge id="{start}{end}" from="{start}" to="{end}" numLanes="1" speed="10"/>'
+        for start, end in ("wj", "sj", "jf", "fl", "fb", "le", "nl", "lm")
+    )
+    (tmp_path / "a.nod.xml").write_text(f"<nodes>{nodes}</nodes>")
+    (tmp_path / "a.edg.xml").write_text(f"<edges>{edges}</edges>")
+    net = tmp_path / "a.net.xml"
+    run_sumo_tool("netconvert", "-n", tmp_path / "a.nod.xml", "-e", tmp_path / "a.edg.xml", "-o", net)
+    road_map = convert(str(net), tmp_path / "a.dojo")[0].road_map
+    (signal,) = road_map.signals
+    found = {link.road: link.onto for link in read_links(road_map, signal).values() if link.to == "jf"}
+    assert found == dict.fromkeys(("wj", "sj"), "fl" if known else "")

@@ -20,6 +20,8 @@ from dojo_maps.signals.conflicts import list_foes
 _OPPOSITE, _ALONGSIDE = 120.0, 45.0
 """Degrees between the headings of approaches that face each other, and of those that run side by side."""
 
+_BETWEEN = 30.0
+"""Metres from a junction within which a road may begin that leads to another stop line of its signal."""
 _SHORT = 30.0
 """Metres of a road between two junctions that a few who wait to turn fill."""
 
@@ -36,7 +38,7 @@ class SignalLink:
         far: it turns across the opposite traffic.
         alone: the lane it starts from is for such turns only.
         to: the road it leads to; "" of those who walk.
-        onto: the same where it leads to another junction of the signal; "" elsewhere.
+        onto: the road by which it leads to another stop line of the signal, soon; "" if to none.
         over: the roads that those who walk cross.
         cycles: its lane is for bicycles.
         room: metres of that lane.
@@ -90,10 +92,9 @@ def read_links(road_map: RoadMap, signal: Signal) -> dict[int, SignalLink]:
                 yields[one].add(other)
             if pair.other_waits:
                 yields[other].add(one)
-    lanes = MapIndex(road_map).lanes
-    inner = {
-        road.id for road in road_map.roads if {road.from_junction, road.to_junction} <= set(signal.junctions)
-    }
+    map_index = MapIndex(road_map)
+    lanes = map_index.lanes
+    stopping = {lanes[connection.from_lane].road for connection in connections}
     far = "r" if road_map.left_hand else "l"
     turns: dict[str, set[str]] = defaultdict(set)
     for connection in connections:
@@ -102,12 +103,24 @@ def read_links(road_map: RoadMap, signal: Signal) -> dict[int, SignalLink]:
     for connection in connections:
         lane = lanes[connection.from_lane]
         link = _vehicle(connection, lane, turns[lane.id], far)
-        onto = lanes[connection.to_lane].road
-        links[link.index] = replace(_with(link, foes, yields), to=onto, onto=onto if onto in inner else "")
+        target = lanes[connection.to_lane]
+        onto = _find_next_stop(map_index, target, stopping)
+        links[link.index] = replace(_with(link, foes, yields), to=target.road, onto=onto)
     for crossing in crossings:
         link = _walk(crossing)
         links[link.index] = _with(link, foes, yields)
     return dict(sorted(links.items()))
+
+
+def _find_next_stop(index: MapIndex, lane: Lane, stopping: set[str], left: float = _BETWEEN) -> str:
+    """Name the road by which a lane soon leads to another stop line of the signal; "" if it does not."""
+    if lane.road in stopping:
+        return lane.road
+    if lane.length > left:
+        return ""
+    onward = (c for c in index.leaving.get(lane.id, ()) if c.signal is None)
+    found = (_find_next_stop(index, index.lanes[c.to_lane], stopping, left - lane.length) for c in onward)
+    return next(filter(None, found), "")
 
 
 def _vehicle(c: Connection, lane: Lane, turns: set[str], far: str) -> SignalLink:
