@@ -9,11 +9,10 @@ from numpy.typing import NDArray
 
 from dojo_env.rendering.compiling import inner
 from dojo_env.rendering.raster import draw_from_above
-from dojo_maps.description import LaneKind, RoadMap
+from dojo_maps.description import CARRIAGEWAY, RoadMap
 
 Floats = NDArray[np.float64]
 
-_WORN = (LaneKind.DRIVING, LaneKind.BUS)
 _WAY_WIDTH = 3.2
 """Width that ways across junctions are taken to have, metres."""
 _BEND = 0.4
@@ -48,9 +47,9 @@ def lane_pieces(road_map: RoadMap) -> Floats:
 
 def _lines(road_map: RoadMap) -> Iterator[tuple[str, Floats, float, bool]]:
     for lane in road_map.lanes:
-        if lane.kind in _WORN:
+        if lane.kind in CARRIAGEWAY:
             yield lane.id, lane.shape, lane.width, False
-    worn = {lane.id for lane in road_map.lanes if lane.kind in _WORN}
+    worn = {lane.id for lane in road_map.lanes if lane.kind in CARRIAGEWAY}
     for way in road_map.connections:
         if way.from_lane in worn and way.to_lane in worn:
             yield way.id, way.shape, _WAY_WIDTH, True

@@ -8,15 +8,7 @@ from typing import Any
 import numpy as np
 import shapely
 
-from dojo_maps.description import (
-    Junction,
-    Lane,
-    LaneKind,
-    Points,
-    Road,
-    RoadMap,
-    Signal,
-)  # fmt: skip
+from dojo_maps.description import CARRIAGEWAY, Junction, Lane, Points, Road, RoadMap, Signal
 from dojo_maps.geometry.pieces import lane_strips
 from dojo_maps.geometry.polylines import Floats, Ints, Shapes, lift
 from dojo_maps.index import MapIndex
@@ -24,7 +16,6 @@ from dojo_maps.meshes.mesh import Mesh
 from dojo_maps.railways import street_signals
 from dojo_maps.sumo_loading import Loading
 
-DRIVABLE = (LaneKind.DRIVING, LaneKind.BUS)
 _STUB = 1.0
 """Metres: shorter pieces are rounding of coordinates and have no direction."""
 _LOOK = 15.0
@@ -50,7 +41,7 @@ class Facts(MapIndex):
     @cached_property
     def drivable(self) -> tuple[Lane, ...]:
         """The lanes for cars and buses."""
-        return tuple(lane for lane in self.map.lanes if lane.kind in DRIVABLE)
+        return tuple(lane for lane in self.map.lanes if lane.kind in CARRIAGEWAY)
 
     @cached_property
     def signals(self) -> tuple[Signal, ...]:

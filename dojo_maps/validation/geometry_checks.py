@@ -7,13 +7,13 @@ from collections.abc import Iterator
 import numpy as np
 import shapely
 
-from dojo_maps.description import Connection, Crossing, Lane
+from dojo_maps.description import CARRIAGEWAY, Connection, Crossing, Lane
 from dojo_maps.geometry.pieces import RAISED
 from dojo_maps.geometry.polylines import Floats
 from dojo_maps.issue import Element, Severity
 from dojo_maps.meshes.mesh import Mesh, is_watertight
 from dojo_maps.validation.check import ERROR, NOTE, WARNING, Finding, Need, check, element
-from dojo_maps.validation.facts import DRIVABLE, Facts, direction
+from dojo_maps.validation.facts import Facts, direction
 from dojo_maps.validation.profiles import Limits
 from dojo_maps.wording import counted
 
@@ -130,7 +130,7 @@ def _joint_place(facts: Facts, connection: Connection, place: int) -> Floats:
 def check_short_edge(facts: Facts, limits: Limits) -> Iterator[Finding]:
     """Find roads too short to hold a car, or, before a signal, three; stubs at the map's edge are fine."""
     for road in facts.map.roads:
-        lanes = [lane for lane in facts.lanes_of(road.id) if lane.kind in DRIVABLE]
+        lanes = [lane for lane in facts.lanes_of(road.id) if lane.kind in CARRIAGEWAY]
         if not lanes:
             continue
         signal = facts.kind(road.to_junction).startswith("traffic_light")
@@ -161,7 +161,7 @@ def check_short_connection(facts: Facts, limits: Limits) -> Iterator[Finding]:
     """Find ways across junctions that are hardly there."""
     for k in np.flatnonzero(facts.way_lengths < limits.connection_length):
         connection, length = facts.map.connections[k], float(facts.way_lengths[k])
-        if connection.via and facts.lanes[connection.from_lane].kind in DRIVABLE:
+        if connection.via and facts.lanes[connection.from_lane].kind in CARRIAGEWAY:
             yield Finding(
                 elements=_way(connection, to_first=False),
                 at=connection.shape[0],
@@ -255,7 +255,7 @@ def check_intersecting_lefts(facts: Facts, _limits: Limits) -> Iterator[Finding]
     turn = "r" if facts.map.left_hand else "l"
     by_junction: dict[str, list[Connection]] = defaultdict(list)
     for connection in facts.map.connections:
-        if connection.direction == turn and facts.lanes[connection.from_lane].kind in DRIVABLE:
+        if connection.direction == turn and facts.lanes[connection.from_lane].kind in CARRIAGEWAY:
             by_junction[facts.roads[facts.lanes[connection.from_lane].road].to_junction].append(connection)
     for junction, turns in by_junction.items():
         severity = WARNING if facts.kind(junction).startswith("traffic_light") else NOTE

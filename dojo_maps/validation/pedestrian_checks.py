@@ -7,11 +7,11 @@ from functools import partial
 import numpy as np
 import shapely
 
-from dojo_maps.description import Crossing, LaneKind, Program
+from dojo_maps.description import CARRIAGEWAY, Crossing, LaneKind, Program
 from dojo_maps.geometry.polylines import Floats
 from dojo_maps.signals.programs import GREEN
 from dojo_maps.validation.check import ERROR, NOTE, WARNING, Check, Finding, Need, check, element
-from dojo_maps.validation.facts import DRIVABLE, Facts, twisted_share
+from dojo_maps.validation.facts import Facts, twisted_share
 from dojo_maps.validation.profiles import Limits
 from dojo_maps.validation.programs import SignalFacts, programs_of
 from dojo_maps.wording import counted
@@ -210,7 +210,7 @@ def check_missing_crossing(facts: Facts, _limits: Limits) -> Iterator[Finding]:
 
 def _is_street_with_sidewalk(facts: Facts, road: str) -> bool:
     kinds = {lane.kind for lane in facts.lanes_of(road)}
-    return LaneKind.SIDEWALK in kinds and bool(kinds & set(DRIVABLE))
+    return LaneKind.SIDEWALK in kinds and bool(kinds & set(CARRIAGEWAY))
 
 
 @check(

@@ -7,10 +7,10 @@ from collections.abc import Iterator
 import numpy as np
 import shapely
 
-from dojo_maps.description import Junction, Lane, LaneKind
+from dojo_maps.description import CARRIAGEWAY, Junction, Lane, LaneKind
 from dojo_maps.geometry.polylines import Floats, Ints, along
 from dojo_maps.validation.check import ERROR, NOTE, WARNING, Finding, check, element
-from dojo_maps.validation.facts import DRIVABLE, Facts, in_a_row, twisted_share
+from dojo_maps.validation.facts import Facts, in_a_row, twisted_share
 from dojo_maps.validation.profiles import Limits
 
 _STUB = 1.0
@@ -247,10 +247,10 @@ def check_grade(facts: Facts, limits: Limits) -> Iterator[Finding]:
 )
 def check_width(facts: Facts, limits: Limits) -> Iterator[Finding]:
     """Find lanes and crossings that are too narrow for their users, and lanes that are two in truth."""
-    least = dict.fromkeys(DRIVABLE, limits.drive_width)
+    least = dict.fromkeys(CARRIAGEWAY, limits.drive_width)
     least |= {LaneKind.SIDEWALK: limits.sidewalk_width, LaneKind.BICYCLE: limits.cycle_width}
     for lane in facts.map.lanes:
-        limit, drivable = least.get(lane.kind, 0.0), lane.kind in DRIVABLE
+        limit, drivable = least.get(lane.kind, 0.0), lane.kind in CARRIAGEWAY
         if drivable and lane.width > limits.drive_width_most:
             limit = limits.drive_width_most
         elif lane.width >= limit:

@@ -5,10 +5,10 @@ from collections.abc import Iterator
 
 import shapely
 
-from dojo_maps.description import Connection, Lane
+from dojo_maps.description import CARRIAGEWAY, Connection, Lane
 from dojo_maps.signals.programs import GREEN, following
 from dojo_maps.validation.check import ERROR, NOTE, WARNING, Finding, check, element
-from dojo_maps.validation.facts import DRIVABLE, Facts
+from dojo_maps.validation.facts import Facts
 from dojo_maps.validation.profiles import Limits
 from dojo_maps.validation.programs import Conflict, SignalFacts, name_ways, programs_of, signals_of
 from dojo_maps.wording import counted
@@ -249,7 +249,7 @@ def _entered(signal: SignalFacts) -> dict[int, list[Lane]]:
         index: [
             lanes[way.to_lane]
             for way in signal.links[index]
-            if isinstance(way, Connection) and lanes[way.to_lane].kind in DRIVABLE
+            if isinstance(way, Connection) and lanes[way.to_lane].kind in CARRIAGEWAY
         ]
         for index in signal.vehicle
     }

@@ -5,10 +5,10 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from dojo_maps.description import Lane, Road
+from dojo_maps.description import CARRIAGEWAY, Lane, Road
 from dojo_maps.geometry.polylines import Floats
 from dojo_maps.validation.check import ERROR, WARNING, Check, Finding, Need, check, element
-from dojo_maps.validation.facts import DRIVABLE, Facts
+from dojo_maps.validation.facts import Facts
 from dojo_maps.validation.profiles import Limits
 from dojo_maps.wording import counted
 
@@ -124,7 +124,7 @@ def check_uturn_only(facts: Facts, _limits: Limits) -> Iterator[Finding]:
 
 
 def _drivable_lanes(facts: Facts, road: Road) -> list[Lane]:
-    return [lane for lane in facts.lanes_of(road.id) if lane.kind in DRIVABLE]
+    return [lane for lane in facts.lanes_of(road.id) if lane.kind in CARRIAGEWAY]
 
 
 def _road_goes_on(facts: Facts, road: Road) -> bool:

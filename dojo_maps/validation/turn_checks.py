@@ -5,11 +5,11 @@ from collections.abc import Iterator
 import numpy as np
 import shapely
 
-from dojo_maps.description import Connection, Lane, Road
+from dojo_maps.description import CARRIAGEWAY, Connection, Lane, Road
 from dojo_maps.geometry.polylines import Floats, place_on
 from dojo_maps.signals.waiting import find_meetings
 from dojo_maps.validation.check import ERROR, WARNING, Finding, check, element
-from dojo_maps.validation.facts import DRIVABLE, Facts, direction, turn_deg
+from dojo_maps.validation.facts import Facts, direction, turn_deg
 from dojo_maps.validation.profiles import Limits
 
 _NEAR = 5.0
@@ -149,7 +149,7 @@ def check_lane_type_mix(facts: Facts, _limits: Limits) -> Iterator[Finding]:
 def _excludes_cars(facts: Facts, one: str, other: str, connections: list[Connection]) -> bool:
     if not all("passenger" in facts.classes(road) for road in (one, other)):
         return False
-    driven = [c for c in connections if facts.lanes[c.from_lane].kind in DRIVABLE]
+    driven = [c for c in connections if facts.lanes[c.from_lane].kind in CARRIAGEWAY]
     return bool(driven) and not any(
         "passenger" in facts.lanes[c.from_lane].allow and "passenger" in facts.lanes[c.to_lane].allow
         for c in connections
@@ -170,7 +170,7 @@ def check_median_cross(facts: Facts, limits: Limits) -> Iterator[Finding]:
     ways = [
         c
         for c in facts.map.connections
-        if len(c.shape) > 1 and facts.lanes[c.from_lane].kind in DRIVABLE and c.direction not in ("t", "T")
+        if len(c.shape) > 1 and facts.lanes[c.from_lane].kind in CARRIAGEWAY and c.direction not in ("t", "T")
     ]
     if not ways or not facts.drivable:
         return

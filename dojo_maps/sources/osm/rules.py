@@ -175,12 +175,6 @@ class JunctionRules:
     """m of a part of a roundabout inside a junction, up to which it vanishes."""
     short_way_round: float = 1.5
     """lengths of the straight line up to which a part of a roundabout is the short way, and vanishes."""
-    dead_end: float = 25.0
-    """m by which a road is drawn back that ends on another one, at most, ..."""
-    dead_end_left: float = 15.0
-    """... what is left of it, ..."""
-    dead_end_beyond: float = 8.0
-    """... and beyond its last crossing."""
     thin_loop: float = 0.6
     """widths of a road, as the area of a loop over its length, below which it lies on itself."""
 
@@ -228,7 +222,9 @@ class CrossingRules:
     between: float = 11.0
     """m between two crossings of a section that leave an edge of 5 m between them, and a little."""
     beyond_border: float = 14.0
-    """m that a road goes on where the extract ends at a crossing."""
+    """m that a road goes on where the extract ends at a crossing, ..."""
+    least_beyond_border: float = 8.0
+    """... and at least, where another road lies ahead."""
     farthest_from_arm: float = 30.0
     """m from a vertex up to which a crossing may lie at its arm."""
     road_left: float = 6.0

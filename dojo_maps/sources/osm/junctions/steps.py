@@ -7,7 +7,7 @@ from types import MappingProxyType
 
 from dojo_maps.sources.osm.graph.road_graph import RoadGraph
 from dojo_maps.sources.osm.junctions.controllers import assign_signals, signals_of_junctions
-from dojo_maps.sources.osm.junctions.dead_ends import draw_back_ends, extend_ends
+from dojo_maps.sources.osm.junctions.dead_ends import extend_ends
 from dojo_maps.sources.osm.junctions.grouping import Junctions, group_vertices
 from dojo_maps.sources.osm.junctions.loops import is_inner, split_loops
 from dojo_maps.sources.osm.junctions.mapped_crossings import MappedCrossing, find_crossings
@@ -34,7 +34,6 @@ class JunctionPlan:
 def add_midblock_vertices(graph: RoadGraph) -> RoadGraph:
     """Give crossings that lie between junctions a vertex of their own."""
     graph = extend_ends(graph, find_crossings(graph))
-    graph = draw_back_ends(graph, find_crossings(graph))
     crossings = find_crossings(graph)
     return split_between(graph, _group(graph, crossings), crossings)
 
