@@ -182,6 +182,18 @@ def test_read_length(text: str, metres: float | None) -> None:
     assert read_length(text) == pytest.approx(metres)
 
 
+def test_buildings_of_no_kind_are_as_high_as_those_around_them(tmp_path: Path) -> None:
+    drawing = osm_drawings.cross()
+    for k, floors in enumerate((4, 5, 9)):
+        drawing.way(*square(-20 - 40 * k, 20, 20), building="apartments", building__levels=str(floors))
+    drawing.way(*square(20, 20, 20), building="yes")
+    drawing.way(*square(60, 20, 6), building="yes")
+    drawing.way(*square(60, 40, 20), building="house")
+    bundle = convert(str(drawing.write(tmp_path / "a.osm")), tmp_path / "a.dojo")[0]
+    floors = sorted(round((prop.height - 1) / 3.2) for prop in of_kind(bundle.road_map, "building"))
+    assert floors == [1, 2, 4, 5, 5, 9]
+
+
 def test_heights_fall_back_and_stay_within_reason() -> None:
     assert building_height({"building": "yes", "height": "9999"}) == 600.0
     assert building_height({"building": "garage"}) == pytest.approx(4.2)

@@ -491,6 +491,12 @@ class SurroundingRules:
     """m of a floor of a building, ..."""
     roof: float = 1.0
     """... and of what is above the last one."""
+    neighbourhood: float = 150.0
+    """m around a building of no known height and kind within which others tell its floors, ..."""
+    neighbours: int = 3
+    """... if there are so many."""
+    outbuilding: float = 50.0
+    """m² below which it has one floor."""
     lowest: float = 2.2
     """m of a building at least, ..."""
     tallest: float = 600.0

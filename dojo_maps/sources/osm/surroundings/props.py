@@ -1,6 +1,7 @@
 """What is around the roads of an extract: buildings, trees, bus stops, water and green areas, as props.
 
-Heights come from tags, else from the number of floors, else from the kind of building.
+Heights come from tags, else from the number of floors, else from the kind of building, else from the
+buildings around it.
 """
 
 import math
@@ -27,7 +28,8 @@ _FLOORS = {
     "church": 5, "cathedral": 8, "mosque": 4, "temple": 3, "train_station": 3, "stadium": 6, "parking": 4,
     "garage": 1, "garages": 1, "shed": 1, "hut": 1, "kiosk": 1, "service": 1, "greenhouse": 1, "toilets": 1,
 }  # fmt: skip
-"""Usual numbers of floors by kind of building; others have three."""
+"""Usual numbers of floors by kind of building."""
+_USUAL_FLOORS = 3.0
 _NO_BUILDING = ("no", "roof", "entrance", "demolished", "razed", "proposed")
 _WATER = {
     "natural": ("water",), "waterway": ("riverbank", "dock"), "landuse": ("basin", "reservoir", "pond"),
@@ -103,6 +105,13 @@ class _Finder:
         places = [j.position[:2] for j in road_map.junctions if j.id in signalled]
         self._focus = shapely.multipoints(places or [road_map.origin])
         shapely.prepare(self._frame)
+        known = [
+            (*place, floors)
+            for way in data.ways.values()
+            if "building" in way.tags and (floors := read_length(way.tags.get("building:levels", "")))
+            for place in self._shapes.line(way)[:1].tolist()
+        ]
+        self._known = np.array(known).reshape(-1, 3)
 
     def find(self, kind: str) -> Iterator[_Thing]:
         if kind in _PLACED:
@@ -113,8 +122,18 @@ class _Finder:
                 continue
             shape = self._shapes.area(element, number)
             if shape is not None and self._frame.intersects(shape):
-                height = building_height(tags, self._rules) if kind == "building" else 0.0
+                height = 0.0
+                if kind == "building":
+                    height = building_height(tags, self._rules, usual=self._usual_floors(shape))
                 yield from self._area_things(kind, f"{element}/{number}", tags, height, shape)
+
+    def _usual_floors(self, shape: shapely.Geometry) -> float:
+        """Guess how many floors a building has, from those around it; a small one has one."""
+        if shape.area < self._rules.outbuilding:
+            return 1.0
+        away = np.hypot(*(self._known[:, :2] - shapely.get_coordinates(shape.centroid)).T)
+        floors = self._known[away < self._rules.neighbourhood, 2]
+        return float(np.median(floors)) if len(floors) >= self._rules.neighbours else _USUAL_FLOORS
 
     def _areas(self) -> Iterator[tuple[str, int, Tags]]:
         for number, way in self._data.ways.items():
@@ -167,16 +186,23 @@ class _Finder:
             yield _Thing(kind=kind, id=name, tags=tags, height=height, shape=spot, distance=distance)
 
 
-def building_height(tags: Tags, rules: SurroundingRules = RULES.surroundings) -> float:
+def building_height(
+    tags: Tags, rules: SurroundingRules = RULES.surroundings, *, usual: float = _USUAL_FLOORS
+) -> float:
     """Tell a building's height, metres.
 
     Source: https://wiki.openstreetmap.org/wiki/Simple_3D_Buildings for the tags.
+
+    Args:
+        tags: of the building.
+        rules: how high floors are.
+        usual: floors of a building of no known kind.
     """
     height = read_length(tags.get("height") or tags.get("building:height") or "")
     if height is None:
         floors = read_length(tags.get("building:levels", ""))
         roof = read_length(tags.get("roof:levels", "")) or 0.0
-        usual = _FLOORS.get(tags.get("building", ""), 3)
+        usual = _FLOORS.get(tags.get("building", ""), usual)
         height = ((floors or usual) + roof) * rules.storey + rules.roof
     return min(max(height, rules.lowest), rules.tallest)
 
