@@ -159,15 +159,16 @@ def test_lanes_that_become_one_wait_before_the_junction(tmp_path: Path) -> None:
     assert all(link.get("contPos") == "0.00" for link in merging)
 
 
-def test_signal_without_a_junction_is_told(tmp_path: Path) -> None:
-    drawing = main_road(**SIGNAL)
+def test_signal_without_a_junction_is_told_where_it_has_no_room(tmp_path: Path) -> None:
+    """It is for traffic that leaves a junction without signals, right behind it."""
+    drawing = Drawing()
+    drawing.way((-150, 0), (0, 0), (4, 0), (150, 0), **MAIN)
     drawing.way((0, 0), (0, 120), **MAIN)
-    drawing.way((150, 0), (210, 0), (400, 0), **MAIN)
-    drawing.node(210, 0, **SIGNAL)
+    drawing.node(4, 0, **SIGNAL, traffic_signals__direction="forward")
     _, report = built(drawing, tmp_path)
     (told,) = [issue for issue in report["issues"] if issue["check"] == "osm.missing_signal"]
     assert "no junction or crossing" in told["message"]
-    assert report["osm"]["signalised_junctions"] == {"kept": 1, "of": 2, "share": 0.5}
+    assert report["osm"]["signalised_junctions"] == {"kept": 0, "of": 1, "share": 0.0}
 
 
 def test_tag_that_no_lane_can_show_is_told_once_for_all_ways(tmp_path: Path) -> None:

@@ -392,3 +392,20 @@ def test_road_is_led_on_beyond_a_crossing_but_onto_no_other(tmp_path: Path) -> N
     bundle, report = built(d, tmp_path)
     assert not [issue for issue in report["issues"] if issue["check"] == "geometry.lane_overlap"]
     assert len(bundle.road_map.crossings) == 1
+
+
+def test_signals_of_junctions_beyond_the_border_and_ramp_meters_are_built(tmp_path: Path) -> None:
+    """They are always green, for what crosses there is not on the map."""
+    d = cross()
+    d.way((150, 0), (298, 0), (300, 0), **ONE_WAY)
+    d.node(298, 0, highway="traffic_signals")
+    d.way((0, 150), (0, 250), (0, 400), **ONE_WAY)
+    d.node(0, 250, highway="traffic_signals", traffic_signals="ramp_meter")
+    bundle, report = built(d, tmp_path)
+    assert report["osm"]["signalised_junctions"] == {"kept": 3, "of": 3, "share": 1.0}
+    states = [
+        {phase.state for program in signal.programs for phase in program.phases}
+        for signal in bundle.road_map.signals
+    ]
+    assert len(states) == 3
+    assert sum(set("".join(each)) == {"G"} for each in states) == 2

@@ -165,7 +165,7 @@ def check_signals(network: OsmNetwork) -> tuple[Share, list[Issue]]:
         issues.append(
             loss(check, what, ("node", node), graph.places[members[0]], "set the junction's type in netedit")
         )
-    signalised = [graph.places[junction] for junction in junctions.signals]
+    signalised = [graph.places[vertex] for vertex, of in junctions.of.items() if of in junctions.signals]
     farthest = graph.rules.signals.before_junction
     alone = [
         node

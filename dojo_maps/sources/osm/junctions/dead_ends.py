@@ -1,6 +1,7 @@
 """Ends of roads that end at no other, as at the border of an extract."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -12,14 +13,21 @@ from dojo_maps.sources.osm.junctions.mapped_crossings import MappedCrossing
 _Place = tuple[float, float]
 
 
-def extend_ends(graph: RoadGraph, crossings: list[MappedCrossing]) -> RoadGraph:
-    """Lead roads that end at a crossing a little farther, as they do beyond the extract's border.
+def extend_ends(graph: RoadGraph, crossings: list[MappedCrossing], signals: Sequence[int]) -> RoadGraph:
+    """Lead roads that end at a crossing or a signal a little farther, as they do beyond the extract's border.
 
-    So do one-way roads that end near one: nobody could walk on from there.
+    So do one-way roads that end near a crossing, from where nobody could walk on, and all near a signal.
+
+    Args:
+        graph: the roads.
+        crossings: where people cross.
+        signals: the nodes of those before the border.
     """
     ends = [(vertex, at[0]) for vertex, at in sorted(graph.ends().items()) if len(at) == 1]
     for vertex, name in ends:
-        if not _ends_at_crossing(graph, vertex, name, crossings):
+        if not (
+            _ends_at_crossing(graph, vertex, name, crossings) or _ends_at_signal(graph, vertex, name, signals)
+        ):
             continue
         section = graph.sections[name]
         at_end = section.end == vertex
@@ -59,4 +67,12 @@ def _ends_at_crossing(graph: RoadGraph, vertex: int, name: str, crossings: list[
         crossing.node == vertex
         or (crossing.section == name and math.dist(crossing.place, graph.places[vertex]) < reach)
         for crossing in crossings
+    )
+
+
+def _ends_at_signal(graph: RoadGraph, vertex: int, name: str, signals: Sequence[int]) -> bool:
+    reach = graph.rules.crossings.beyond_border
+    return any(
+        node in graph.sections[name].nodes and math.dist(graph.places[node], graph.places[vertex]) < reach
+        for node in signals
     )

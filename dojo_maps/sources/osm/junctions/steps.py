@@ -1,7 +1,7 @@
 """Decide which vertices are one junction and which sections vanish inside of one, in this order."""
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from types import MappingProxyType
 
@@ -9,6 +9,7 @@ from dojo_maps.sources.osm.graph.road_graph import RoadGraph
 from dojo_maps.sources.osm.junctions.controllers import assign_signals, signals_of_junctions
 from dojo_maps.sources.osm.junctions.dead_ends import extend_ends
 from dojo_maps.sources.osm.junctions.grouping import Junctions, group_vertices
+from dojo_maps.sources.osm.junctions.lone_signals import add_lone_vertices, find_lone_signals
 from dojo_maps.sources.osm.junctions.loops import is_inner, split_loops
 from dojo_maps.sources.osm.junctions.mapped_crossings import MappedCrossing, find_crossings
 from dojo_maps.sources.osm.junctions.midblock_crossings import over_both_carriageways, split_between
@@ -32,8 +33,11 @@ class JunctionPlan:
 
 
 def add_midblock_vertices(graph: RoadGraph) -> RoadGraph:
-    """Give crossings that lie between junctions a vertex of their own."""
-    graph = extend_ends(graph, find_crossings(graph))
+    """Give crossings and signals that lie between junctions a vertex of their own."""
+    crossings = find_crossings(graph)
+    assigned, stray = assign_signals(graph)
+    graph = extend_ends(graph, crossings, find_lone_signals(graph, stray, assigned, crossings))
+    graph = add_lone_vertices(graph, crossings)
     crossings = find_crossings(graph)
     return split_between(graph, _group(graph, crossings), crossings)
 
@@ -71,9 +75,16 @@ def plan_junctions(
 
 
 def _group(
-    graph: RoadGraph, crossings: Iterable[MappedCrossing], joined: Iterable[tuple[int, int]] = ()
+    graph: RoadGraph, crossings: Sequence[MappedCrossing], joined: Iterable[tuple[int, int]] = ()
 ) -> Junctions:
     assigned, stray = assign_signals(graph)
+    ends = graph.ends()
+    lone = {
+        node: [node]
+        for node in find_lone_signals(graph, stray, assigned, crossings)
+        if len(ends.get(node, ())) == 2
+    }
+    assigned, stray = assigned | lone, [node for node in stray if node not in lone]
     of = group_vertices(graph, assigned, joined)
     return Junctions(of=of, signals=signals_of_junctions(graph, of, assigned, crossings), stray=stray)
 
