@@ -112,15 +112,19 @@ def read_links(road_map: RoadMap, signal: Signal) -> dict[int, SignalLink]:
     return dict(sorted(links.items()))
 
 
-def _find_next_stop(index: MapIndex, lane: Lane, stopping: set[str], left: float = _BETWEEN) -> str:
+def _find_next_stop(index: MapIndex, first: Lane, stopping: set[str]) -> str:
     """Name the road by which a lane soon leads to another stop line of the signal; "" if it does not."""
-    if lane.road in stopping:
-        return lane.road
-    if lane.length > left:
-        return ""
-    onward = (c for c in index.leaving.get(lane.id, ()) if c.signal is None)
-    found = (_find_next_stop(index, index.lanes[c.to_lane], stopping, left - lane.length) for c in onward)
-    return next(filter(None, found), "")
+    queue, seen = [(first, 0.0)], set()
+    while queue:
+        lane, metres = queue.pop(0)
+        if lane.road in stopping:
+            return lane.road
+        metres += lane.length
+        if lane.id not in seen and metres <= _BETWEEN:
+            seen.add(lane.id)
+            onward = (c for c in index.leaving.get(lane.id, ()) if c.signal is None)
+            queue += [(index.lanes[c.to_lane], metres) for c in onward]
+    return ""
 
 
 def _vehicle(c: Connection, lane: Lane, turns: set[str], far: str) -> SignalLink:
