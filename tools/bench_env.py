@@ -110,6 +110,16 @@ def run_sumo_rl(scenario: str) -> dict[str, Any]:
     return {"seconds": seconds, "arrived": arrived}
 
 
+def play(world: LocalWorld) -> None:
+    """Run an episode."""
+    counts = {signal: len(plan.phases) for signal, plan in world.map.plans.items()}
+    world.reset(1)
+    decision, ended = 0, False
+    while not ended:
+        _, _, ended, _ = world.step({name: wanted_phase(decision, count) for name, count in counts.items()})
+        decision += 1
+
+
 def run_ours(scenario: str, observation: str) -> dict[str, Any]:
     """Run our environment with one kind of observation."""
     wanted: Any = ALL_SENSORS if observation == "all-sensors" else observation
@@ -119,15 +129,10 @@ def run_ours(scenario: str, observation: str) -> dict[str, Any]:
     world = LocalWorld(
         build_config(scenario=scenario, observation=wanted, num_seconds=SECONDS, **SETTINGS, **more)
     )
-    counts = {signal: len(plan.phases) for signal, plan in world.map.plans.items()}
     world.reset(1)  # Loading libsumo and drawing backgrounds come once, as does the end of the run before.
     world.traffic.simulation.close()
     start = time.process_time()
-    world.reset(1)
-    decision, ended = 0, False
-    while not ended:
-        _, _, ended, _ = world.step({name: wanted_phase(decision, count) for name, count in counts.items()})
-        decision += 1
+    play(world)
     seconds = time.process_time() - start
     arrived = world.traffic.simulation.arrived
     world.close()
@@ -139,7 +144,6 @@ def run_drawing(scenario: str, observation: str) -> dict[str, Any]:
     world = LocalWorld(
         build_config(scenario=scenario, observation=observation, num_seconds=SECONDS, **SETTINGS)
     )
-    counts = {signal: len(plan.phases) for signal, plan in world.map.plans.items()}
     draw, drawn = world.eyes.look, []
 
     def look(*what: Any) -> Any:
@@ -147,11 +151,7 @@ def run_drawing(scenario: str, observation: str) -> dict[str, Any]:
         return draw(*what)
 
     vars(world.eyes)["look"] = look
-    world.reset(1)
-    decision, ended = 0, False
-    while not ended:
-        _, _, ended, _ = world.step({name: wanted_phase(decision, count) for name, count in counts.items()})
-        decision += 1
+    play(world)
     start = time.process_time()
     for what in drawn:
         draw(*what)

@@ -7,7 +7,6 @@ import math
 from collections.abc import Iterable, Sequence
 
 from dojo_maps.sources.osm.graph.road_graph import RoadGraph
-from dojo_maps.sources.osm.junctions.controllers import assign_signals
 from dojo_maps.sources.osm.junctions.mapped_crossings import MappedCrossing
 
 
@@ -44,12 +43,16 @@ def find_lone_signals(
     return found
 
 
-def add_lone_vertices(graph: RoadGraph, crossings: Sequence[MappedCrossing]) -> RoadGraph:
-    """Make vertices of lone signals that are within a section, as far as that leaves no short one."""
-    assigned, stray = assign_signals(graph)
+def add_lone_vertices(graph: RoadGraph, lone: Iterable[int]) -> RoadGraph:
+    """Make vertices of lone signals that are within a section, as far as that leaves no short one.
+
+    Args:
+        graph: the roads.
+        lone: nodes of the signals.
+    """
     positions, least = graph.positions(), graph.rules.crossings.least_beyond_border
     cuts: dict[str, list[int]] = {}
-    for node in find_lone_signals(graph, stray, assigned, crossings):
+    for node in lone:
         (name, _), *more = positions[node]
         section = graph.sections[name]
         ends = (graph.places[section.start], graph.places[section.end])

@@ -36,8 +36,8 @@ def add_midblock_vertices(graph: RoadGraph) -> RoadGraph:
     """Give crossings and signals that lie between junctions a vertex of their own."""
     crossings = find_crossings(graph)
     assigned, stray = assign_signals(graph)
-    graph = extend_ends(graph, crossings, find_lone_signals(graph, stray, assigned, crossings))
-    graph = add_lone_vertices(graph, crossings)
+    lone = find_lone_signals(graph, stray, assigned, crossings)
+    graph = add_lone_vertices(extend_ends(graph, crossings, lone), lone)
     crossings = find_crossings(graph)
     return split_between(graph, _group(graph, crossings), crossings)
 
