@@ -94,7 +94,15 @@ def _paper_choice(scenario: str, kept: Mapping[str, KeptRow]) -> list[KeptRow]:
 
 
 def draw_hour(scenario: str, rows: Sequence[KeptRow]) -> Figure | None:
-    """Draw what was measured over the first seed's hour."""
+    """Draw what was measured over the first seed's hour.
+
+    Args:
+        scenario: its name, for the title.
+        rows: that are drawn together.
+
+    Returns:
+        The figure; None where there is no row.
+    """
     if not rows:
         return None
     figure = Figure(figsize=(9.5, 6.2), layout="constrained")
@@ -120,6 +128,13 @@ def draw_training(scenario: str, kept: Mapping[str, KeptRow]) -> Figure | None:
     """Draw the mean trip on validation seeds over the steps, a panel for each kind of sight.
 
     All trips count, those too that have not ended: travel time alone praises who jams the junction.
+
+    Args:
+        scenario: its name, for the title.
+        kept: rows by name; those that learned are drawn.
+
+    Returns:
+        The figure; None where no row has a curve.
     """
     panels: dict[str, list[tuple[KeptRow, dict[str, Numbers]]]] = {}
     for row in kept.values():
@@ -172,7 +187,16 @@ def _draw_curve(place: Axes, row: KeptRow, curve: Mapping[str, Numbers]) -> None
 
 
 def draw_bars(scenario: str, kept: Mapping[str, KeptRow], published: Published) -> Figure | None:
-    """Draw the six figures of every row, published ones below where there are any."""
+    """Draw the six figures of every row, published ones below where there are any.
+
+    Args:
+        scenario: its name, for the title.
+        kept: rows by name.
+        published: figures by row and name.
+
+    Returns:
+        The figure.
+    """
     names = list(kept)
     size = 0.26 * len(names) + 0.9
     figure = Figure(figsize=(11, 2 * size), layout="constrained")
