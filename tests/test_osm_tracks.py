@@ -4,6 +4,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+import shapely
 import sumolib
 from networks import run_sumo_tool
 from osm_drawings import SIGNAL, Drawing, cross
@@ -181,6 +182,41 @@ def test_cycle_track_crosses_at_the_signal(tmp_path: Path) -> None:
     assert report["osm"]["track_metres"]["cycleway"]["share"] == 1.0
     assert report["osm"]["crossings"]["share"] == 1.0
     trips = [("bicycle", c.getFrom().getID(), c.getTo().getID()) for c in links] * 3
+    assert_flows(drive(bundle, tmp_path, trips), len(trips))
+
+
+def test_bicycles_ride_around_the_corner_where_the_track_is_mapped(tmp_path: Path) -> None:
+    drawing = cross()
+    drawing.way((-80, -12), (0, -12), (12, -12), (12, 0), (12, 80), highway="cycleway")
+    bundle, _ = built(drawing, tmp_path)
+    kinds = {road.id: road.kind for road in bundle.road_map.roads}
+    lanes = {lane.id: lane for lane in bundle.road_map.lanes}
+    links = [
+        link
+        for link in bundle.road_map.connections
+        if {kinds[lanes[end].road] for end in (link.from_lane, link.to_lane)} == {"highway.cycleway"}
+    ]
+    assert len(links) == 2
+    (signal,) = bundle.road_map.signals
+    middle = next(j for j in bundle.road_map.junctions if j.id == signal.id).position
+    corner = shapely.Point(middle[0] + 12, middle[1] - 12)
+    assert max(shapely.LineString(link.shape[:, :2]).distance(corner) for link in links) < 2.0
+    trips = [("bicycle", lanes[link.from_lane].road, lanes[link.to_lane].road) for link in links] * 3
+    assert_flows(drive(bundle, tmp_path, trips), len(trips))
+
+
+def test_track_without_room_between_two_junctions_is_part_of_one(tmp_path: Path) -> None:
+    drawing = cross()
+    drawing.way((-80, -12), (0, -12), (12, -12), (12, 0), (12, 12), (12, 17), highway="cycleway")
+    drawing.way((12, 17), (12, 100), highway="cycleway", width="4")
+    drawing.way((12, 17), (18, 11), (60, 15), highway="cycleway", width="4")
+    bundle, report = built(drawing, tmp_path)
+    tracks = [e for e in network(bundle).getEdges() if e.getType() == "highway.cycleway"]
+    assert len(tracks) == 6
+    assert min(track.getLength() for track in tracks) > 3.0
+    assert report["osm"]["track_metres"]["cycleway"]["share"] > 0.98
+    trips = [("bicycle", e.getID(), onto.getID()) for e in tracks for onto in e.getOutgoing()]
+    assert len(trips) == 6
     assert_flows(drive(bundle, tmp_path, trips), len(trips))
 
 

@@ -24,6 +24,7 @@ from dojo_maps.sources.osm.network.corrections import (
     find_track_corrections,
     not_converged,
 )
+from dojo_maps.sources.osm.network.cycle_paths import follow_tracks
 from dojo_maps.sources.osm.network.junction_outlines import mend_outlines
 from dojo_maps.sources.osm.network.netconvert_run import Converted, convert_plain
 from dojo_maps.sources.osm.network.osm_network import OsmNetwork
@@ -90,7 +91,7 @@ def build_network(
         alone, outlines, wanted = (layout, road_map), find_outlines(road_map, layout, plain), known
         for _ in range(rules.network.track_attempts):
             known = wanted
-            layout = settle_tracks(pave(alone[0], known.paved), outlines, known.closed)
+            layout = settle_tracks(pave(alone[0], known.paved), outlines, known.closed, known.absorbed)
             plain, converted, road_map = build(layout)
             wanted = find_track_corrections(known, alone[1], road_map, converted.warnings, layout, plain)
             if wanted is known:
@@ -99,6 +100,7 @@ def build_network(
             tried = rules.network.track_attempts
             unsettled.append(not_converged(known, wanted, layout.graph, attempts=tried))
     built = move_waiting_places(program_signals(converted.data, road_map), road_map, rules.waiting)
+    built = follow_tracks(built, road_map, layout)
     built = mend_outlines(built)
     built = trim_outlines(built, road_map, layout.graph)
     built = fill_outlines(built, road_map, layout)

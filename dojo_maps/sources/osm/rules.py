@@ -95,10 +95,14 @@ class TrackRules:
     """m up to which a cycle track between two junctions vanishes, ..."""
     shortest_rails: float = 20.0
     """... and rails, with their switches."""
+    shortest_built: float = 3.0
+    """m of a track as built, below which it becomes part of a junction at its ends, too."""
     widest: float = 40.0
     """m across the nodes of tracks that are one."""
     longest_inside: float = 60.0
     """m of a track that leads back to its junction, up to which it vanishes inside."""
+    straight_inside: float = 2.0
+    """m from the straight line across a junction up to which bicycles ride along that line."""
     sharpest_rails: float = 0.3
     """cosine of the sharpest turn of rails."""
     beside_ahead: float = 15.0

@@ -24,11 +24,19 @@ class TrackEdge(NamedTuple):
 
 
 class TrackLink(NamedTuple):
-    """A way across the junction `node`, from edge to edge."""
+    """A way across a junction.
+
+    Attributes:
+        node: the junction.
+        source: where it comes from.
+        target: where it leads to.
+        through: the tracks inside the junction that it follows, in order.
+    """
 
     node: int
     source: TrackEdge
     target: TrackEdge
+    through: tuple[EdgeId, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

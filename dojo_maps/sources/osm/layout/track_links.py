@@ -94,10 +94,10 @@ class _Links:
     def _from(self, first: EdgeId | None, source: TrackEdge, vertex: int) -> Iterator[TrackLink]:
         """Follow the tracks on from an edge's end, through the junction there."""
         node = self._tracks.nodes[vertex]
-        waiting: list[tuple[EdgeId | None, int]] = [(first, vertex)]
+        waiting: list[tuple[EdgeId | None, int, tuple[EdgeId, ...]]] = [(first, vertex, ())]
         seen = {first}
         while waiting:
-            last, here = waiting.pop()
+            last, here, through = waiting.pop()
             if first is not None and self._joined.get(here):
                 for target in self._roads(self._joined[here], arriving=False):
                     yield TrackLink(node=node, source=source, target=target)
@@ -107,12 +107,13 @@ class _Links:
                 seen.add(onward)
                 if onward.section not in self._tracks.built and onward.section not in self._tracks.streets:
                     section = self._tracks.graph.sections[onward.section]
-                    waiting.append((onward, section.end if onward.forward else section.start))
+                    end = section.end if onward.forward else section.start
+                    waiting.append((onward, end, (*through, onward)))
                     continue
                 goal = self._driven(onward)
                 leads_on = goal is not None and goal.edge.section != source.edge.section
                 if goal is not None and leads_on and self._is_at(goal, node, end=False):
-                    yield TrackLink(node=node, source=source, target=goal)
+                    yield TrackLink(node=node, source=source, target=goal, through=through)
 
     def _onward(self, last: EdgeId | None, vertex: int) -> Iterator[EdgeId]:
         """List the tracks of the same kind that go on from a vertex; rails have no sharp turns."""

@@ -23,7 +23,10 @@ Grounds = Mapping[int, shapely.Geometry]
 
 
 def settle_tracks(
-    layout: Layout, outlines: Mapping[int, Floats], closed: AbstractSet[int] = frozenset()
+    layout: Layout,
+    outlines: Mapping[int, Floats],
+    closed: AbstractSet[int] = frozenset(),
+    absorbed: AbstractSet[str] = frozenset(),
 ) -> Layout:
     """Decide what of the tracks is built, and how they lead across junctions.
 
@@ -31,6 +34,7 @@ def settle_tracks(
         layout: with its tracks as they meet the roads.
         outlines: of the roads' junctions, as built without tracks, (n, 3) metres.
         closed: junctions that tracks lead over without a link.
+        absorbed: tracks to make part of the junction at one of their ends.
     """
     if layout.tracks is None:
         return layout
@@ -39,7 +43,7 @@ def settle_tracks(
     }
     graph = replace(layout.graph, sections=layout.tracks.graph.sections)
     tracks = replace(layout.tracks, graph=graph, closed=frozenset(closed))
-    tracks = _part_from_closed(layout, replace(tracks, nodes=_group(tracks, grounds)))
+    tracks = _part_from_closed(layout, replace(tracks, nodes=_group(tracks, grounds, absorbed)))
     layout, tracks = _split_loops(layout, tracks)
     built = {
         name: _cuts(grounds, tracks, section)
@@ -52,7 +56,7 @@ def settle_tracks(
     return replace(layout, tracks=replace(tracks, built=built, links=links, outlines=kept))
 
 
-def _group(tracks: TrackLayout, grounds: Grounds) -> dict[int, int]:
+def _group(tracks: TrackLayout, grounds: Grounds, absorbed: AbstractSet[str]) -> dict[int, int]:
     """Name the junction or the own node of each vertex; those with next to no track between them are one."""
     graph, rules = tracks.graph, tracks.graph.rules.tracks
     ends = sorted(graph.ends())
@@ -61,7 +65,9 @@ def _group(tracks: TrackLayout, grounds: Grounds) -> dict[int, int]:
     of = {node: junction for node, junction in met.items() if junction not in tracks.closed}
     paved = {node: shapely.buffer(grounds[node], rules.pavement) for node in {*of.values()} & grounds.keys()}
     left = {
-        name: _outside(
+        name: 0.0
+        if name in absorbed
+        else _outside(
             graph, section, [paved[of[v]] for v in (section.start, section.end) if of.get(v) in paved]
         )
         for name, section in graph.sections.items()

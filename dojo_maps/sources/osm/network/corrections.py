@@ -36,12 +36,14 @@ class Corrections:
         moved: crossings to move, by node: towards which node, and how many metres.
         paved: sections with pavement on both sides.
         closed: junctions that tracks lead over without a link.
+        absorbed: tracks that are part of the junction at one of their ends.
     """
 
     joined: tuple[tuple[int, int], ...] = ()
     moved: Mapping[int, tuple[int, float]] = field(default_factory=dict)
     paved: frozenset[str] = frozenset()
     closed: frozenset[int] = frozenset()
+    absorbed: frozenset[str] = frozenset()
 
 
 def find_corrections(
@@ -97,9 +99,15 @@ def find_track_corrections(
     reached = set(layout.tracks.nodes.values()) if layout.tracks is not None else set()
     closed = {of[vertex] for pair in pressed for vertex in pair} & reached
     unpaved = _unpaved(warnings) & layout.sidewalks.keys()
-    if closed <= known.closed and unpaved <= known.paved:
+    absorbed = _short_tracks(road_map, layout)
+    if closed <= known.closed and unpaved <= known.paved and absorbed <= known.absorbed:
         return known
-    return replace(known, paved=known.paved | unpaved, closed=known.closed | closed)
+    return replace(
+        known,
+        paved=known.paved | unpaved,
+        closed=known.closed | closed,
+        absorbed=known.absorbed | absorbed,
+    )
 
 
 def find_outlines(road_map: RoadMap, layout: Layout, plain: Plain) -> dict[int, Floats]:
@@ -172,6 +180,14 @@ def _too_short(road_map: RoadMap, plain: Plain, shortest: float) -> dict[tuple[i
             pair = (min(section.start, section.end), max(section.start, section.end))
             found[pair] = min(length, found.get(pair, length))
     return dict(sorted(found.items()))
+
+
+def _short_tracks(road_map: RoadMap, layout: Layout) -> set[str]:
+    """Find the tracks that came out so short that nobody has room between the junctions at their ends."""
+    built = layout.tracks.built if layout.tracks is not None else {}
+    lanes, least = MapIndex(road_map).lanes, layout.rules.tracks.shortest_built
+    short = {road.id for road in road_map.roads if min(lanes[lane].length for lane in road.lanes) < least}
+    return {EdgeId.read(name).section for name in short} & built.keys()
 
 
 def _unpaved(warnings: tuple[str, ...]) -> set[str]:

@@ -12,6 +12,7 @@ import numpy as np
 from dojo_maps.description import RoadMap
 from dojo_maps.geometry.polylines import Floats, along
 from dojo_maps.signals.waiting import find_meetings
+from dojo_maps.sources.osm.network.net_shapes import read_shape, write_shape
 from dojo_maps.sources.osm.rules import WaitingRules
 
 _LANE = re.compile(
@@ -37,7 +38,7 @@ def move_waiting_places(data: bytes, road_map: RoadMap, rules: WaitingRules) -> 
     """
     text = data.decode("utf-8")
     states = {unescape(found[1]): _STATE.findall(found[2]) for found in _PROGRAM.finditer(text)}
-    parts = {found[2]: (float(found[3]), _read_shape(found[5])) for found in _LANE.finditer(text) if found[2]}
+    parts = {found[2]: (float(found[3]), read_shape(found[5])) for found in _LANE.finditer(text) if found[2]}
     changed: dict[str, _Part] = {}
     meetings = find_meetings(road_map, states, widest=rules.widest, nearest=rules.nearest, walkers=True)
     for meeting in meetings:
@@ -55,7 +56,7 @@ def move_waiting_places(data: bytes, road_map: RoadMap, rules: WaitingRules) -> 
             return found[0]
         length, shape = changed[name]
         if found[2]:
-            return f"{found[1]}{length:.2f}{found[4]}{_write_shape(shape)}{found[6]}"
+            return f"{found[1]}{length:.2f}{found[4]}{write_shape(shape)}{found[6]}"
         x, y, *z = shape[0]
         height = f' z="{z[0]:.2f}"' if found[9] else ""
         return f'{found[7]}x="{x:.2f}" y="{y:.2f}"{height}'
@@ -71,14 +72,3 @@ def _split(shape: Floats, place: float) -> tuple[Floats, Floats]:
         np.concatenate([shape[lengths < place], at]),
         np.concatenate([at, shape[lengths > place]]),
     )
-
-
-def _read_shape(text: str) -> Floats:
-    corners = [[float(value) for value in corner.split(",")] for corner in text.split()]
-    # netconvert leaves out heights of 0.
-    return np.array([[*corner, 0.0][:3] for corner in corners])
-
-
-def _write_shape(shape: Floats) -> str:
-    size = 3 if shape[:, 2].any() else 2
-    return " ".join(",".join(f"{value:.2f}" for value in row) for row in shape[:, :size])

@@ -1,0 +1,96 @@
+"""Where bicycles ride inside junctions: along the tracks that are mapped there.
+
+netconvert leads them straight from track to track, over all lanes of a wide junction.
+"""
+
+import re
+from collections.abc import Iterator
+
+import numpy as np
+import shapely
+from shapely.ops import substring
+
+from dojo_maps.description import Lane, RoadMap
+from dojo_maps.geometry.polylines import Floats, along, offset_lines, places_on
+from dojo_maps.index import MapIndex
+from dojo_maps.sources.osm.graph.road_graph import RoadGraph
+from dojo_maps.sources.osm.layout.arms import Layout
+from dojo_maps.sources.osm.layout.track_layout import TrackLink
+from dojo_maps.sources.osm.network.net_shapes import write_shape
+from dojo_maps.sources.osm.read.track_tags import CYCLEWAY
+
+_LANE = re.compile(r'(<lane id="(:[^"]*)"[^>]*? length=")[^"]*("[^>]*? shape=")[^"]*(")')
+_CORNER = 0.5
+"""Metres from a lane's end within which a track's corner is left out."""
+
+
+def follow_tracks(data: bytes, road_map: RoadMap, layout: Layout) -> bytes:
+    """Lead bicycles across junctions along the tracks that are mapped inside.
+
+    Args:
+        data: the network.
+        road_map: the same, read.
+        layout: what it was built from.
+
+    Returns:
+        The network with other shapes and lengths of internal lanes.
+    """
+    changed = dict(_paths(road_map, layout))
+
+    def replaced(found: re.Match[str]) -> str:
+        path = changed.get(found[2])
+        if path is None:
+            return found[0]
+        return f"{found[1]}{along(path)[-1]:.2f}{found[3]}{write_shape(path)}{found[4]}"
+
+    return _LANE.sub(replaced, data.decode("utf-8")).encode("utf-8") if changed else data
+
+
+def _paths(road_map: RoadMap, layout: Layout) -> Iterator[tuple[str, Floats]]:
+    """List the internal lanes whose track does not lead straight across, with its path, (n, 3) metres."""
+    if layout.tracks is None:
+        return
+    links = {(str(link.source.edge), str(link.target.edge)): link for link in layout.tracks.links}
+    lanes = MapIndex(road_map).lanes
+    for connection in road_map.connections:
+        source, target = lanes[connection.from_lane], lanes[connection.to_lane]
+        link = links.get((source.road, target.road))
+        if link is None or len(connection.via) != 1:
+            continue
+        line = _mapped_line(layout.tracks.graph, link)
+        path = None if line is None else _path(line, source, target, layout)
+        if path is not None:
+            yield connection.via[0], path
+
+
+def _mapped_line(graph: RoadGraph, link: TrackLink) -> shapely.LineString | None:
+    """Give the middle of the cycle tracks that a link follows, as driven; None for any other link."""
+    edges = [link.source.edge, *link.through, link.target.edge]
+    sections = [graph.sections.get(edge.section) for edge in edges]
+    lines = [
+        graph.line(section)[:: 1 if edge.forward else -1]
+        for edge, section in zip(edges, sections, strict=True)
+        if section is not None and section.road.kind == CYCLEWAY
+    ]
+    return shapely.LineString(np.concatenate(lines)) if len(lines) == len(edges) else None
+
+
+def _path(line: shapely.LineString, source: Lane, target: Lane, layout: Layout) -> Floats | None:
+    """Follow a line from the end of a lane to the start of another, on the side of it where these lie."""
+    ends = np.array([source.shape[-1], target.shape[0]])
+    begins, stops = shapely.line_locate_point(line, shapely.points(ends[:, :2]))
+    inside = substring(line, begins, stops)
+    straight = shapely.LineString(ends[:, :2])
+    least = layout.graph.rules.tracks.straight_inside
+    if begins >= stops or shapely.hausdorff_distance(inside, straight) < least:
+        return None
+    corners = shapely.get_coordinates(line)
+    places, headings = places_on(np.column_stack([corners, 0.0 * corners[:, 0]]), np.array([begins, stops]))
+    apart = (ends - places)[:, :2]
+    aside = np.cos(headings) * apart[:, 1] - np.sin(headings) * apart[:, 0]
+    beside = offset_lines(np.array([inside]), aside[-1:].clip(-source.width / 2, source.width / 2))[0]
+    between = shapely.get_coordinates(beside)
+    far = shapely.distance(shapely.points(between), shapely.multipoints(ends[:, :2])) > _CORNER
+    path = np.concatenate([ends[:1, :2], between[far], ends[1:, :2]])
+    lengths = along(path)
+    return np.column_stack([path, np.interp(lengths, lengths[[0, -1]], ends[:, 2])])
