@@ -254,7 +254,7 @@ def test_nobody_walks_to_the_other_side_of_the_same_street(tmp_path: Path) -> No
     path = osm_drawings.cross().write(tmp_path / "cross.osm")
     bundle, report = convert(str(path), tmp_path / "cross.dojo", WITH_DEMAND)
     junctions = {road.id: {road.from_junction, road.to_junction} for road in bundle.road_map.roads}
-    walks = re.findall(r'<walk from="([^"]+)" to="([^"]+)"', (bundle.folder / "demand.rou.xml").read_text())
+    walks = re.findall(r'<walk edges="([^ "]+) ([^ "]+)"', (bundle.folder / "demand.rou.xml").read_text())
     assert len(walks) == report["demand"]["walkers"] > 0
     assert all(junctions[start] != junctions[end] for start, end in walks)
 

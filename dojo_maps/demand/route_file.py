@@ -160,7 +160,7 @@ def _people(strolls: Iterable[Stroll]) -> Iterator[tuple[Stroll, str]]:
         yield (
             stroll,
             f'<person id="p{number}.{used[number]}" type="walker" depart="{stroll.depart:.2f}" '
-            f'departPos="{walk.start_place:.2f}"><walk from={quoteattr(walk.start)} '
-            f'to={quoteattr(walk.end)} arrivalPos="{walk.end_place:.2f}"/></person>',
+            f'departPos="{walk.start_place:.2f}"><walk '
+            f'edges={quoteattr(f"{walk.start} {walk.end}")} arrivalPos="{walk.end_place:.2f}"/></person>',
         )
         used[number] += 1
