@@ -11,6 +11,7 @@ from osm_drawings import SIGNAL, Drawing, cross
 
 from dojo_maps.bundle import Bundle
 from dojo_maps.conversion import ConvertOptions, convert
+from dojo_maps.description import Junction
 
 STREET = {"highway": "secondary", "lanes": "2"}
 
@@ -202,6 +203,31 @@ def test_bicycles_ride_around_the_corner_where_the_track_is_mapped(tmp_path: Pat
     corner = shapely.Point(middle[0] + 12, middle[1] - 12)
     assert max(shapely.LineString(link.shape[:, :2]).distance(corner) for link in links) < 2.0
     trips = [("bicycle", lanes[link.from_lane].road, lanes[link.to_lane].road) for link in links] * 3
+    assert_flows(drive(bundle, tmp_path, trips), len(trips))
+
+
+def waiting_in_a_circle(junction: Junction) -> set[int]:
+    left = {number: set(way.response) for number, way in enumerate(junction.right_of_way)}
+    while free := [way for way, others in left.items() if not others & left.keys()]:
+        for way in free:
+            del left[way]
+    return set(left)
+
+
+@pytest.mark.parametrize("ends", [[(0, 60), (0, -60), (60, -30)], [(0, 60), (0, -60), (60, 30)]])
+def test_nobody_waits_in_a_circle_where_tracks_meet_at_a_road(
+    tmp_path: Path, ends: list[tuple[float, float]]
+) -> None:
+    drawing = Drawing()
+    drawing.way((-150, 0), (0, 0), (150, 0), highway="unclassified")
+    for end in ends:
+        drawing.way((0, 0), end, highway="cycleway")
+    bundle, _ = built(drawing, tmp_path)
+    assert not any(waiting_in_a_circle(junction) for junction in bundle.road_map.junctions)
+    ways = [way for junction in bundle.road_map.junctions for way in junction.right_of_way]
+    assert all(set(way.response) <= set(way.foes) for way in ways)
+    tracks = [e for e in network(bundle).getEdges() if e.getType() == "highway.cycleway"]
+    trips = [("bicycle", e.getID(), onto.getID()) for e in tracks for onto in e.getOutgoing()] * 5
     assert_flows(drive(bundle, tmp_path, trips), len(trips))
 
 

@@ -30,6 +30,7 @@ from dojo_maps.sources.osm.network.netconvert_run import Converted, convert_plai
 from dojo_maps.sources.osm.network.osm_network import OsmNetwork
 from dojo_maps.sources.osm.network.outline_filling import fill_outlines
 from dojo_maps.sources.osm.network.outline_trimming import trim_outlines
+from dojo_maps.sources.osm.network.precedence import break_circles
 from dojo_maps.sources.osm.network.waiting_places import move_waiting_places
 from dojo_maps.sources.osm.plain.plain_xml import Plain, write_plain
 from dojo_maps.sources.osm.read.country import Country
@@ -100,7 +101,7 @@ def build_network(
             tried = rules.network.track_attempts
             unsettled.append(not_converged(known, wanted, layout.graph, attempts=tried))
     built = move_waiting_places(program_signals(converted.data, road_map), road_map, rules.waiting)
-    built = follow_tracks(built, road_map, layout)
+    built = break_circles(follow_tracks(built, road_map, layout), road_map)
     built = mend_outlines(built)
     built = trim_outlines(built, road_map, layout.graph)
     built = fill_outlines(built, road_map, layout)
