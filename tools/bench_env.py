@@ -3,7 +3,8 @@
 Each run has a process of its own, and the variants take turns. Seconds are of processor time, those of the
 fastest of the rounds: others' work on the machine only ever adds to them. SUMO is bare where only its steps
 and the signals' states are asked for. The floor of pictures is bare SUMO and the time that the same pictures
-take to draw without it.
+take to draw without it. `asking` is bare SUMO where everything that an observation and its `info` need is
+asked for, and nothing is done with the answers: no environment over libsumo that tells the same is faster.
 """
 
 import argparse
@@ -13,8 +14,11 @@ import resource
 import subprocess
 import sys
 import time
+from concurrent.futures import ProcessPoolExecutor
+from itertools import starmap
+from multiprocessing import get_context
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 from dojo_env.config import build_config
 from dojo_env.local_world import LocalWorld
@@ -44,13 +48,60 @@ def wanted_phase(decision: int, phases: int) -> int:
     return (decision // HOLD) % phases
 
 
-def run_bare(scenario: str) -> dict[str, Any]:
-    """Step libsumo and set states from a list made before."""
+Asked = list[list[tuple[str, list[tuple[Any, ...]]]]]
+"""For each step, SUMO's getters by name, in turn, and what each was asked about."""
+
+
+class Recorder:
+    """Stands for libsumo's getters, and notes what they are asked."""
+
+    def __init__(self, getters: Any) -> None:
+        """Record nothing but the getters; `asked` fills up by steps."""
+        self.getters, self.asked = getters, cast(Asked, [[]])
+
+    def __getattr__(self, name: str) -> Any:
+        """Find a getter that notes its arguments."""
+        getter = getattr(self.getters, name)
+        if name == "simulation_step":
+
+            def ask() -> Any:
+                self.asked.append([])
+                return getter()
+
+            return ask
+
+        def note(*about: Any) -> Any:
+            now = self.asked[-1]
+            if not now or now[-1][0] != name:
+                now.append((name, []))
+            now[-1][1].append(about)
+            return getter(*about)
+
+        return note
+
+
+def record(scenario: str, observation: str) -> Asked:
+    """Play an episode, and list what SUMO was asked after each step."""
+    world = LocalWorld(
+        build_config(scenario=scenario, observation=observation, num_seconds=SECONDS, **SETTINGS)
+    )
+    world.reset(1)
+    simulation = world.traffic.simulation
+    recorder = Recorder(vars(simulation)["_get"])
+    vars(simulation)["_get"] = vars(vars(simulation)["_users"])["_get"] = recorder
+    finish(world)
+    world.close()
+    return recorder.asked[1:]
+
+
+def run_bare(scenario: str, asked: Asked | None = None) -> dict[str, Any]:
+    """Step libsumo and set states from a list made before; then ask for what an episode asked."""
     import libsumo
 
     found = find_scenario(scenario)
     world = LocalWorld(build_config(scenario=scenario, **SETTINGS))
     shown = {signal: _states(world, signal) for signal in world.signals}
+    questions = [[(getattr(libsumo._libsumo, name), about) for name, about in now] for now in asked or ()]
     network = open_map(found).network
     options = ["-n", str(network), "-r", str(found.routes[0]), "-b", str(found.begin), "--seed", "1"]
     options += ["--no-step-log", "--no-warnings", "--xml-validation", "never", "--time-to-teleport", "-1"]
@@ -63,6 +114,8 @@ def run_bare(scenario: str) -> dict[str, Any]:
                 libsumo.trafficlight.setRedYellowGreenState(signal, states[second])
         libsumo.simulationStep()
         arrived += libsumo.simulation.getArrivedNumber()
+        for getter, about in questions[second] if questions else ():
+            list(starmap(getter, about))
     seconds = time.process_time() - start
     libsumo.close()
     return {"seconds": seconds, "arrived": arrived}
@@ -112,8 +165,13 @@ def run_sumo_rl(scenario: str) -> dict[str, Any]:
 
 def play(world: LocalWorld) -> None:
     """Run an episode."""
-    counts = {signal: len(plan.phases) for signal, plan in world.map.plans.items()}
     world.reset(1)
+    finish(world)
+
+
+def finish(world: LocalWorld) -> None:
+    """Run an episode that has been reset to its end."""
+    counts = {signal: len(plan.phases) for signal, plan in world.map.plans.items()}
     decision, ended = 0, False
     while not ended:
         _, _, ended, _ = world.step({name: wanted_phase(decision, count) for name, count in counts.items()})
@@ -176,9 +234,13 @@ def measure(variant: str, scenario: str) -> dict[str, Any]:
 def run_variant(variant: str, scenario: str) -> dict[str, Any]:
     """Run a variant here, and measure the memory it took."""
     runners = {"bare": run_bare, "sumo-rl": run_sumo_rl}
-    kind, _, drawn = variant.partition(":")
+    kind, _, observation = variant.partition(":")
     if kind == "drawing":
-        result = run_drawing(scenario, drawn)
+        result = run_drawing(scenario, observation)
+    elif kind == "asking":
+        with ProcessPoolExecutor(1, get_context("spawn")) as another:  # SUMO's first episode is repeatable.
+            asked = another.submit(record, scenario, observation).result()
+        result = run_bare(scenario, asked)
     else:
         result = runners[variant](scenario) if variant in runners else run_ours(scenario, variant)
     result["megabytes"] = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
@@ -228,8 +290,9 @@ def main() -> int:
     rows = []
     for scenario in options.scenarios:
         open_map(find_scenario(scenario))
-        drawings = [f"drawing:{name}" for name in options.observations if name in FLOORS]
-        variants = ["bare", "sumo-rl", *options.observations, *drawings]
+        floors = [f"drawing:{name}" for name in options.observations if name in FLOORS]
+        floors += [f"asking:{name}" for name in options.observations if name != "all-sensors"]
+        variants = ["bare", "sumo-rl", *options.observations, *floors]
         for row in compare(scenario, variants, options.rounds):
             rows.append(row)
             print(
