@@ -11,7 +11,7 @@ from osm_drawings import SIGNAL, Drawing, cross
 
 from dojo_maps.bundle import Bundle
 from dojo_maps.conversion import ConvertOptions, convert
-from dojo_maps.description import Junction
+from dojo_maps.description import Connection, Junction
 
 STREET = {"highway": "secondary", "lanes": "2"}
 
@@ -28,6 +28,16 @@ def network(bundle: Bundle) -> Any:
 
 def edges_for(net: Any, vehicle: str, *, alone: bool = False) -> list[Any]:
     return [e for e in net.getEdges() if e.allows(vehicle) and not (alone and e.allows("passenger"))]
+
+
+def track_links(bundle: Bundle) -> list[Connection]:
+    kinds = {road.id: road.kind for road in bundle.road_map.roads}
+    kind = {lane.id: kinds.get(lane.road) for lane in bundle.road_map.lanes}
+    return [
+        link
+        for link in bundle.road_map.connections
+        if {kind[link.from_lane], kind[link.to_lane]} == {"highway.cycleway"}
+    ]
 
 
 def drive(bundle: Bundle, folder: Path, trips: list[tuple[str, str, str]]) -> dict[str, str]:
@@ -190,20 +200,27 @@ def test_bicycles_ride_around_the_corner_where_the_track_is_mapped(tmp_path: Pat
     drawing = cross()
     drawing.way((-80, -12), (0, -12), (12, -12), (12, 0), (12, 80), highway="cycleway")
     bundle, _ = built(drawing, tmp_path)
-    kinds = {road.id: road.kind for road in bundle.road_map.roads}
-    lanes = {lane.id: lane for lane in bundle.road_map.lanes}
-    links = [
-        link
-        for link in bundle.road_map.connections
-        if {kinds[lanes[end].road] for end in (link.from_lane, link.to_lane)} == {"highway.cycleway"}
-    ]
+    links = track_links(bundle)
     assert len(links) == 2
     (signal,) = bundle.road_map.signals
     middle = next(j for j in bundle.road_map.junctions if j.id == signal.id).position
     corner = shapely.Point(middle[0] + 12, middle[1] - 12)
     assert max(shapely.LineString(link.shape[:, :2]).distance(corner) for link in links) < 2.0
-    trips = [("bicycle", lanes[link.from_lane].road, lanes[link.to_lane].road) for link in links] * 3
+    road = {lane.id: lane.road for lane in bundle.road_map.lanes}
+    trips = [("bicycle", road[link.from_lane], road[link.to_lane]) for link in links] * 3
     assert_flows(drive(bundle, tmp_path, trips), len(trips))
+
+
+def test_bicycles_take_the_shortest_way_where_a_track_leads_all_around(tmp_path: Path) -> None:
+    ring = [(-12, -12), (0, -12), (12, -12), (12, 0), (12, 12), (0, 12), (-12, 12), (-12, 0), (-12, -12)]
+    drawing = cross()
+    drawing.way(*ring, highway="cycleway")
+    for corner in (-12, 12):
+        drawing.way((corner, -12), (5 * corner, -30), highway="cycleway")
+    bundle, _ = built(drawing, tmp_path)
+    links = track_links(bundle)
+    assert len(links) == 2
+    assert max(shapely.LineString(link.shape[:, :2]).length for link in links) < 40
 
 
 def waiting_in_a_circle(junction: Junction) -> set[int]:

@@ -1,6 +1,7 @@
 """Ways across junctions: along tracks, and between cycle tracks and the roads that they lead onto."""
 
 from collections.abc import Iterator, Mapping
+from heapq import heappop, heappush
 
 import numpy as np
 
@@ -92,24 +93,29 @@ class _Links:
         return self._layout.junctions.of[section.end if found.edge.forward == end else section.start] == node
 
     def _from(self, first: EdgeId | None, source: TrackEdge, vertex: int) -> Iterator[TrackLink]:
-        """Follow the tracks on from an edge's end, through the junction there."""
-        node = self._tracks.nodes[vertex]
-        waiting: list[tuple[EdgeId | None, int, tuple[EdgeId, ...]]] = [(first, vertex, ())]
+        """Follow the tracks on from an edge's end, the shortest way through the junction there."""
+        node, sections = self._tracks.nodes[vertex], self._tracks.graph.sections
+        waiting: list[tuple[float, tuple[EdgeId, ...], int]] = [(0.0, (), vertex)]
         seen = {first}
         while waiting:
-            last, here, through = waiting.pop()
+            metres, through, here = heappop(waiting)
+            last = through[-1] if through else first
+            if through and last in seen:
+                continue
+            seen.add(last)
             if first is not None and self._joined.get(here):
                 for target in self._roads(self._joined[here], arriving=False):
                     yield TrackLink(node=node, source=source, target=target)
             for onward in self._onward(last, here):
                 if onward in seen:
                     continue
-                seen.add(onward)
+                section = sections[onward.section]
                 if onward.section not in self._tracks.built and onward.section not in self._tracks.streets:
-                    section = self._tracks.graph.sections[onward.section]
                     end = section.end if onward.forward else section.start
-                    waiting.append((onward, end, (*through, onward)))
+                    length = self._tracks.graph.length(section)
+                    heappush(waiting, (metres + length, (*through, onward), end))
                     continue
+                seen.add(onward)
                 goal = self._driven(onward)
                 leads_on = goal is not None and goal.edge.section != source.edge.section
                 if goal is not None and leads_on and self._is_at(goal, node, end=False):
