@@ -101,8 +101,8 @@ class TrackRules:
     """m across the nodes of tracks that are one."""
     longest_inside: float = 60.0
     """m of a track that leads back to its junction, up to which it vanishes inside."""
-    straight_inside: float = 2.0
-    """m from the straight line across a junction up to which bicycles ride along that line."""
+    beside_mapped: float = 1.0
+    """m from the mapped track inside a junction up to which bicycles ride as netconvert leads them."""
     sharpest_rails: float = 0.3
     """cosine of the sharpest turn of rails."""
     beside_ahead: float = 15.0

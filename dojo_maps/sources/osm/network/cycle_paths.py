@@ -47,7 +47,7 @@ def follow_tracks(data: bytes, road_map: RoadMap, layout: Layout) -> bytes:
 
 
 def _paths(road_map: RoadMap, layout: Layout) -> Iterator[tuple[str, Floats]]:
-    """List the internal lanes whose track does not lead straight across, with its path, (n, 3) metres."""
+    """List the internal lanes that lead away from the mapped track, with its path, (n, 3) metres."""
     if layout.tracks is None:
         return
     links = {(str(link.source.edge), str(link.target.edge)): link for link in layout.tracks.links}
@@ -58,8 +58,11 @@ def _paths(road_map: RoadMap, layout: Layout) -> Iterator[tuple[str, Floats]]:
         if link is None or len(connection.via) != 1:
             continue
         line = _mapped_line(layout.tracks.graph, link)
-        path = None if line is None else _path(line, source, target, layout)
-        if path is not None:
+        path = None if line is None else _path(line, source, target)
+        if path is None:
+            continue
+        ridden, mapped = (shapely.LineString(shape[:, :2]) for shape in (connection.shape, path))
+        if shapely.hausdorff_distance(ridden, mapped) > layout.graph.rules.tracks.beside_mapped:
             yield connection.via[0], path
 
 
@@ -75,19 +78,17 @@ def _mapped_line(graph: RoadGraph, link: TrackLink) -> shapely.LineString | None
     return shapely.LineString(np.concatenate(lines)) if len(lines) == len(edges) else None
 
 
-def _path(line: shapely.LineString, source: Lane, target: Lane, layout: Layout) -> Floats | None:
-    """Follow a line from the end of a lane to the start of another, on the side of it where these lie."""
+def _path(line: shapely.LineString, source: Lane, target: Lane) -> Floats | None:
+    """Follow a line from a lane's end to the other's start, on their side of it; None where it leads back."""
     ends = np.array([source.shape[-1], target.shape[0]])
     begins, stops = shapely.line_locate_point(line, shapely.points(ends[:, :2]))
-    inside = substring(line, begins, stops)
-    straight = shapely.LineString(ends[:, :2])
-    least = layout.graph.rules.tracks.straight_inside
-    if begins >= stops or shapely.hausdorff_distance(inside, straight) < least:
+    if begins >= stops:
         return None
     corners = shapely.get_coordinates(line)
     places, headings = places_on(np.column_stack([corners, 0.0 * corners[:, 0]]), np.array([begins, stops]))
     apart = (ends - places)[:, :2]
     aside = np.cos(headings) * apart[:, 1] - np.sin(headings) * apart[:, 0]
+    inside = substring(line, begins, stops)
     beside = offset_lines(np.array([inside]), aside[-1:].clip(-source.width / 2, source.width / 2))[0]
     between = shapely.get_coordinates(beside)
     far = shapely.distance(shapely.points(between), shapely.multipoints(ends[:, :2])) > _CORNER
