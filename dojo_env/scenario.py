@@ -217,7 +217,8 @@ def _read_scenario(path: Path) -> Scenario:
         )
     meant, known = did_you_mean(str(path), PACKAGED), ", ".join(PACKAGED)
     raise ConfigError(
-        f"scenario {str(path)!r} is not known; give a .sumocfg, a Scenario, or one of {known}{meant}"
+        f"scenario {str(path)!r} is not known; give a bundle, a .sumocfg, a Scenario, or one of "
+        f"{known}{meant}"
     )
 
 
