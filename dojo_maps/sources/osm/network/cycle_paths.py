@@ -11,7 +11,7 @@ import shapely
 from shapely.ops import substring
 
 from dojo_maps.description import Lane, RoadMap
-from dojo_maps.geometry.polylines import Floats, along, offset_lines, places_on
+from dojo_maps.geometry.polylines import Floats, along, offset_lines, place_on
 from dojo_maps.index import MapIndex
 from dojo_maps.sources.osm.graph.road_graph import RoadGraph
 from dojo_maps.sources.osm.layout.arms import Layout
@@ -84,12 +84,11 @@ def _path(line: shapely.LineString, source: Lane, target: Lane) -> Floats | None
     begins, stops = shapely.line_locate_point(line, shapely.points(ends[:, :2]))
     if begins >= stops:
         return None
-    corners = shapely.get_coordinates(line)
-    places, headings = places_on(np.column_stack([corners, 0.0 * corners[:, 0]]), np.array([begins, stops]))
-    apart = (ends - places)[:, :2]
-    aside = np.cos(headings) * apart[:, 1] - np.sin(headings) * apart[:, 0]
+    place, heading = place_on(shapely.get_coordinates(line), float(stops))
+    east, north = ends[1, :2] - place
+    aside = np.cos(heading) * north - np.sin(heading) * east
     inside = substring(line, begins, stops)
-    beside = offset_lines(np.array([inside]), aside[-1:].clip(-source.width / 2, source.width / 2))[0]
+    beside = offset_lines(np.array([inside]), np.clip([aside], -target.width / 2, target.width / 2))[0]
     between = shapely.get_coordinates(beside)
     far = shapely.distance(shapely.points(between), shapely.multipoints(ends[:, :2])) > _CORNER
     path = np.concatenate([ends[:1, :2], between[far], ends[1:, :2]])
