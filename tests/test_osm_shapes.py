@@ -205,6 +205,13 @@ def test_outline_that_crosses_itself_is_untwisted() -> None:
     assert outline.area >= 50
 
 
+def test_twisted_outline_may_leave_out_heights_of_zero() -> None:
+    twisted = b'<junction id="a" type="priority" incLanes="b_0" shape="0,0 10,10,0.5 10,0 0,10"/>'
+    corners = mend_outlines(twisted).split(b'"')[-2].split()
+    assert shapely.Polygon([tuple(map(float, corner.split(b",")))[:2] for corner in corners]).is_valid
+    assert {corner.count(b",") for corner in corners} == {2}
+
+
 def test_roads_that_cross_without_a_common_node_meet(tmp_path: Path) -> None:
     d = Drawing()
     d.way((-100, 0), (100, 0), **STREET)

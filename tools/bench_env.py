@@ -80,11 +80,20 @@ class Recorder:
         return note
 
 
+def open_world(scenario: str, observation: str) -> LocalWorld:
+    """Make our environment's world with one of `OBSERVED`."""
+    wanted: Any = ALL_SENSORS if observation == "all-sensors" else observation
+    more: dict[str, Any] = {}
+    if observation == "bev-camera":  # With all that a camera does to its pictures.
+        wanted, more = "bev", {"imaging": "traffic_camera"}
+    return LocalWorld(
+        build_config(scenario=scenario, observation=wanted, num_seconds=SECONDS, **SETTINGS, **more)
+    )
+
+
 def record(scenario: str, observation: str) -> Asked:
     """Play an episode, and list what SUMO was asked after each step."""
-    world = LocalWorld(
-        build_config(scenario=scenario, observation=observation, num_seconds=SECONDS, **SETTINGS)
-    )
+    world = open_world(scenario, observation)
     world.reset(1)
     simulation = world.traffic.simulation
     recorder = Recorder(vars(simulation)["_get"])
@@ -180,13 +189,7 @@ def finish(world: LocalWorld) -> None:
 
 def run_ours(scenario: str, observation: str) -> dict[str, Any]:
     """Run our environment with one kind of observation."""
-    wanted: Any = ALL_SENSORS if observation == "all-sensors" else observation
-    more: dict[str, Any] = {}
-    if observation == "bev-camera":  # With all that a camera does to its pictures.
-        wanted, more = "bev", {"imaging": "traffic_camera"}
-    world = LocalWorld(
-        build_config(scenario=scenario, observation=wanted, num_seconds=SECONDS, **SETTINGS, **more)
-    )
+    world = open_world(scenario, observation)
     world.reset(1)  # Loading libsumo and drawing backgrounds come once, as does the end of the run before.
     world.traffic.simulation.close()
     start = time.process_time()
@@ -199,9 +202,7 @@ def run_ours(scenario: str, observation: str) -> dict[str, Any]:
 
 def run_drawing(scenario: str, observation: str) -> dict[str, Any]:
     """Draw once more what an episode has drawn, without SUMO."""
-    world = LocalWorld(
-        build_config(scenario=scenario, observation=observation, num_seconds=SECONDS, **SETTINGS)
-    )
+    world = open_world(scenario, observation)
     draw, drawn = world.eyes.look, []
 
     def look(*what: Any) -> Any:
@@ -291,7 +292,7 @@ def main() -> int:
     for scenario in options.scenarios:
         open_map(find_scenario(scenario))
         floors = [f"drawing:{name}" for name in options.observations if name in FLOORS]
-        floors += [f"asking:{name}" for name in options.observations if name != "all-sensors"]
+        floors += [f"asking:{name}" for name in options.observations]
         variants = ["bare", "sumo-rl", *options.observations, *floors]
         for row in compare(scenario, variants, options.rounds):
             rows.append(row)

@@ -73,7 +73,15 @@ def draw_trips(
 def draw_strolls(
     walks: Sequence[Walk], counts: Sequence[int], chance: np.random.Generator, *, begin: float, end: float
 ) -> Iterator[Stroll]:
-    """Let people depart, evenly by chance: so many on each walk."""
+    """Let people depart, evenly by chance.
+
+    Args:
+        walks: the map's.
+        counts: how many go on each.
+        chance: draws the departures.
+        begin: the first second.
+        end: the second after the last.
+    """
     for number, (walk, count) in enumerate(zip(walks, counts, strict=True)):
         for depart in _draw(count, chance, begin, end):
             yield Stroll(depart=depart, walk=walk, number=number)
@@ -88,7 +96,14 @@ def find_stubs(road_map: RoadMap) -> frozenset[str]:
 def write_route_file(
     trips: Sequence[Trip], strolls: Iterable[Stroll], path: Path, stubs: Set[str] = frozenset()
 ) -> None:
-    """Write vehicles and people in the order of their departures; the file appears whole."""
+    """Write vehicles and people in the order of their departures; the file appears whole.
+
+    Args:
+        trips: the vehicles.
+        strolls: the people on foot.
+        path: of the file.
+        stubs: as for `format_routes`.
+    """
     with replaced(path) as fresh:
         fresh.write_text(format_routes(trips, strolls, stubs), encoding="utf-8")
 

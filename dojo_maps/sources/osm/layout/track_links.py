@@ -96,11 +96,11 @@ class _Links:
         """Follow the tracks on from an edge's end, the shortest way through the junction there."""
         node, sections = self._tracks.nodes[vertex], self._tracks.graph.sections
         waiting: list[tuple[float, tuple[EdgeId, ...], int]] = [(0.0, (), vertex)]
-        seen = {first}
+        seen: set[EdgeId | None] = set()
         while waiting:
             metres, through, here = heappop(waiting)
             last = through[-1] if through else first
-            if through and last in seen:
+            if last in seen:
                 continue
             seen.add(last)
             if first is not None and self._joined.get(here):

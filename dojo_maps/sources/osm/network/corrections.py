@@ -111,7 +111,16 @@ def find_track_corrections(
 
 
 def find_outlines(road_map: RoadMap, layout: Layout, plain: Plain) -> dict[int, Floats]:
-    """List the outlines of junctions that have some ground, (n, 3) metres, by their lowest vertex."""
+    """List the outlines of junctions that have some ground.
+
+    Args:
+        road_map: the network.
+        layout: what it was built from.
+        plain: what was written of that.
+
+    Returns:
+        (n, 3) metres, by their lowest vertex.
+    """
     nodes = {name: node for node, name in plain.nodes.items()}
     return {
         nodes[junction.id]: junction.polygon

@@ -7,6 +7,7 @@ import numpy as np
 import shapely
 
 from dojo_maps.geometry.polylines import Floats
+from dojo_maps.sources.osm.network.net_shapes import read_shape, write_shape
 
 _JUNCTION = re.compile(r'(<junction id="([^":][^"]*)"[^>]*? shape=")([^"]+)(")')
 _GAP = 0.5
@@ -28,16 +29,12 @@ def replace_outlines(data: bytes, outline: Callable[[str, Floats], Floats | None
 
     Args:
         data: the network.
-        outline: gives the new corners for a junction's id and its old ones, (n, 2) or (n, 3) metres; None
-            to keep them.
+        outline: gives the new corners for a junction's id and its old ones, (n, 3) metres; None to keep them.
     """
 
     def replaced(found: re.Match[str]) -> str:
-        corners = np.array([[float(value) for value in corner.split(",")] for corner in found[3].split()])
-        new = outline(found[2], corners)
-        if new is None:
-            return found[0]
-        return found[1] + " ".join(",".join(f"{value:.2f}" for value in row) for row in new) + found[4]
+        new = outline(found[2], read_shape(found[3]))
+        return found[0] if new is None else f"{found[1]}{write_shape(new)}{found[4]}"
 
     return _JUNCTION.sub(replaced, data.decode("utf-8")).encode("utf-8")
 
