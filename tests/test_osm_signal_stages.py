@@ -8,6 +8,7 @@ from networks import run_sumo_tool
 
 from dojo_maps.conversion import convert
 from dojo_maps.sources.osm.signals.programs import compute_program
+from dojo_maps.sources.osm.signals.stage_order import list_orders
 from dojo_maps.sources.osm.signals.stages import SignalLink, build_stages, read_links
 
 CAR = SignalLink(
@@ -85,6 +86,45 @@ def test_short_road_between_stop_lines_ends_after_those_who_fill_it(room: float,
     lag = sum(seconds for seconds, state in rows if state[0] != "G" and state[1] == "G")
     assert lag <= 3 + 6, "its green is no green of its own for who chooses phases"
     assert all(state[2] != "G" or state[:2] == "rr" for _, state in rows)
+
+
+@pytest.mark.parametrize(("room", "greens"), [(8.0, "0121"), (60.0, "012")])
+def test_short_road_is_cleared_between_two_that_fill_it(room: float, greens: str) -> None:
+    roads = (("one", "between"), ("between", ""), ("other", "between"))
+    links = {
+        k: replace(
+            CAR, index=k, road=road, onto=onto, heading=90.0 * k, direction="s",
+            foes=frozenset({0, 1, 2} - {k}), room=room if road == "between" else 99.0,
+        )
+        for k, (road, onto) in enumerate(roads)
+    }  # fmt: skip
+    rows = compute_program(links)
+    assert "".join(str(state.index("G")) for _, state in rows if "G" in state) == greens
+    assert sum(seconds for seconds, _ in rows) <= 120
+
+
+def test_stages_are_ordered_so_that_a_short_road_is_cleared_before_it_is_filled_again() -> None:
+    """Two roads in turn, each filled from two sides: in the order of their names, both are filled twice."""
+    roads = (("a", "x"), ("b", "y"), ("c", "x"), ("d", "y"), ("x", ""), ("y", ""))
+    links = {
+        k: replace(
+            CAR, index=k, road=road, onto=onto, heading=60.0 * k, direction="s",
+            foes=frozenset(set(range(6)) - {k}), room=8.0 if road in "xy" else 99.0,
+        )
+        for k, (road, onto) in enumerate(roads)
+    }  # fmt: skip
+    stages = build_stages(links)
+    repeated, once = list_orders(links, stages)
+    assert sorted(map(id, once)) == sorted(map(id, stages)), "each stays, once"
+    for order, most in ((repeated, 0), (once, 2)):
+        shown = [min(stage.vehicles) for stage in order]
+        twice = 0
+        for short, filling in ((4, {0, 2}), (5, {1, 3})):
+            seen = [k for k in shown if k in filling | {short}]
+            twice += sum(
+                {one, other} <= filling for one, other in zip(seen, [*seen[1:], seen[0]], strict=True)
+            )
+        assert twice <= most
 
 
 @pytest.mark.parametrize(

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 from dojo_maps.description import RoadMap
 from dojo_maps.signals.timing import clearing_time, walking_time, yellow_time
+from dojo_maps.sources.osm.signals.stage_order import list_orders
 from dojo_maps.sources.osm.signals.stages import SignalLink, Stage, build_stages, letters_of, read_links
 
 _WALK = 7
@@ -18,6 +19,8 @@ _SLOWEST = 8.0
 """Metres a second of who clears a junction."""
 _LONGEST = 120
 """Seconds of a cycle that are not exceeded unless walkers need them."""
+_LONGEST_REPEATED = 130
+"""Seconds of a cycle in which a stage may come twice, so that a short road is cleared in time."""
 _LEAST = 7
 _STORES_FEW = 20.0
 """Metres of a road between stop lines up to which those who come last in a green would stand back from it."""
@@ -67,10 +70,16 @@ def program_signals(data: bytes, road_map: RoadMap) -> bytes:
 def compute_program(links: dict[int, SignalLink]) -> list[PhaseRow]:
     """Compute the phases of a signal: green, green without walkers, yellow and all-red of each stage."""
     stages = build_stages(links)
-    size = max(links) + 1
     if len(stages) < 2:
+        size = max(links) + 1
         states = [letters_of(links, stage) for stage in stages]
         return [(_LONGEST // 2, _state(size, letters)) for letters in states]
+    repeated, once = (_time_stages(links, order) for order in list_orders(links, stages))
+    return repeated if sum(seconds for seconds, _ in repeated) <= _LONGEST_REPEATED else once
+
+
+def _time_stages(links: dict[int, SignalLink], stages: Sequence[Stage]) -> list[PhaseRow]:
+    """Compute the phases of stages that follow each other."""
     changes = [
         _change(links, stage, following)
         for stage, following in zip(stages, [*stages[1:], stages[0]], strict=True)

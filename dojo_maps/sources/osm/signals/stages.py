@@ -22,7 +22,7 @@ _OPPOSITE, _ALONGSIDE = 120.0, 45.0
 
 _BETWEEN = 30.0
 """Metres from a junction within which a road may begin that leads to another stop line of its signal."""
-_SHORT = 30.0
+SHORT = 30.0
 """Metres of a road between two junctions that a few who wait to turn fill."""
 
 
@@ -294,7 +294,7 @@ def _wait_in_circle(links: dict[int, SignalLink], green: set[int]) -> bool:
 
 def _block_in_circle(links: dict[int, SignalLink], green: set[int]) -> bool:
     """Tell whether two that turn out of short roads could each wait for who stands behind the other."""
-    turning = [links[k] for k in green if links[k].far and not links[k].alone and links[k].room < _SHORT]
+    turning = [links[k] for k in green if links[k].far and not links[k].alone and links[k].room < SHORT]
     waits_for = {link.index: {links[k].onto for k in link.yields_to & green} for link in turning}
     return any(
         other.road in waits_for[one.index] and one.road in waits_for[other.index]
