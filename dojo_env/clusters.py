@@ -78,11 +78,14 @@ def open_cluster(address: str, slots: int) -> Iterator[None]:
 
 
 def collect_results(running: dict[Any, Task], name: Callable[[Task], str]) -> Iterator[tuple[Task, Any]]:
-    """Wait for tasks, whichever ends first; yields each with what it gave.
+    """Wait for tasks, whichever ends first.
 
     Args:
         running: what each of Ray's references is for; emptied as they end.
         name: tells people which task it is.
+
+    Yields:
+        A task that has ended, and what it gave.
 
     Raises:
         SimulationError: a task has lost too many nodes. What a task itself raised is raised as it is.

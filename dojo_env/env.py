@@ -129,13 +129,16 @@ class TrafficSignalEnv(gymnasium.Env[Any, Any]):
         return self.world.save()
 
     def restore(self, state: dict[str, Any]) -> tuple[Any, dict[str, Any]]:
-        """Go to a saved state; returns its observation and figures.
+        """Go to a saved state.
 
         Args:
             state: what `save` gave.
 
         Returns:
             Its observation, and figures by name.
+
+        Raises:
+            ConfigError: the state was not made by `save`, or by another scenario's.
         """
         observations, info = self.world.restore(state)
         return observations[self.signal], info

@@ -83,10 +83,10 @@ def must_return_within(seconds: float) -> None:
 
 
 def call_in_fork(function: Callable[..., Any], *arguments: Any) -> Any:
-    """Call a function in a fork; returns what it returns, which must be something to pickle.
+    """Call a function in a fork.
 
     Args:
-        function: what to call.
+        function: what to call; what it returns must be something to pickle.
         arguments: what with.
 
     Returns:

@@ -39,7 +39,7 @@ _POSE = 9
 
 
 def export_recording(recording: Recording, bundle: Bundle, folder: Path) -> int:
-    """Write the data set, whole or not at all; returns how many scenarios it has.
+    """Write the data set, whole or not at all.
 
     Args:
         recording: the episode.

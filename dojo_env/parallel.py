@@ -166,13 +166,16 @@ class TrafficSignalsEnv(ParallelEnv):  # type: ignore[misc]
         return self.world.save()
 
     def restore(self, state: dict[str, Any]) -> tuple[dict[str, Any], dict[str, dict[str, Any]]]:
-        """Go to a saved state; returns its observations and figures.
+        """Go to a saved state.
 
         Args:
             state: what `save` gave.
 
         Returns:
             Its observations, and figures by name, each by agent.
+
+        Raises:
+            ConfigError: the state was not made by `save`, or by another scenario's.
         """
         observations, info = self.world.restore(state)
         self.agents = list(self.possible_agents)

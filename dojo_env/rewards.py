@@ -14,38 +14,104 @@ Reward = Callable[[str, Instant, Instant], float]
 
 
 def diff_waiting_time(signal: str, before: Instant, now: Instant) -> float:
-    """How much the accumulated waiting on the signal's lanes has gone down, in 100 s."""
+    """How much the accumulated waiting on the signal's lanes has gone down, in 100 s.
+
+    Args:
+        signal: id of the signal that is paid.
+        before: the decision at the interval's begin.
+        now: the decision at its end.
+
+    Returns:
+        Hundreds of seconds; negative where waiting has grown.
+    """
     return (_waiting(signal, before) - _waiting(signal, now)) / 100.0
 
 
 def average_speed(signal: str, _before: Instant, now: Instant) -> float:
-    """Speed over speed limit, averaged over the vehicles on the signal's lanes; 1 where there are none."""
+    """Speed over speed limit, averaged over the vehicles on the signal's lanes; 1 where there are none.
+
+    Args:
+        signal: id of the signal that is paid.
+        _before: nothing heeds it.
+        now: the decision at the interval's end.
+
+    Returns:
+        The mean; above 1 where vehicles exceed the limit.
+    """
     return now.signals[signal].lanes.average_speed
 
 
 def queue(signal: str, _before: Instant, now: Instant) -> float:
-    """Halting vehicles, negative."""
+    """Halting vehicles, negative.
+
+    Args:
+        signal: id of the signal that is paid.
+        _before: nothing heeds it.
+        now: the decision at the interval's end.
+
+    Returns:
+        Minus the vehicles slower than 0.1 m/s on the signal's lanes.
+    """
     return -now.signals[signal].lanes.total_halting
 
 
 def pressure(signal: str, _before: Instant, now: Instant) -> float:
-    """Vehicles on the lanes that lead away, less those on the lanes that lead here."""
+    """Vehicles on the lanes that lead away, less those on the lanes that lead here.
+
+    Args:
+        signal: id of the signal that is paid.
+        _before: nothing heeds it.
+        now: the decision at the interval's end.
+
+    Returns:
+        Vehicles; negative where more come than leave.
+
+    Raises:
+        StaleInstantError: SUMO has moved on, and nobody has counted the vehicles that lead away.
+    """
     view = now.signals[signal]
     return float(now.count_vehicles(view.plan.out_lanes).sum() - view.lanes.total_vehicles)
 
 
 def co2(signal: str, _before: Instant, now: Instant) -> float:
-    """CO2 emitted on the signal's lanes, g/s, negative."""
+    """CO2 emitted on the signal's lanes, g/s, negative.
+
+    Args:
+        signal: id of the signal that is paid.
+        _before: nothing heeds it.
+        now: the decision at the interval's end.
+
+    Returns:
+        Minus the rate at the decision, g/s.
+    """
     return -now.signals[signal].lanes.total_co2
 
 
 def delay(signal: str, _before: Instant, now: Instant) -> float:
-    """Sum over lanes of 1 - mean speed / speed limit, negative."""
+    """Sum over lanes of 1 - mean speed / speed limit, negative.
+
+    Args:
+        signal: id of the signal that is paid.
+        _before: nothing heeds it.
+        now: the decision at the interval's end.
+
+    Returns:
+        Minus the sum over the signal's lanes; an empty lane counts 0.
+    """
     return -now.signals[signal].lanes.delay
 
 
 def throughput(_signal: str, before: Instant, now: Instant) -> float:
-    """Vehicles that have arrived anywhere on the map in the interval."""
+    """Vehicles that have arrived anywhere on the map in the interval.
+
+    Args:
+        _signal: nothing heeds it: all signals are paid alike.
+        before: the decision at the interval's begin.
+        now: the decision at its end.
+
+    Returns:
+        Vehicles, the same for all signals.
+    """
     return float(now.traffic.arrived - before.traffic.arrived)
 
 

@@ -91,7 +91,7 @@ class SumoFiles:
             self._add_outputs(self._outputs, scenario)
 
     def keep(self, name: str, text: str) -> Path:
-        """Keep a text of ours in memory, in place of the last one of that name; returns its path.
+        """Keep a text of ours in memory, in place of the last one of that name.
 
         Args:
             name: of the text.

@@ -283,7 +283,7 @@ class Rerun:
                 show.add(snapshot)
 
     def export(self, folder: Path) -> int:
-        """Write MetaDrive's format; returns how many scenarios it makes.
+        """Write MetaDrive's format, whole or not at all.
 
         Args:
             folder: to make.

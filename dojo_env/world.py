@@ -136,7 +136,7 @@ class World(Protocol):
         ...
 
     def restore(self, state: Mapping[str, Any]) -> Beginning:
-        """Go to a saved state; returns its observations and figures.
+        """Go to a saved state.
 
         Args:
             state: what `save` gave.

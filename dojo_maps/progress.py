@@ -54,7 +54,11 @@ def say(words: str) -> None:
 
 
 def say_nothing(_words: str) -> None:
-    """Take the place of `say` where a user wants quiet."""
+    """Take the place of `say` where a user wants quiet.
+
+    Args:
+        _words: the line that is not said.
+    """
 
 
 @contextmanager

@@ -97,6 +97,9 @@ def running_program(
         folder: where it runs; relative paths in the options start here.
         diagnostics: where its standard error goes: a file, or `subprocess.PIPE`.
 
+    Yields:
+        The process.
+
     Raises:
         ToolMissingError: it cannot be started.
     """

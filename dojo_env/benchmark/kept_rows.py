@@ -41,7 +41,17 @@ class KeptRow:
         return (seconds - seconds[:1] + interval) / 60, {name: series[name] for name in CURVES}
 
     def read_curve(self, part: str = "validation") -> dict[str, Numbers]:
-        """Read its training: steps and figures of one part; empty where there is none."""
+        """Read one part of its training's curve, without the reward.
+
+        Args:
+            part: `validation` or `training`.
+
+        Returns:
+            By name, the steps and each figure, one value a line of the curve; empty where there is no curve.
+
+        Raises:
+            RunFileError: the curve is damaged.
+        """
         if not (self.folder / CURVE).is_file():
             return {}
         columns = read_columns(self.folder / CURVE, (), part=part)
@@ -49,7 +59,17 @@ class KeptRow:
 
 
 def read_kept(results: Path) -> dict[str, dict[str, KeptRow]]:
-    """Read every row that is there, by scenario and name, in the tables' order."""
+    """Read every row that is there.
+
+    Args:
+        results: holds a folder per scenario, and in it one per row.
+
+    Returns:
+        The rows by scenario and name, in the tables' order: those that learned come last.
+
+    Raises:
+        RunFileError: a row's figures are damaged.
+    """
     found: dict[str, dict[str, KeptRow]] = {}
     for path in sorted(results.glob(f"*/*/{FIGURES}")):
         row = KeptRow(path.parent, read_result(path, "row", "figures", "seeds"))

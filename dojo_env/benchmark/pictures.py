@@ -81,7 +81,16 @@ def _write(figure: Figure, path: Path) -> None:
 
 
 def choose_rows(kept: Mapping[str, KeptRow]) -> list[str]:
-    """Choose MaxPressure, who sees nothing, the best controller, and the four best rows that learned."""
+    """Choose MaxPressure, who sees nothing, the best controller, and the four best rows that learned.
+
+    The best have the least mean trip, of all vehicles.
+
+    Args:
+        kept: a scenario's rows by name.
+
+    Returns:
+        Their names in this order, without those that are not there.
+    """
     best = sorted(kept, key=lambda name: kept[name].figures[ALL_TRIPS]["mean"])
     others = [name for name in best if not kept[name].learned and name not in (REFERENCE, BLIND)][:1]
     shown = [name for name in (REFERENCE, BLIND, *others) if name in kept]

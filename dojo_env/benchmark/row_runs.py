@@ -28,12 +28,29 @@ _MINUTE = 60 // INTERVAL
 
 
 def find_folder(row: str, scenario: str, results: Path) -> Path:
-    """Tell where a row's files are; a star or a space is no name for a folder."""
+    """Tell where a row's files are; a star or a space is no name for a folder.
+
+    Args:
+        row: its name.
+        scenario: name or path; the folder is called as the file is, without its suffix.
+        results: holds a folder per scenario.
+
+    Returns:
+        The row's folder, which may not be there yet.
+    """
     return results / Path(scenario).stem / row.replace("*", "-encoder").replace(" ", "-")
 
 
 def find_training_folder(folder: Path, number: int) -> Path:
-    """Tell where the files of a row's training are: the first one's beside the figures."""
+    """Tell where the files of a row's training are: the first one's beside the figures.
+
+    Args:
+        folder: the row's.
+        number: of the training, from 0.
+
+    Returns:
+        The training's folder, which may not be there yet.
+    """
     return folder / f"training{number}" if number else folder
 
 
@@ -50,6 +67,9 @@ def describe(
         constraints: a name of `CONSTRAINTS`; learners have the paper's.
         trainings: of a row that learns, each with a seed of its own.
 
+    Returns:
+        What `run_row` and `is_done` take as a task.
+
     Raises:
         ConfigError: the row's settings cannot be.
     """
@@ -62,7 +82,18 @@ def describe(
 
 
 def is_done(task: Mapping[str, Any], results: Path) -> bool:
-    """Tell whether a row's figures are there, made with the same settings."""
+    """Tell whether a row's figures are there, made with the same settings.
+
+    Args:
+        task: what `describe` tells.
+        results: holds a folder per scenario, and in it one per row.
+
+    Returns:
+        False where there are none, or others.
+
+    Raises:
+        RunFileError: the figures are damaged, or another version made them, whose settings are unknown here.
+    """
     path = find_folder(task["row"], task["scenario"], results) / FIGURES
     known = read_result(path) if path.is_file() else {}
     if "training" in known:  # What came later was so before.

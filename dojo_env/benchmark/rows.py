@@ -73,7 +73,16 @@ class Row:
         return self.controller is None and self.logic is None
 
     def find_settings(self, scenario: str) -> dict[str, Any]:
-        """Tell its settings on a scenario."""
+        """Tell its settings on a scenario.
+
+        Args:
+            scenario: name or path. One with a pattern of demand, as `cologne1-surges`, has what its map
+                has, where the row tells nothing of the whole name.
+
+        Returns:
+            The row's settings, with those of the scenario in their places; hyperparameters are joined one by
+            one.
+        """
         settings, own = dict(self.settings), dict(self._find_own(scenario))
         if "hyperparameters" in own:
             own["hyperparameters"] = {**settings.get("hyperparameters", {}), **own["hyperparameters"]}
@@ -86,6 +95,12 @@ class Row:
     def find_training(self, scenario: str) -> Training:
         """Tell how its policy is trained on a scenario.
 
+        Args:
+            scenario: name or path.
+
+        Returns:
+            The settings of the training run.
+
         Raises:
             ConfigError: a setting is unknown, or cannot be.
         """
@@ -97,6 +112,12 @@ class Row:
 
 def read_row(path: Path) -> Row:
     """Read a row's file.
+
+    Args:
+        path: of the TOML file.
+
+    Returns:
+        The row. Names and kinds are checked here, values of settings only where they are used.
 
     Raises:
         RunFileError: it cannot be read, or is no row.
@@ -163,7 +184,14 @@ def list_groups() -> dict[str, tuple[str, ...]]:
 
 
 def list_rows(scenario: str) -> tuple[str, ...]:
-    """List the packaged rows that belong on a scenario: for one signal, or for several."""
+    """List the packaged rows that belong on a scenario: for one signal, or for several.
+
+    Args:
+        scenario: its name.
+
+    Returns:
+        The rows' names; none where it is not one of `SCENARIOS`.
+    """
     groups = list_groups()
     if scenario in ONE_SIGNAL:
         return (*groups["all"], *groups["varied"])
@@ -179,6 +207,9 @@ def find_row(name: str) -> Row:
 
     Args:
         name: of the row, or the path of a `.toml` file.
+
+    Returns:
+        The row.
 
     Raises:
         ConfigError: there is none of that name.

@@ -83,7 +83,14 @@ class Calibration:
         return np.sqrt(np.diag(self.fit.covariance)) * scales
 
     def ground_error(self, distance: float) -> GroundError | None:
-        """Tell how far off places are at a distance; None where the picture shows none there."""
+        """Tell how far off places on the ground are at a distance.
+
+        Args:
+            distance: from the camera, level, metres.
+
+        Returns:
+            The errors with 95 % confidence; None where the picture shows no ground at that distance.
+        """
         heading = np.radians(self.camera.heading_deg)
         arc = np.column_stack(
             [
@@ -104,7 +111,14 @@ class Calibration:
         )
 
     def ground_covariance(self, places: Floats) -> Floats:
-        """How pixels scatter on the ground: (n, 2, 2) square metres, for those of (n, 3) places on it."""
+        """Tell how places found on the ground by their pixels scatter, as the camera is not known exactly.
+
+        Args:
+            places: (n, 3) metres, map frame, on the ground and before the camera.
+
+        Returns:
+            (n, 2, 2) covariances of x and y, square metres.
+        """
         count, vector = len(places), self.fit.vector
         by_camera = jacobian(lambda v: self.form.camera(v).project(places)[0], vector).reshape(count, 2, -1)
         shifts = np.eye(3)[:2] * 1e-3
@@ -135,6 +149,9 @@ def calibrate(
         known: what else is known of it.
         photograph: (h, w, 3) uint8 RGB, to sharpen the camera by the road's paint; None leaves that out.
         edges: of that paint.
+
+    Returns:
+        The camera, and how far it can be trusted.
 
     Raises:
         CalibrationError: the points do not determine a camera, or do not fit each other.

@@ -67,7 +67,16 @@ class Sightings:
 
     @classmethod
     def of_points(cls, places: Floats, pixels: Floats, sigma: float) -> "Sightings":
-        """Take control points: (n, 3) metres, (n, 2) pixels, and their standard deviation, pixels."""
+        """Take control points, each as two sightings: one across and one down.
+
+        Args:
+            places: (n, 3) metres, map frame.
+            pixels: (n, 2) where each was marked.
+            sigma: standard deviation of the marks in each direction, pixels.
+
+        Returns:
+            2 n sightings, the two of a point one after the other.
+        """
         count = len(places)
         return cls(
             places=np.repeat(places, 2, axis=0),
@@ -77,7 +86,14 @@ class Sightings:
         )
 
     def joined(self, other: "Sightings") -> "Sightings":
-        """Put both together."""
+        """Put both together.
+
+        Args:
+            other: sightings of the same picture.
+
+        Returns:
+            New ones, the other's last.
+        """
         return Sightings(
             places=np.vstack([self.places, other.places]),
             pixels=np.vstack([self.pixels, other.pixels]),
@@ -86,7 +102,14 @@ class Sightings:
         )
 
     def residuals(self, camera: Camera) -> Floats:
-        """How far each place is from its line: (n,) standard deviations."""
+        """Tell how far each place is from its line.
+
+        Args:
+            camera: through which the places are seen.
+
+        Returns:
+            (n,) standard deviations, with their sign; 1000 for places that are not before the camera.
+        """
         pixels, _ = camera.project(self.places)
         across = np.einsum("ij,ij->i", self.normals, pixels - self.pixels) / self.sigmas
         return np.nan_to_num(across, nan=_HIDDEN)
@@ -110,7 +133,18 @@ class Form:
     bends: int
 
     def camera(self, vector: Floats) -> Camera:
-        """Make the camera of a vector."""
+        """Make the camera of a vector.
+
+        Args:
+            vector: (7 + bends,) as `Form` tells; a place, height or focal length that no camera can have
+                becomes the nearest that one can.
+
+        Returns:
+            The camera, with the template's name, size, `near` and `far`.
+
+        Raises:
+            ConfigError: a number is not finite, or the lens bends more than a camera's may.
+        """
         x, y, height, heading, pitch, roll, focal, *bends = vector.tolist()
         radial = [*bends, 0.0, 0.0, 0.0][:3]
         x, y = (min(max(each, -_FARTHEST), _FARTHEST) for each in (x, y))
@@ -131,7 +165,15 @@ class Form:
         )
 
     def vector(self, camera: Camera) -> Floats:
-        """Write a camera as a vector."""
+        """Write a camera as a vector.
+
+        Args:
+            camera: any; of its lens only the first `bends` of k1, k2 and k3 are written, and a height below
+                0.1 m counts as that.
+
+        Returns:
+            (7 + bends,) numbers.
+        """
         x, y, z = camera.position
         angles = (radians(a) for a in (camera.heading_deg, camera.pitch_deg, camera.roll_deg))
         k1, k2, _, _, k3 = (*camera.distortion, 0.0, 0.0, 0.0, 0.0, 0.0)[:5]
@@ -176,6 +218,9 @@ def fit_vector(form: Form, sightings: Sightings, prior: Prior, start: Floats) ->
         sightings: what was measured.
         prior: what is believed.
         start: (n,) where to begin.
+
+    Returns:
+        The vector, its cost and its covariance.
     """
 
     def residuals(vector: Floats) -> Floats:
@@ -204,7 +249,17 @@ def fit_vector(form: Form, sightings: Sightings, prior: Prior, start: Floats) ->
 
 
 def measure_cost(form: Form, sightings: Sightings, prior: Prior, vector: Floats) -> float:
-    """Sum the squared residuals of a vector."""
+    """Sum the squared residuals of a vector.
+
+    Args:
+        form: of the vector.
+        sightings: what was measured.
+        prior: what is believed.
+        vector: (7 + bends,) the camera to judge.
+
+    Returns:
+        The sum over sightings and prior, squared standard deviations.
+    """
     values = _residuals(form, sightings, prior, vector)
     return float(values @ values)
 
@@ -214,7 +269,15 @@ def _residuals(form: Form, sightings: Sightings, prior: Prior, vector: Floats) -
 
 
 def jacobian(function: Callable[[Floats], Floats], at: Floats) -> Floats:
-    """Differentiate by central differences: (m, n) for m values of a vector of n numbers."""
+    """Differentiate a function of a vector by central differences.
+
+    Args:
+        function: takes (n,) and gives m values in any shape.
+        at: (n,) where to differentiate.
+
+    Returns:
+        (m, n) slopes, a row for each value in the order of its array.
+    """
     columns = []
     for k in range(len(at)):
         step = np.zeros(len(at))

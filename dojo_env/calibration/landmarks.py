@@ -17,6 +17,12 @@ def list_landmarks(road_map: RoadMap) -> dict[str, Place]:
     `stop_line:LANE:left` and `right` are a stop line's ends as its drivers see them; `crossing:ID:0`,
     `junction:ID:0` and on are corners, counted around; `prop:ID` is where a pole or tree stands, and
     `prop:ID:0` and on are the corners of a building or an island.
+
+    Args:
+        road_map: the map.
+
+    Returns:
+        x, y and z by name, metres, map frame.
     """
     return {name: (float(x), float(y), float(z)) for name, (x, y, z) in _landmarks(road_map)}
 
@@ -52,7 +58,15 @@ class Ground:
         self._ways = np.concatenate([np.empty((0, 3)), *(np.diff(line, axis=0) for line in lines)])
 
     def height(self, x: float, y: float) -> float:
-        """Find the height of the nearest lane, metres; 0 where the map has none."""
+        """Find the height of the lane that is nearest to a place.
+
+        Args:
+            x: metres, map frame.
+            y: metres, map frame.
+
+        Returns:
+            Metres; 0 where the map has no lanes.
+        """
         if not len(self._starts):
             return 0.0
         to, ways = np.array([x, y]) - self._starts[:, :2], self._ways[:, :2]

@@ -53,7 +53,14 @@ class ControlPoints:
         return len(self.labels)
 
     def without(self, number: int) -> "ControlPoints":
-        """Leave one out."""
+        """Leave one out.
+
+        Args:
+            number: of the point, from 0.
+
+        Returns:
+            The others; their `ground` stays that of all.
+        """
         return replace(
             self,
             labels=(*self.labels[:number], *self.labels[number + 1 :]),
@@ -102,9 +109,13 @@ def read_points(path: Path, road_map: RoadMap) -> ControlPoints:
     """Read control points.
 
     Args:
-        path: a CSV file with a head, or JSON: a list of objects. Columns or names are u, v (pixels) and x, y
-            and perhaps z (metres, map frame), or lon, lat (degrees), or element (of `list_landmarks`).
+        path: a CSV file with a head, or JSON: a list of objects, or an object that has it as `points`.
+            Columns or names are u, v (pixels) and x, y and perhaps z (metres, map frame), or lon, lat
+            (degrees), or element (of `list_landmarks`).
         road_map: the map.
+
+    Returns:
+        The points, in the file's order; where no z is told, they lie as high as the nearest lane.
 
     Raises:
         CalibrationError: the file cannot be read, or a point is not what it must be; names its line.

@@ -66,7 +66,15 @@ class Known:
 
 
 def make_prior(form: Form, known: Known) -> Prior:
-    """Write down what is believed of a camera."""
+    """Write down what is believed of a camera.
+
+    Args:
+        form: of the vector.
+        known: what the user knows; it takes the place of what holds for most cameras.
+
+    Returns:
+        (7 + bends,) means and standard deviations; those of place, heading and pitch leave them free.
+    """
     means, sigmas = np.zeros(BENDS + form.bends), np.full(BENDS + form.bends, _FREE)
     means[HEIGHT], sigmas[HEIGHT] = log(_USUAL_HEIGHT), _HEIGHT_SPREAD
     if known.height is not None:
@@ -80,7 +88,17 @@ def make_prior(form: Form, known: Known) -> Prior:
 
 
 def fit_points(form: Form, places: Floats, pixels: Floats, known: Known) -> Fit:
-    """Find the camera that fits points best, from several starts."""
+    """Find the camera that fits points best, from several starts.
+
+    Args:
+        form: of the vector.
+        places: (n, 3) metres, map frame.
+        pixels: (n, 2) where each was marked.
+        known: what the user knows, and how well points are marked.
+
+    Returns:
+        The vector of least cost, and its covariance.
+    """
     prior = make_prior(form, known)
     sightings = Sightings.of_points(places, pixels, known.noise)
     starts = [form.vector(camera) for camera in _list_starts(form, places, pixels)]

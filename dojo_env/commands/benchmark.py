@@ -13,7 +13,11 @@ _RESUME = "dojo-env: benchmark: interrupted; the same command goes on from the l
 
 
 def add_benchmark(commands: Commands) -> None:
-    """Add the command to the parser."""
+    """Add the command to the parser.
+
+    Args:
+        commands: what `add_subparsers` made; the command is added to it.
+    """
     benchmark = add_command(
         commands,
         "benchmark",

@@ -16,7 +16,11 @@ _DISTANCES = (20.0, 50.0)
 
 
 def add_calibrate(commands: Commands) -> None:
-    """Add the command to the parser."""
+    """Add the command to the parser.
+
+    Args:
+        commands: what `add_subparsers` made; the command is added to it.
+    """
     calibrate = add_command(
         commands,
         "calibrate",

@@ -11,7 +11,11 @@ from dojo_maps.command import Commands, add_command
 
 
 def add_cameras(commands: Commands) -> None:
-    """Add the command to the parser."""
+    """Add the command to the parser.
+
+    Args:
+        commands: what `add_subparsers` made; the command is added to it.
+    """
     cameras = add_command(
         commands,
         "cameras",

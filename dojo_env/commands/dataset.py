@@ -11,7 +11,11 @@ from dojo_maps.wording import counted
 
 
 def add_dataset(commands: Commands) -> None:
-    """Add the command to the parser."""
+    """Add the command to the parser.
+
+    Args:
+        commands: what `add_subparsers` made; the command is added to it.
+    """
     make = add_command(
         commands,
         "dataset",

@@ -24,7 +24,11 @@ _COLUMNS = (
 
 
 def add_evaluate(commands: Commands) -> None:
-    """Add the command to the parser."""
+    """Add the command to the parser.
+
+    Args:
+        commands: what `add_subparsers` made; the command is added to it.
+    """
     evaluate = add_command(
         commands,
         "evaluate",

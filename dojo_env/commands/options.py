@@ -13,14 +13,22 @@ if TYPE_CHECKING:
 
 
 def add_routes_option(parser: argparse.ArgumentParser) -> None:
-    """Add what other traffic drives on a scenario's network."""
+    """Add what other traffic drives on a scenario's network.
+
+    Args:
+        parser: of a command; it gets `--routes`.
+    """
     parser.add_argument(
         "--routes", metavar="FILE[,FILE]", help="route files to drive in place of the scenario's own"
     )
 
 
 def add_sensing_options(parser: argparse.ArgumentParser) -> None:
-    """Add what decides how cameras see."""
+    """Add what decides how cameras see.
+
+    Args:
+        parser: of a command; it gets `--conditions`, `--imaging`, `--models` and `--preset`.
+    """
     parser.add_argument(
         "--conditions", metavar="NAME", help="day, dusk, night, rain, fog, or such as hour=20,rain=0.4"
     )
@@ -36,14 +44,28 @@ def add_sensing_options(parser: argparse.ArgumentParser) -> None:
 
 
 def add_view_options(parser: argparse.ArgumentParser) -> None:
-    """Add what decides how pictures are shown."""
+    """Add what decides how pictures are shown.
+
+    Args:
+        parser: of a command; it gets what `add_sensing_options` adds, `--port` and `--no-browser`.
+    """
     add_sensing_options(parser)
     parser.add_argument("--port", type=int, default=0, metavar="N", help="of the page (default: any)")
     parser.add_argument("--no-browser", action="store_true", help="only say where the page is")
 
 
 def read_sensing(options: argparse.Namespace) -> dict[str, Any]:
-    """Turn `--conditions`, `--imaging`, `--models` and `--preset` into settings of an environment."""
+    """Turn `--conditions`, `--imaging`, `--models` and `--preset` into settings of an environment.
+
+    Args:
+        options: of a command that `add_sensing_options` was called for.
+
+    Returns:
+        Keywords of an environment: of `conditions`, `imaging`, `models` and `cameras` those that were given.
+
+    Raises:
+        ConfigError: there are no conditions or camera bodies of that name, or a value is out of range.
+    """
     from dojo_env.conditions import read_conditions
     from dojo_env.imaging import read_imaging
 
@@ -63,9 +85,14 @@ def find_controller(name: str, scenario: str) -> "Controller":
         name: of the controller; a timing plan's `.json`; or a run's folder, or the policy in it.
         scenario: that it will control; it is said where a policy was trained on another.
 
+    Returns:
+        The controller, for any number of episodes.
+
     Raises:
         ConfigError: there is none of that name.
-        RunFileError: the folder or file holds no policy.
+        PlanError: the `.json` holds no timing plan.
+        PolicyError: the `.npz` holds no weights.
+        RunFileError: the folder or file is no training run's.
     """
     from dojo_env.controllers import CONTROLLERS, make_controller
 
@@ -93,7 +120,17 @@ def find_controller(name: str, scenario: str) -> "Controller":
 
 
 def read_yellow(text: str) -> float | str:
-    """Read seconds, or "speed"."""
+    """Read seconds, or "speed".
+
+    Args:
+        text: what stands after `--yellow`.
+
+    Returns:
+        The seconds, or the word as it is.
+
+    Raises:
+        ArgumentTypeError: it is neither.
+    """
     try:
         return text if text == "speed" else float(text)
     except ValueError:
@@ -101,7 +138,12 @@ def read_yellow(text: str) -> float | str:
 
 
 def add_ray_option(parser: argparse.ArgumentParser, purpose: str) -> None:
-    """Add `--ray`, with or without an address; see `dojo_env.clusters.open_cluster`."""
+    """Add `--ray`, with or without an address; see `dojo_env.clusters.open_cluster`.
+
+    Args:
+        parser: of a command; its `ray` is None without the option, and `local` without an address.
+        purpose: what the cluster is for, with which the option's help begins.
+    """
     parser.add_argument(
         "--ray",
         nargs="?",

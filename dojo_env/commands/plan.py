@@ -16,7 +16,11 @@ _RESUME = "dojo-env: plan: interrupted; the same command goes on from the episod
 
 
 def add_plan(commands: Commands) -> None:
-    """Add the command to the parser."""
+    """Add the command to the parser.
+
+    Args:
+        commands: what `add_subparsers` made; the command is added to it.
+    """
     plan = add_command(
         commands,
         "plan",

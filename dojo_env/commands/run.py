@@ -27,7 +27,11 @@ _MISSED = 0.02
 
 
 def add_run(commands: Commands) -> None:
-    """Add the command to the parser."""
+    """Add the command to the parser.
+
+    Args:
+        commands: what `add_subparsers` made; the command is added to it.
+    """
     run = add_command(
         commands,
         "run",

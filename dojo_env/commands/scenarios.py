@@ -8,7 +8,11 @@ from dojo_maps.wording import counted
 
 
 def add_scenarios(commands: Commands) -> None:
-    """Add the command to the parser."""
+    """Add the command to the parser.
+
+    Args:
+        commands: what `add_subparsers` made; the command is added to it.
+    """
     listed = add_command(
         commands,
         "scenarios",

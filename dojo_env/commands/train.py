@@ -19,7 +19,11 @@ _RESUME = "dojo-env: train: interrupted; the same command with --resume goes on 
 
 
 def add_train(commands: Commands) -> None:
-    """Add the command to the parser."""
+    """Add the command to the parser.
+
+    Args:
+        commands: what `add_subparsers` made; the command is added to it.
+    """
     from dojo_env.learning.settings import AGENTS, ALGORITHMS, CONDITIONS, NETWORKS, OBSERVATIONS
 
     train = add_command(
@@ -208,6 +212,9 @@ def read_any_junction(
         kind: the class of the settings.
         given: what other arguments set; None where they are left out.
 
+    Returns:
+        The settings, of the class `kind`.
+
     Raises:
         ConfigError: a value cannot work, or is of a policy for one scenario.
     """
@@ -228,6 +235,12 @@ def read_any_junction(
 
 def read_training(options: argparse.Namespace) -> Any:
     """Turn arguments into settings; what is not given is as in the row, or as usual.
+
+    Args:
+        options: the command's; those that are missing or None are not given.
+
+    Returns:
+        The settings, a `Training`.
 
     Raises:
         ConfigError: a value cannot work.
@@ -255,7 +268,16 @@ def read_training(options: argparse.Namespace) -> Any:
 
 
 def choose_folder(out: Path | None, training: Any) -> Path:
-    """Take the folder that was given, or name one by what is learned."""
+    """Take the folder that was given, or name one by what is learned.
+
+    Args:
+        out: the folder that was given; None where there is none.
+        training: the settings, a `Training`.
+
+    Returns:
+        `out`; or one in `runs`, named by scenario, algorithm, observation and what else tells policies apart.
+        It is not made.
+    """
     known = (training.scenario, training.algorithm, training.observation, training.encoder,
              training.agents, training.conditions)  # fmt: skip
     parts = [Path(part).stem for part in known if part not in ("none", "single", "day")]
@@ -291,7 +313,17 @@ def _read_size(text: str) -> tuple[int, int]:
 
 
 def read_pairs(pairs: list[str]) -> dict[str, Any]:
-    """Read `name=value`, values as JSON."""
+    """Read `name=value`, values as JSON.
+
+    Args:
+        pairs: as they were given, such as `queue=0.5`.
+
+    Returns:
+        Values by name; of a name that is given twice, the last one.
+
+    Raises:
+        ConfigError: a value is missing, or is not JSON.
+    """
     found = {}
     for pair in pairs:
         name, _, value = pair.partition("=")

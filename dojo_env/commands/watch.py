@@ -13,7 +13,11 @@ from dojo_maps.command import Commands, add_command
 
 
 def add_watch(commands: Commands) -> None:
-    """Add the command to the parser."""
+    """Add the command to the parser.
+
+    Args:
+        commands: what `add_subparsers` made; the command is added to it.
+    """
     watch = add_command(
         commands,
         "watch",

@@ -27,7 +27,11 @@ _USUAL_RATE = 25.0
 
 
 def add_watch_video(commands: Commands) -> None:
-    """Add the command to the parser."""
+    """Add the command to the parser.
+
+    Args:
+        commands: what `add_subparsers` made; the command is added to it.
+    """
     watch = add_command(
         commands,
         "watch-video",

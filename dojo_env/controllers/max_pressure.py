@@ -53,6 +53,9 @@ def share_of_green(plan: SignalPlan, state: str, link: int, waiting: Counter[int
         state: the phase's letters.
         link: by its place in the state.
         waiting: vehicles by the link that they will take.
+
+    Returns:
+        Above 0 and at most 1.
     """
     if state[link] == "G":
         return 1.0

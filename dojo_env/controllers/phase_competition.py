@@ -64,6 +64,12 @@ def _layer(weights: Mapping[str, Array], name: str, values: Array) -> Array:
 def read_weights(path: Path) -> dict[str, Array]:
     """Read a policy's weights.
 
+    Args:
+        path: of the `.npz` file.
+
+    Returns:
+        Arrays by the names in `WEIGHTS`: of each layer its weight, (out, in), and its bias, (out,).
+
     Raises:
         PolicyError: the file is missing, damaged, or of other sizes.
     """

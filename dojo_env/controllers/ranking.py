@@ -11,6 +11,9 @@ def choose_best(values: Sequence[float], present: int) -> int:
     Args:
         values: one for each phase.
         present: the phase that is green.
+
+    Returns:
+        The phase's number, its place among the values.
     """
     best = max(values)
     count = len(values)

@@ -27,6 +27,9 @@ def choose_cameras(
         signals: at which cameras are placed.
         size: width and height of the pictures of those that are placed, pixels.
 
+    Returns:
+        The cameras, text by text, those that are placed signal by signal.
+
     Raises:
         ConfigError: a text is neither, or two cameras share a name.
     """
@@ -39,10 +42,16 @@ def choose_cameras(
 
 
 def check_cameras(texts: Sequence[str]) -> tuple[Path, ...]:
-    """See that each text is a name or a file of cameras; returns the files.
+    """See that each text is a name or a file of cameras.
+
+    Args:
+        texts: of `NAMES`, or paths of files that `write_cameras` wrote.
+
+    Returns:
+        The files among them, in their order.
 
     Raises:
-        ConfigError: it is neither.
+        ConfigError: one is neither, or its file cannot be read.
     """
     files = tuple(Path(text) for text in texts if text not in NAMES)
     for file in files:

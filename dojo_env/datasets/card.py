@@ -52,7 +52,14 @@ _CUT = 0.02
 
 
 def count_pictures(pictures: Iterable[PictureLabels]) -> Counts:
-    """Count what is in pictures; road users that are not asked for are counted apart."""
+    """Count what is in pictures; road users that are not asked for are counted apart.
+
+    Args:
+        pictures: of any splits and scenarios.
+
+    Returns:
+        What a card tells: `totals`, `boxes` by category, height and occlusion, and the card's tables.
+    """
     counts: dict[str, Counter[str]] = {name: Counter() for name in ("totals", "boxes", *_TITLES)}
     for picture in pictures:
         light, weather = tell_light(picture.conditions), tell_weather(picture.conditions)
@@ -75,7 +82,14 @@ def count_pictures(pictures: Iterable[PictureLabels]) -> Counts:
 
 
 def add_counts(parts: Iterable[Mapping[str, Mapping[str, int]]]) -> Counts:
-    """Add up the counts of parts."""
+    """Add up the counts of parts.
+
+    Args:
+        parts: of each what `count_pictures` gives.
+
+    Returns:
+        The counts of all of them, as `count_pictures` gives them.
+    """
     total: dict[str, Counter[str]] = {}
     for part in parts:
         for name, found in part.items():
@@ -84,14 +98,28 @@ def add_counts(parts: Iterable[Mapping[str, Mapping[str, int]]]) -> Counts:
 
 
 def tell_light(conditions: Conditions) -> str:
-    """Name the light of an hour."""
+    """Name the light of an hour.
+
+    Args:
+        conditions: only the hour counts.
+
+    Returns:
+        `day`, `dusk or dawn` or `night`.
+    """
     if 7.0 <= conditions.hour <= 18.5:
         return "day"
     return "dusk or dawn" if 5.0 <= conditions.hour <= 21.0 else "night"
 
 
 def tell_weather(conditions: Conditions) -> str:
-    """Name a weather."""
+    """Name a weather.
+
+    Args:
+        conditions: rain counts before fog, and that before clouds.
+
+    Returns:
+        `rain`, `fog`, `overcast` or `clear`.
+    """
     if conditions.rain > 0.05:
         return "rain"
     if conditions.fog > 0.002:
@@ -129,6 +157,9 @@ def write_card(facts: Mapping[str, Any], counts: Counts) -> str:
     Args:
         facts: `settings`, `command`, `versions` and `scenarios` of the data set.
         counts: of all of it.
+
+    Returns:
+        The card's text.
     """
     settings, totals = facts["settings"], counts["totals"]
     name = ", ".join(each["name"] for each in facts["scenarios"])

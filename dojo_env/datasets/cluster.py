@@ -18,7 +18,7 @@ _RETRIES = 5
 def run_on_cluster(
     settings: DatasetSettings, jobs: Sequence[Job], parts: Path, address: str, count: int
 ) -> Iterator[Job]:
-    """Make parts on a cluster's nodes; yields each episode when its part is written here.
+    """Make parts on a cluster's nodes.
 
     Args:
         settings: of the data set; scenarios and cameras are packaged names, or paths that all nodes have.
@@ -26,6 +26,9 @@ def run_on_cluster(
         parts: where their parts go.
         address: see `open_cluster`.
         count: parts made at once by a local one.
+
+    Yields:
+        Each episode, when its part is written here.
 
     Raises:
         ConfigError: Ray is not installed, or no cluster answers.

@@ -75,6 +75,9 @@ def simulate(
         cameras: that take the pictures.
         sampling: when.
 
+    Returns:
+        The instants of which pictures are taken, in the order of time.
+
     Raises:
         SimulationError: SUMO refuses the scenario, or stopped.
     """

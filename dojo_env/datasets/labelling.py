@@ -48,7 +48,15 @@ class Thresholds:
     least_visible: float = 0.1
 
     def hides(self, pixels: int, visible: float) -> bool:
-        """Tell whether too little of a road user shows."""
+        """Tell whether too little of a road user shows.
+
+        Args:
+            pixels: visible ones.
+            visible: share of the pixels that would show if nothing stood in front, 0 to 1.
+
+        Returns:
+            True where either is below its threshold.
+        """
         return pixels < self.least_pixels or visible < self.least_visible
 
 
@@ -80,6 +88,9 @@ class Instant:
             picture: of this instant, with all of `OUTPUTS`.
             tracks: numbers road users.
             thresholds: who is asked for.
+
+        Returns:
+            The labels, in the order of the picture's boxes.
         """
         boxes: Boxes = picture.boxes
         rows = np.array([self._rows[int(number)] for number in boxes.numbers], dtype=np.intp)
@@ -135,7 +146,14 @@ class Tracks:
         """Which of the episode's simulations it is; each has its own road users."""
 
     def number(self, number: int) -> int:
-        """Give a road user's track, from its number in the snapshot."""
+        """Give a road user's track; who is new gets the next one.
+
+        Args:
+            number: the road user's in the snapshot.
+
+        Returns:
+            The track, from 1, the same for the road user in all pictures of the simulation.
+        """
         return self._known.setdefault((self.run, number), len(self._known) + 1)
 
 
@@ -229,5 +247,12 @@ def _shares_outside(boxes: Floats, camera: Camera) -> Floats:
 
 
 def without_users(snapshot: Snapshot) -> Snapshot:
-    """Give the same instant with empty roads."""
+    """Give the same instant with empty roads.
+
+    Args:
+        snapshot: of the instant; it stays as it is.
+
+    Returns:
+        Its time and the signals' letters, and nobody on the road.
+    """
     return Snapshot(time=snapshot.time, signals=snapshot.signals)

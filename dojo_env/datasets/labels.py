@@ -143,7 +143,14 @@ class ObjectLabel:
         return sum(self.visible < limit for limit in (0.9, 0.5))
 
     def cut_box(self, camera: Camera) -> Box:
-        """Give the box of all of it that lies in the picture, hidden or not: cut at the border."""
+        """Give the box of all of it that lies in the picture, hidden or not: cut at the border.
+
+        Args:
+            camera: that took the picture.
+
+        Returns:
+            Left, top, right, bottom, pixels; it holds `box`, too.
+        """
         left, top, right, bottom = self.whole_box
         return (
             min(max(left, 0.0), self.box[0]),

@@ -78,8 +78,16 @@ def make_part(settings: DatasetSettings, job: Job, folder: Path) -> None:
 def scenario_config(settings: DatasetSettings, scenario: str, controller: str = "fixed-time") -> EnvConfig:
     """Settle how a scenario is simulated.
 
+    Args:
+        settings: of the data set.
+        scenario: its name or path.
+        controller: name of who sets the signals.
+
+    Returns:
+        The configuration. Where sequences ask for less than a second between frames, that is SUMO's step.
+
     Raises:
-        ConfigError: it cannot be.
+        ConfigError: there is no such scenario, or it cannot be simulated so.
     """
     more: dict[str, Any] = {}
     interval = settings.interval or 1.0
@@ -111,13 +119,33 @@ class Stage:
         self.name = self.world.config.scenario.name
 
     def list_cameras(self, split: str) -> tuple[Camera, ...]:
-        """List the cameras that take the pictures of a split."""
+        """List the cameras that take the pictures of a split.
+
+        Args:
+            split: `train`, `val` or `test`.
+
+        Returns:
+            Its own cameras where cameras are divided among the splits, else all of them.
+        """
         return tuple(self._divided.get(split, self.cameras))
 
 
 @lru_cache(maxsize=_WORLDS_KEPT)
 def open_scenario(settings: DatasetSettings, scenario: str, controller: str) -> LocalWorld:
-    """Open a scenario as a controller wants it."""
+    """Open a scenario as a controller wants it.
+
+    Args:
+        settings: of the data set.
+        scenario: its name or path.
+        controller: name of who sets the signals.
+
+    Returns:
+        The world, with no episode running. The last few that were opened are kept and given again.
+
+    Raises:
+        ConfigError: there is no such scenario, or it cannot be simulated so.
+        SimulationError: SUMO refuses the scenario, or stopped.
+    """
     world = LocalWorld(scenario_config(settings, scenario, controller))
     world.prepare()
     return world
@@ -134,8 +162,13 @@ def take_pictures(settings: DatasetSettings, job: Job, tree: Path) -> Iterator[P
         job: the episode.
         tree: folder that stands for the data set's.
 
+    Yields:
+        The labels of a picture that is written, in the order of the pictures' numbers.
+
     Raises:
         ConfigError: the scenario gives too few.
+        SimulationError: SUMO refuses the scenario, or stopped.
+        WriteError: a picture cannot be written.
     """
     random = np.random.default_rng(job.seed)
     controller = settings.controllers[int(random.integers(len(settings.controllers)))]

@@ -269,6 +269,9 @@ def divide_among(settings: DatasetSettings, things: Sequence[Thing], what: str) 
         things: to divide.
         what: one of them is called, for the message.
 
+    Returns:
+        The things of each split, at least one.
+
     Raises:
         ConfigError: there are fewer things than splits.
     """

@@ -62,6 +62,9 @@ def draw_conditions(texts: Sequence[str], seed: int) -> Conditions:
         texts: one is chosen, each as likely as the others; see `read_ranges`.
         seed: the same seed and texts give the same conditions.
 
+    Returns:
+        The conditions; their hour is from 0 to below 24.
+
     Raises:
         ConfigError: see `read_ranges`.
     """

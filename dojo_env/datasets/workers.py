@@ -35,7 +35,11 @@ class Worker:
             theirs.close()
 
     def begin(self, call: Call) -> None:
-        """Hand it a call."""
+        """Hand it a call.
+
+        Args:
+            call: a function and its arguments, which can be pickled. `end` waits for it, before the next one.
+        """
         with contextlib.suppress(OSError):  # `end` tells that it is gone.
             self.pipe.send(call)
 
@@ -68,7 +72,14 @@ class Worker:
 
 
 def run_calls(calls: Sequence[Call], count: int) -> Iterator[int]:
-    """Make calls in processes, at most `count` at once; yields the place of each when it is done.
+    """Make calls in processes.
+
+    Args:
+        calls: functions and their arguments, which can be pickled; they begin in this order.
+        count: of processes at once.
+
+    Yields:
+        The place of a call in `calls`, when it is done.
 
     Raises:
         SimulationDiedError: a process has died.

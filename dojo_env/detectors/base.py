@@ -68,7 +68,14 @@ class Detections:
         return len(self.boxes)
 
     def take(self, rows: NDArray[np.intp] | NDArray[np.bool_]) -> "Detections":
-        """Choose rows, by their numbers or by a mask."""
+        """Choose rows, by their numbers or by a mask.
+
+        Args:
+            rows: their numbers, in the order wanted, or an (n,) mask.
+
+        Returns:
+            These rows alone.
+        """
         return Detections(boxes=self.boxes[rows], scores=self.scores[rows], kinds=self.kinds[rows])
 
 
@@ -85,6 +92,9 @@ class DetectorModel(Protocol):
 
         Args:
             picture: (h, w, 3), red first.
+
+        Returns:
+            Who is in it, the surest first.
         """
         ...
 

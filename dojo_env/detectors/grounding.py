@@ -104,7 +104,15 @@ class Placements:
 
 
 def build_grid(road_map: RoadMap, cameras: Sequence[Camera]) -> LaneGrid:
-    """Lay places along all lanes, and ways across junctions, that are near enough to some camera."""
+    """Lay places along lanes, ways across junctions and parking cars that are near enough to some camera.
+
+    Args:
+        road_map: the map.
+        cameras: at least one.
+
+    Returns:
+        The places, half a metre apart and no more than 160 m from a camera, level.
+    """
     eyes = np.array([camera.position[:2] for camera in cameras])
     ways = [(lane.id, lane.shape) for lane in road_map.lanes if lane.kind in _LANE_KINDS]
     ways += [("", connection.shape) for connection in road_map.connections]
@@ -171,9 +179,14 @@ class Grounding:
         self.heights = np.where((shown >= _LEAST_IN_VIEW * sizes) & (heights >= _LEAST_HEIGHT), heights, 0.0)
 
     def expect(self, kind: Kind) -> Floats:
-        """Give the box that a vehicle of a kind has at each place: (n, 4) pixels, cut at the picture's edges.
+        """Give the box that a vehicle of a kind has at each place.
 
-        It is nan where the vehicle is not wholly before the camera.
+        Args:
+            kind: one of `SIZES`.
+
+        Returns:
+            (n, 4) left, top, right and bottom, pixels, cut at the picture's edges; nan where the vehicle is
+            not wholly before the camera. It is kept: do not change it.
         """
         if kind not in self._expected:
             size = np.tile([self.camera.width, self.camera.height], 2)
@@ -181,7 +194,14 @@ class Grounding:
         return self._expected[kind]
 
     def locate(self, detections: Detections) -> Placements:
-        """Find where detections stand; people on foot and what fits nowhere are left out."""
+        """Find where detections stand; people on foot and what fits nowhere are left out.
+
+        Args:
+            detections: in a whole picture of this camera.
+
+        Returns:
+            A row for each that stands on the road, in the detections' order.
+        """
         found = []
         spread = _find_hidden_edges(detections.boxes)
         for number, kind in enumerate(detections.kinds.tolist()):

@@ -108,7 +108,14 @@ class LaneWatch:
         return tuple(self._tracker.tracks)
 
     def name_lane(self, track: Track) -> str:
-        """Give the id of the lane that a track is on; "" on a junction."""
+        """Give the id of the lane that a track is on.
+
+        Args:
+            track: one of `tracks`.
+
+        Returns:
+            The id, also of a lane that is not measured; "" on a junction and where cars park.
+        """
         return self._grid.lanes[track.lane]
 
     def update(self, time: float, detections: Sequence[Detections]) -> LaneMeasurements:
@@ -117,6 +124,9 @@ class LaneWatch:
         Args:
             time: seconds; later than the last one's.
             detections: of each camera, in whole pictures.
+
+        Returns:
+            The figures of `lanes`, in their order.
         """
         self._tracker.update(
             time, [each for camera, found in enumerate(detections) for each in self._list(camera, found)]
@@ -182,5 +192,14 @@ class LaneWatch:
 
 
 def shift(detections: Detections, left: int, top: int) -> Detections:
-    """Turn detections of a part of a picture into detections of the whole, where that part begins."""
+    """Turn detections of a part of a picture into detections of the whole.
+
+    Args:
+        detections: boxes in pixels of the part.
+        left: where the part begins in the whole, pixels.
+        top: the same, downwards.
+
+    Returns:
+        New ones, with boxes in pixels of the whole.
+    """
     return replace(detections, boxes=detections.boxes + np.array([left, top, left, top], np.float64))

@@ -220,12 +220,16 @@ _MANY = range(2, 1 << 16)
 
 
 def list_windows(height: int, width: int, settings: DetectorSettings) -> list[tuple[int, int, int, int]]:
-    """List the parts of a picture that are looked at: left, top, right, bottom of each tile.
+    """List the parts of a picture that are looked at.
 
     Args:
         height: of the picture, pixels.
         width: pixels.
         settings: the tiles.
+
+    Returns:
+        Left, top, right and bottom of each, pixels, row by row; the whole picture where it is no larger
+        than a tile, or where none are cut.
     """
     side = settings.tile or max(height, width)
     step = max(1, round(side * (1 - settings.tile_overlap)))

@@ -20,7 +20,14 @@ class Fit(NamedTuple):
     shift: tuple[float, float]
 
     def to_picture(self, boxes: Floats) -> Floats:
-        """Turn boxes of the input, (n, 4) pixels, into boxes of the picture."""
+        """Turn boxes of the input into boxes of the picture.
+
+        Args:
+            boxes: (n, 4) left, top, right and bottom, pixels of the input.
+
+        Returns:
+            (n, 4) pixels of the picture, not cut at its edges.
+        """
         return (boxes - np.tile(self.shift, 2)) / np.tile(self.scale, 2)
 
 
@@ -81,7 +88,14 @@ class Scaling:
         return canvas, Fit((new[0] / wide, new[1] / high), (float(left), float(top)))
 
     def normalise(self, image: Image) -> NDArray[np.float32]:
-        """Give an image, (h, w, 3), the values that the network wants: (h, w, 3) float32."""
+        """Give an image the values that the network wants.
+
+        Args:
+            image: (h, w, 3) uint8 RGB.
+
+        Returns:
+            (h, w, 3) float32, channels in `order`.
+        """
         ordered = image if self.order == "rgb" else image[:, :, ::-1]
         slope = np.float32(1 / 255) / np.array(self.deviation, np.float32)
         offset = np.array(self.mean, np.float32) / np.array(self.deviation, np.float32)

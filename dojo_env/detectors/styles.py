@@ -78,6 +78,9 @@ def guess_style(outputs: Outputs, height: int, width: int) -> str | None:
         outputs: for one picture.
         height: of the input, pixels.
         width: of the input, pixels.
+
+    Returns:
+        Its name; None where the outputs fit none.
     """
     for name, style in DETECTOR_STYLES.items():
         if style.count_classes(outputs, height, width) is not None:

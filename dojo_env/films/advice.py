@@ -138,6 +138,9 @@ class Advisor:
 
         Args:
             measured: of lanes, later than the last ones; others are taken to be empty.
+
+        Returns:
+            One for each signal of `plans`, in their order, whether a decision was due or not.
         """
         time, measured = measured.time, _complete(measured, self._lanes)
         for switch in self._switches.values():

@@ -18,8 +18,12 @@ _STRIP = 24
 def draw_look(look: Look, backdrop: Backdrop) -> Image:
     """Draw what a look has told.
 
+    Args:
+        look: its frame stays as it is.
+        backdrop: the lanes, for frames of this size.
+
     Returns:
-        (h, w, 3) uint8 RGB, h and w even: the frame, and below it a line for each signal.
+        (h, w, 3) uint8 RGB, h and w even: the frame, and below it the time and a line for each signal.
     """
     picture = look.frame.picture
     drawn = np.where(backdrop.lines.any(axis=2, keepdims=True), picture // 2 + backdrop.lines // 2, picture)

@@ -66,6 +66,9 @@ class Measurer(Protocol):
         Args:
             time: seconds; later than the last one's.
             found: in the whole picture.
+
+        Returns:
+            The lanes as they are at that time, and one row for each road user that was found.
         """
         ...
 

@@ -51,11 +51,33 @@ class Place(Protocol):
     lanes: tuple[str, ...]
 
     def measure(self, width: int, height: int) -> Measurer:
-        """Make what measures frames of a size, pixels."""
+        """Make what measures frames of a size.
+
+        Args:
+            width: pixels.
+            height: pixels.
+
+        Returns:
+            What follows road users from frame to frame; nobody has been seen yet.
+
+        Raises:
+            ConfigError: the frames are not shaped as the pictures that the place is known by.
+        """
         ...
 
     def draw(self, width: int, height: int) -> Backdrop:
-        """Draw the lanes for frames of a size, pixels."""
+        """Draw the lanes for frames of a size.
+
+        Args:
+            width: pixels.
+            height: pixels.
+
+        Returns:
+            What lies over every frame.
+
+        Raises:
+            ConfigError: the frames are not shaped as the pictures that the place is known by.
+        """
         ...
 
 

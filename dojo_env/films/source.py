@@ -60,8 +60,12 @@ def read_frames(source: str, *, every: float = 1.0, rate: float | None = None) -
         every: seconds from look to look.
         rate: pictures a second of a folder (default 1), or of a film that tells none or a wrong one.
 
+    Returns:
+        The frames in the order of time, read one by one; what cannot be read is told as they are asked for.
+
     Raises:
         FilmError: there is none, it is of no known kind, it cannot be read, or a stream gives no picture.
+        PhotographError: a picture of the folder cannot be read.
     """
     if source.startswith(STREAMS):
         return _read_stream(source, every)

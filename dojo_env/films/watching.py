@@ -66,6 +66,9 @@ def watch_film(
         place: that they show.
         advisor: None only measures.
 
+    Yields:
+        What each frame tells, in their order.
+
     Raises:
         ConfigError: the frames are not all of one size, or not as the place is known.
     """

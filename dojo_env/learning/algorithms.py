@@ -54,6 +54,9 @@ def build_model(training: Training, environments: Any) -> Any:
 
     Returns:
         A model of Stable-Baselines3's, or an `Independent` of as many as there are signals.
+
+    Raises:
+        ConfigError: DQN's replay buffer needs more memory than this machine has.
     """
     if training.agents == "independent":
         return Independent(training, environments, build_model)
@@ -97,7 +100,16 @@ def _fall(rate: float, left: float) -> float:
 
 
 def build_policy(training: Training, observed: spaces.Space[Any], actions: spaces.Space[Any]) -> BasePolicy:
-    """Build the same policy without its algorithm, for another learner; images are (3, h, w) here."""
+    """Build the policy that `build_model` would train, without its algorithm, for another learner.
+
+    Args:
+        training: the run's settings.
+        observed: what one signal observes; images are (3, h, w).
+        actions: the phases to choose from.
+
+    Returns:
+        A policy with fresh weights.
+    """
     policy, settings = describe_policy(training, observed)
     return policy(observed, actions, lambda _: 0.0, **settings)
 
@@ -111,6 +123,10 @@ def build_policies(
         training: the run's settings.
         observed: what one signal observes; images are (3, h, w).
         phases: how many each signal has.
+
+    Returns:
+        One policy for all, with as many actions as the most phases; or, of independent learners, one for each
+        signal in the order of `phases`.
     """
     if training.agents != "independent":
         return build_policy(training, observed, spaces.Discrete(max(phases)))
@@ -122,6 +138,12 @@ def average_weights(policy: BasePolicy | Policies) -> AveragedModel:
 
     The n-th counts as n ** 4 does (polynomial-decay averaging, Shamir and Zhang 2013): the average is mostly
     that of the last fifth.
+
+    Args:
+        policy: is copied; its present weights do not count.
+
+    Returns:
+        The copy, in `module`, with what updates it.
     """
     return AveragedModel(policy, avg_fn=lambda mean, last, count: mean.lerp(last, 5 / (count + 5)))
 
@@ -129,7 +151,15 @@ def average_weights(policy: BasePolicy | Policies) -> AveragedModel:
 def describe_policy(
     training: Training, observed: spaces.Space[Any]
 ) -> tuple[type[BasePolicy], dict[str, Any]]:
-    """Tell the policy's class, and its settings."""
+    """Tell the policy's class, and its settings.
+
+    Args:
+        training: the run's settings.
+        observed: what one signal observes; it only matters whether that is a dict.
+
+    Returns:
+        The class, and keywords for it beside spaces and learning rate: Stable-Baselines3's `policy_kwargs`.
+    """
     settings: dict[str, Any] = {"net_arch": [128] if training.sees else [128, 128]}
     if training.sees:
         settings["normalize_images"] = False  # The network does, pixel by pixel.

@@ -29,15 +29,28 @@ _BUFFERED = ("observations", "next_observations", "actions", "rewards", "dones",
 
 
 def save_policy(policy: BasePolicy | Policies, path: Path) -> None:
-    """Write the weights alone."""
+    """Write the weights alone.
+
+    Args:
+        policy: of one signal or several.
+        path: of the file, which is replaced whole.
+
+    Raises:
+        UsageError: the path is a folder, or lies in none.
+        WriteError: the disk is full, or the folder cannot be written.
+    """
     save_tensors(policy.state_dict(), path)
 
 
 def load_policy(policy: BasePolicy | Policies, path: Path) -> None:
     """Take weights from a file.
 
+    Args:
+        policy: built with the settings that the weights were trained with; it is changed in place.
+        path: of the file that `save_policy` wrote.
+
     Raises:
-        RunFileError: they are no weights, or those of another policy.
+        RunFileError: the file is missing or damaged, or holds no weights, or those of another policy.
     """
     try:
         policy.load_state_dict(load_tensors(path))
@@ -49,7 +62,17 @@ def load_policy(policy: BasePolicy | Policies, path: Path) -> None:
 
 
 def save_checkpoint(model: BaseAlgorithm | Independent, path: Path, known: dict[str, Any]) -> None:
-    """Write all that the next update depends on, between two episodes; and what the caller knows."""
+    """Write all that the next update depends on, between two episodes; and what the caller knows.
+
+    Args:
+        model: the algorithm, or one per signal.
+        path: of the file, which is replaced whole.
+        known: tensors and plain values, at least those of `Curve.known`, which `read_checkpoint` asks for.
+
+    Raises:
+        UsageError: the path is a folder, or lies in none.
+        WriteError: the disk is full, or the folder cannot be written.
+    """
     first, *others = model.models if isinstance(model, Independent) else [model]
     save_tensors(
         {**_read_state(first), "others": [_read_state(other) for other in others], "known": known}, path
@@ -70,8 +93,14 @@ def _read_state(model: BaseAlgorithm) -> dict[str, Any]:
 def read_checkpoint(path: Path) -> dict[str, Any]:
     """Read a checkpoint.
 
+    Args:
+        path: of the file that `save_checkpoint` wrote.
+
+    Returns:
+        What `restore_checkpoint` takes; what the caller knew is under `known`.
+
     Raises:
-        RunFileError: it is none.
+        RunFileError: the file is missing or damaged, or is no checkpoint.
     """
     state = load_tensors(path)
     if not isinstance(state, dict) or not state.keys() >= _STATE or not are_known(state.get("known")):
@@ -80,7 +109,14 @@ def read_checkpoint(path: Path) -> dict[str, Any]:
 
 
 def are_known(known: Any) -> bool:
-    """Tell whether a checkpoint knows what a run's curve needs: its rows so far, and the best of them."""
+    """Tell whether a checkpoint knows what a run's curve needs: its rows so far, and the best of them.
+
+    Args:
+        known: whatever a file holds in its place.
+
+    Returns:
+        True where `rows` are dicts with whole `steps`, and `best`, if it is there, is a float.
+    """
     rows = known.get("rows") if isinstance(known, dict) else None
     return (
         isinstance(rows, list)
@@ -92,7 +128,15 @@ def are_known(known: Any) -> bool:
 def restore_checkpoint(
     model: BaseAlgorithm | Independent, state: dict[str, Any], path: Path
 ) -> dict[str, Any]:
-    """Put a model where it was; returns what the caller knew.
+    """Put a model, and the random numbers of torch and numpy, where they were.
+
+    Args:
+        model: built with the same settings; it is changed in place.
+        state: what `read_checkpoint` gave.
+        path: of the file, for errors.
+
+    Returns:
+        What the caller knew.
 
     Raises:
         RunFileError: the checkpoint is another run's.

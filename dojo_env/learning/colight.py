@@ -24,7 +24,15 @@ class NeighbourAttention(BaseFeaturesExtractor):
         self._attend = nn.MultiheadAttention(_WIDTH, _HEADS, batch_first=True)
 
     def forward(self, observations: Any) -> torch.Tensor:
-        """Turn (n, ...) observations into (n, features)."""
+        """Describe each signal's own observation and what it attends to near it.
+
+        Args:
+            observations: n of `network_observations.Neighbours`, by name: `own` (n, w), `everyone`
+                (n, signals, w) and `near` (n, signals).
+
+        Returns:
+            (n, features), one half from `own`, the other from those that are near.
+        """
         own, everyone = self._embed(observations["own"]), self._embed(observations["everyone"])
         far = observations["near"] == 0
         attended, _ = self._attend(own[:, None], everyone, everyone, key_padding_mask=far, need_weights=False)

@@ -23,7 +23,19 @@ _SEEDS_PER_RUN = 1_000_000
 
 
 def open_environments(training: Training, *, done: int = 0) -> VecEnv:
-    """Open a run's environments as they are after so many steps."""
+    """Open a run's environments as they are after so many steps.
+
+    Args:
+        training: the run's settings.
+        done: steps of all environments together; the episodes' seeds go on from there.
+
+    Returns:
+        An environment per process, or, with several signals, one for each of its signals.
+
+    Raises:
+        ConfigError: the encoder is unknown, a package of it is missing, or its file is none.
+        SimulationError: an environment's process ends at its start.
+    """
     start = _first_seed(training, done)
     makers = [
         partial(_make, training, start + index, training.processes) for index in range(training.processes)
@@ -32,7 +44,20 @@ def open_environments(training: Training, *, done: int = 0) -> VecEnv:
 
 
 def open_evaluation(training: Training, seeds: Sequence[int], **changes: Any) -> VecEnv:
-    """Open an environment per seed; every episode of each has the same seed."""
+    """Open an environment per seed; every episode of each has the same seed.
+
+    Args:
+        training: the run's settings.
+        seeds: one for each environment.
+        changes: settings of the environment that take the place of the training's.
+
+    Returns:
+        An environment per seed, or, with several signals, one for each of its signals.
+
+    Raises:
+        ConfigError: the encoder is unknown, a package of it is missing, or its file is none.
+        SimulationError: an environment's process ends at its start.
+    """
     makers = [partial(_make, training, seed, 0, **changes) for seed in seeds]
     return _start(makers, training)
 
@@ -42,6 +67,13 @@ def open_environment(settings: Any) -> gymnasium.Env[Any, Any]:
 
     Args:
         settings: `training`; `done`, the run's steps so far; and RLlib's `worker_index`, from 1.
+
+    Returns:
+        The environment, whose episodes have the seeds that are this worker's; with an encoder, it shows
+        features.
+
+    Raises:
+        ConfigError: a setting of the environment cannot work, or the encoder cannot be loaded.
     """
     training: Training = settings["training"]
     start = _first_seed(training, settings["done"])
@@ -63,14 +95,28 @@ class ChannelsFirst(gymnasium.ObservationWrapper[Any, Any, Any]):
         self.observation_space = turn_images(env.observation_space)
 
     def observation(self, observation: Any) -> Any:
-        """Turn an image, or each of several."""
+        """Turn an image, or each of several.
+
+        Args:
+            observation: (h, w, 3), or a mapping of such by the view's name.
+
+        Returns:
+            (3, h, w), or a dict of such; they share memory with what came.
+        """
         if isinstance(observation, Mapping):
             return {name: image.transpose(2, 0, 1) for name, image in observation.items()}
         return observation.transpose(2, 0, 1)
 
 
 def turn_images(observed: Any) -> spaces.Space[Any]:
-    """Describe images, or a dict of them, as (3, h, w)."""
+    """Describe images, or a dict of them, as (3, h, w).
+
+    Args:
+        observed: the space of images (h, w, 3), or a dict of such.
+
+    Returns:
+        The same space with its axes turned.
+    """
     if not isinstance(observed, spaces.Dict):
         turned: spaces.Space[Any] = VecTransposeImage.transpose_space(observed)
         return turned

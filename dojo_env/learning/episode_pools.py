@@ -22,7 +22,14 @@ class Mapper(Protocol):
 
 @contextmanager
 def open_processes(count: int) -> Iterator[Mapper]:
-    """Open processes of this machine to simulate in."""
+    """Open processes of this machine to simulate in.
+
+    Args:
+        count: processes, each of which does one thing at a time.
+
+    Yields:
+        What runs a function on many values in them; all of these can be pickled.
+    """
     with ProcessPoolExecutor(count, mp_context=get_context("spawn")) as pool:
         yield lambda function, values: list(pool.map(function, values))
 
@@ -34,6 +41,9 @@ def open_nodes(address: str, count: int) -> Iterator[Mapper]:
     Args:
         address: see `open_cluster`.
         count: episodes at once, where the address is `local`.
+
+    Yields:
+        What runs a function on many values on the nodes.
 
     Raises:
         ConfigError: no cluster answers.

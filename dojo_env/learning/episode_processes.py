@@ -53,7 +53,18 @@ class Processes(SubprocVecEnv):
         VecEnv.__init__(self, len(makers), *spaces[0])
 
     def get_attr(self, attr_name: str, indices: VecEnvIndices = None) -> list[Any]:  # noqa: ARG002
-        """Tell what Stable-Baselines3 asks for: nothing is shown."""
+        """Tell what Stable-Baselines3 asks for: nothing is shown.
+
+        Args:
+            attr_name: `render_mode`; the processes answer for no other attribute.
+            indices: has no effect: all environments are alike.
+
+        Returns:
+            None for each environment.
+
+        Raises:
+            AttributeError: something else is asked for.
+        """
         if attr_name != "render_mode":
             raise AttributeError(attr_name)
         return [None] * self.num_envs

@@ -20,8 +20,15 @@ def evaluate(policy: Any, environments: VecEnv) -> tuple[list[dict[str, Any]], l
 
     Episodes have one length, so they end together.
 
+    Args:
+        policy: what has Stable-Baselines3's `predict`; it does not explore.
+        environments: as `open_evaluation` opens them.
+
     Returns:
         The figures of each, in the environments' order, and every `info` of the first.
+
+    Raises:
+        SimulationError: an environment's process has ended.
     """
     seen, first = environments.reset(), []
     while True:
@@ -35,10 +42,21 @@ def evaluate(policy: Any, environments: VecEnv) -> tuple[list[dict[str, Any]], l
 def run_policy(
     training: Training, folder: Path, seeds: Sequence[int], **changes: Any
 ) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
-    """Evaluate a trained policy, an episode per seed; `changes` are settings of the environment.
+    """Evaluate a trained policy, an episode per seed.
+
+    Args:
+        training: the settings that it was trained with.
+        folder: of its run, where its weights are.
+        seeds: of the episodes.
+        changes: settings of the environment that take the place of the training's.
 
     Returns:
         What `evaluate` does.
+
+    Raises:
+        RunFileError: the folder holds no weights, or those of another policy.
+        ConfigError: the encoder cannot be loaded.
+        SimulationError: an environment's process has ended.
     """
     prepare_process()
     environments = open_evaluation(training, seeds, **changes)

@@ -21,6 +21,9 @@ def open_logger(
         tensorboard: write event files.
         wandb: the project of Weights & Biases; None for none.
 
+    Returns:
+        The logger, which is to be closed; without either of them it writes nothing.
+
     Raises:
         ConfigError: Weights & Biases cannot be reached.
     """
@@ -55,7 +58,13 @@ class WeightsAndBiases(KVWriter):
     def write(
         self, key_values: dict[str, Any], key_excluded: dict[str, tuple[str, ...]], step: int = 0
     ) -> None:
-        """Log the numbers among the figures."""
+        """Log the numbers among the figures.
+
+        Args:
+            key_values: figures by name; what is no number is left out.
+            key_excluded: has no effect here.
+            step: how far the run is, which is where the figures are drawn.
+        """
         del key_excluded  # It names writers that others leave figures out for.
         numbers = {name: value for name, value in key_values.items() if isinstance(value, Real)}
         self._run.log(numbers, step=step)

@@ -39,7 +39,15 @@ class PhasePairs(BaseFeaturesExtractor):
         self._value = nn.Sequential(nn.Linear(_DEMAND + 1, _PAIR), nn.ReLU(), nn.Linear(_PAIR, 1))
 
     def forward(self, observations: Any) -> torch.Tensor:
-        """Judge (n, ...) observations; returns (n, phases + 1), -1e6 where there is no phase."""
+        """Judge n junctions at once.
+
+        Args:
+            observations: n of `network_observations.Movements`, by name: `movements` (n, m, features),
+                `serves` (n, phases, m), `mask` (n, phases) and `may_change` (n, 1).
+
+        Returns:
+            (n, phases + 1): the phases' scores, -1e6 where there is no phase, and the worth of the state.
+        """
         serves, mask = observations["serves"], observations["mask"]
         demand = serves @ self._movement(observations["movements"])
         may_change = observations["may_change"][:, None].expand(-1, self._phases, -1)

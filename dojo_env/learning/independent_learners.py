@@ -42,6 +42,9 @@ class Turns:
     def wait(self, who: int) -> None:
         """Wait for one's turn.
 
+        Args:
+            who: the number of the thread that waits, from 0.
+
         Raises:
             StoppedError: it will not come.
         """
@@ -51,7 +54,11 @@ class Turns:
                 raise StoppedError
 
     def hand_on(self, who: int) -> None:
-        """Let the next one run."""
+        """Let the next one run.
+
+        Args:
+            who: the number of the thread whose turn it was; after the last, the first is next.
+        """
         with self._changed:
             self._turn = (who + 1) % self._count
             self._changed.notify_all()
@@ -75,7 +82,14 @@ class Seat(VecEnvWrapper):
         self._table, self._who = table, who
 
     def seed(self, seed: int | None = None) -> list[int | None]:
-        """Episodes have seeds already."""
+        """Episodes have seeds already.
+
+        Args:
+            seed: has no effect.
+
+        Returns:
+            The same value for each environment.
+        """
         return [seed] * self.num_envs
 
     def reset(self) -> Any:
@@ -85,7 +99,11 @@ class Seat(VecEnvWrapper):
         return self._own(self._table.seen)
 
     def step_async(self, actions: NDArray[Any]) -> None:
-        """Note what this signal does."""
+        """Note what this signal does.
+
+        Args:
+            actions: (environments,) a phase in each.
+        """
         self._table.actions[:, self._who] = actions
 
     def step_wait(self) -> Any:
@@ -122,7 +140,15 @@ class Policies(torch.nn.ModuleList):
     """A policy per signal, each of which acts for its own."""
 
     def predict(self, seen: Any, *, deterministic: bool) -> tuple[NDArray[Any], None]:
-        """Act for every signal: all of the first environment, then all of the second."""
+        """Act for every signal: all of the first environment, then all of the second.
+
+        Args:
+            seen: (environments * signals, ...) in this order, or a dict of such.
+            deterministic: take the best action rather than draw one.
+
+        Returns:
+            (environments * signals,) phases in the same order; and None, since nothing is remembered.
+        """
         parts = [change_each(itemgetter(slice(who, None, len(self))), seen) for who in range(len(self))]
         acted = [
             policy.predict(part, deterministic=deterministic)[0]
@@ -159,7 +185,11 @@ class Independent:
         self._callback: BaseCallback | None = None
 
     def set_logger(self, logger: Logger) -> None:
-        """Log the figures of all there; the models' own losses nowhere."""
+        """Log the figures of all there; the models' own losses nowhere.
+
+        Args:
+            logger: what the run's callback logs to.
+        """
         self.logger = logger
         for model in self.models:
             model.set_logger(Logger(None, []))
@@ -174,14 +204,31 @@ class Independent:
             self._callback.on_step()
 
     def yield_turn(self, who: int) -> None:
-        """Let all others run until it is one's turn again."""
+        """Let all others run until it is one's turn again.
+
+        Args:
+            who: the number of the model whose thread calls.
+
+        Raises:
+            StoppedError: another thread failed, or the user interrupted.
+        """
         self._turns.hand_on(who)
         self._turns.wait(who)
 
     def learn(
         self, steps: int, callback: BaseCallback, *, log_interval: Any, reset_num_timesteps: bool
     ) -> None:
-        """Let all models learn for so many steps of their environments."""
+        """Let all models learn for so many steps of their environments.
+
+        Args:
+            steps: decisions of all environments together; those of an environment's signals count once.
+            callback: is told of the run as a single model tells it.
+            log_interval: as the models' own `learn` has it.
+            reset_num_timesteps: count from 0; False goes on from what the models have counted.
+
+        Raises:
+            Exception: whatever a model or the callback raised in a thread, once all threads have ended.
+        """
         self._callback = callback
         callback.init_callback(cast(BaseAlgorithm, self))
         self._turns = Turns(len(self.models))

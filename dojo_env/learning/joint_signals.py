@@ -54,7 +54,15 @@ class Stack:
         return take_row(self.observation_space)
 
     def stack(self, seen: Mapping[str, Any]) -> Any:
-        """Put the signals' observations into rows, (signals, ...)."""
+        """Put the signals' observations into rows.
+
+        Args:
+            seen: by the signal's id, of all signals.
+
+        Returns:
+            (signals, ...), or a dict of such where a signal observes one. Features are padded, and end with
+            a 1 in the signal's own place.
+        """
         if not self._places:
             return _join([seen[agent] for agent in self._agents])
         stacked = np.zeros(self.observation_space.shape or (), np.float32)
@@ -64,13 +72,28 @@ class Stack:
         return stacked
 
     def name_actions(self, actions: NDArray[Any]) -> dict[str, int]:
-        """Turn (signals,) numbers into each signal's phase."""
+        """Turn numbers into each signal's phase.
+
+        Args:
+            actions: (signals,) from 0; one beyond a signal's last phase counts on from its first.
+
+        Returns:
+            A phase by the signal's id.
+        """
         phases = actions % self.action_space.nvec
         return {agent: int(phase) for agent, phase in zip(self._agents, phases, strict=True)}
 
 
 def change_each(change: Callable[[Any], Any], value: Any) -> Any:
-    """Change an array, or each of a dict of arrays."""
+    """Change an array, or each of a dict of arrays.
+
+    Args:
+        change: gives what takes an array's place.
+        value: an array, or a dict of arrays.
+
+    Returns:
+        What `change` gave, or a new dict of that by name.
+    """
     return {name: change(part) for name, part in value.items()} if isinstance(value, dict) else change(value)
 
 
@@ -88,7 +111,14 @@ def _repeat(space: Any, count: int) -> spaces.Space[Any]:
 
 
 def take_row(space: Any) -> spaces.Space[Any]:
-    """Describe a row of a box of rows, or of each of a dict."""
+    """Describe a row of a box of rows, or of each of a dict.
+
+    Args:
+        space: (rows, ...) of values from 0, or a dict of such.
+
+    Returns:
+        (...), or a dict of such; its values go from 0 to the greatest of all rows.
+    """
     if isinstance(space, spaces.Dict):
         return spaces.Dict({name: take_row(part) for name, part in space.items()})
     return spaces.Box(0, space.high.max(), space.shape[1:], space.dtype)
@@ -105,12 +135,33 @@ class JointEnv(gymnasium.Env[Any, Any]):
         self.action_space = self._stack.action_space
 
     def reset(self, *, seed: int | None = None, **_options: Any) -> tuple[Any, dict[str, Any]]:
-        """Begin an episode."""
+        """Begin an episode.
+
+        Args:
+            seed: of the episode; None takes one that follows from the seed before.
+
+        Returns:
+            What the signals observe, as `Stack.stack` gives it, and the first signal's figures.
+
+        Raises:
+            SimulationError: SUMO refuses the scenario.
+        """
         seen, infos = self._env.reset(seed=seed)
         return self._stack.stack(seen), infos[self._agents[0]]
 
     def step(self, action: NDArray[Any]) -> tuple[Any, Any, bool, bool, dict[str, Any]]:
-        """Act."""
+        """Act, and simulate until the next decision.
+
+        Args:
+            action: (signals,) numbers, as `Stack.name_actions` takes them.
+
+        Returns:
+            What the signals observe, as `Stack.stack` gives it; (signals,) rewards; False, since nothing ends
+            before its time; whether the episode is over; and the first signal's figures.
+
+        Raises:
+            SimulationError: SUMO stopped.
+        """
         seen, rewards, _, ended, infos = self._env.step(self._stack.name_actions(action))
         first = self._agents[0]
         paid = np.array([rewards[agent] for agent in self._agents], np.float32)
@@ -145,7 +196,11 @@ class AgentsVecEnv(VecEnvWrapper):
         return self._flat(self.venv.reset())
 
     def step_async(self, actions: NDArray[Any]) -> None:
-        """Hand each joint environment its signals' actions."""
+        """Hand each joint environment its signals' actions.
+
+        Args:
+            actions: (environments * signals,) all of the first environment, then all of the second.
+        """
         self.venv.step_async(np.reshape(actions, (-1, self.agents)))
 
     def step_wait(self) -> Any:

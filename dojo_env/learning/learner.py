@@ -28,7 +28,15 @@ from dojo_maps.wording import counted
 
 
 def prepare_folder(training: Training, folder: Path) -> None:
-    """Make the folder of a new run; `check_folder` has seen that it is free."""
+    """Make the folder of a new run; `check_folder` has seen that it is free.
+
+    Args:
+        training: the run's settings, which are written into it.
+        folder: to make, with those around it where there are none.
+
+    Raises:
+        WriteError: the settings cannot be written.
+    """
     folder.mkdir(parents=True, exist_ok=True)
     write_training(training, folder / SETTINGS)
 
@@ -36,8 +44,15 @@ def prepare_folder(training: Training, folder: Path) -> None:
 def is_trained(training: Training, folder: Path) -> bool:
     """Tell whether a run has come to its end in a folder.
 
+    Args:
+        training: the run's settings.
+        folder: of the run; it may be missing.
+
+    Returns:
+        True where a policy is there, and the curve goes to the run's last step.
+
     Raises:
-        ConfigError: the folder holds another run.
+        ConfigError: the folder holds another run, or a file of it is damaged.
     """
     if not (folder / SETTINGS).is_file():
         return False

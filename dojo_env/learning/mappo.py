@@ -21,7 +21,15 @@ class OwnAndEveryone(BaseFeaturesExtractor):
         super().__init__(observation_space, own + count * width)
 
     def forward(self, observations: Any) -> torch.Tensor:
-        """Turn (n, ...) observations into (n, features)."""
+        """Put observations into rows.
+
+        Args:
+            observations: n of `network_observations.Neighbours`, by name: `own` (n, w) and `everyone`
+                (n, signals, w).
+
+        Returns:
+            (n, w + signals * w), the signal's own first.
+        """
         return torch.cat([observations["own"], observations["everyone"].flatten(1)], dim=1)
 
 

@@ -21,6 +21,12 @@ def build_view(shape: tuple[int, int, int]) -> nn.Sequential:
 
     Cars are a few pixels, lighter or darker than the road: the first layer keeps both signs. A car on the
     edge of two patches is whole in the second layer; nothing is pooled, so places stay apart.
+
+    Args:
+        shape: (channels, h, w) of an image.
+
+    Returns:
+        A network from (n, channels, h, w) to (n, `WIDTH`), with fresh weights.
     """
     stem = nn.Sequential(
         nn.Conv2d(shape[0], 8, 4, 4),
@@ -57,7 +63,16 @@ class Standard(nn.Module):
         self.register_buffer("running_scale", torch.full(shape, 1 / least))
 
     def forward(self, seen: torch.Tensor) -> torch.Tensor:
-        """Standardize (n, ...) in place: new memory would cost more than the sums."""
+        """Standardize in place: new memory would cost more than the sums.
+
+        While the network trains, mean and deviation take part of the values into account first.
+
+        Args:
+            seen: (n, ...) floats, which are changed.
+
+        Returns:
+            The same tensor, in deviations from the mean, none beyond 5.
+        """
         if self.training:
             self._note(seen[::_THINNED])
         return seen.sub_(self.running_mean).mul_(self.running_scale).clamp_(-_FARTHEST, _FARTHEST)
@@ -91,7 +106,15 @@ class ViewNet(BaseFeaturesExtractor):
         self._views = nn.ModuleList(built * len(shapes) if shared else built)
 
     def forward(self, seen: Any) -> torch.Tensor:
-        """Turn images (n, 3, h, w), 0 to 255, into (n, features); they are not to be used afterwards."""
+        """See each view, and put together what was seen.
+
+        Args:
+            seen: images (n, 3, h, w), floats from 0 to 255, or a dict of such by the view's name; they are
+                not to be used afterwards.
+
+        Returns:
+            (n, `WIDTH` * views), the views in order of their names.
+        """
         images = [seen[name] for name in self._names] if isinstance(seen, dict) else [seen]
         parts = zip(self._views, self._standards, images, strict=True)
         # What was (n, h, w, 3) still lies so in memory, where everything after takes three times as long.
@@ -108,5 +131,12 @@ class EncodedNet(BaseFeaturesExtractor):
         self._standard = Standard((size,), 1e-3)
 
     def forward(self, seen: torch.Tensor) -> torch.Tensor:
-        """Standardize (n, features)."""
+        """Standardize features.
+
+        Args:
+            seen: (n, features), which stay as they are.
+
+        Returns:
+            (n, features), in deviations from the mean, none beyond 5.
+        """
         return self._standard(seen.clone())

@@ -35,12 +35,26 @@ AS_TRAINED, ALL = "as-trained", "all"
 
 
 def list_conditions(training: Training) -> dict[str, dict[str, Any]]:
-    """List what a policy may meet, by name: settings of the environment."""
+    """List what a policy may meet.
+
+    Args:
+        training: of the policy; those that observe images meet `CAMERAS`, the others `DETECTORS`.
+
+    Returns:
+        Settings of the environment, by the condition's name.
+    """
     return CAMERAS if training.observation in IMAGES else DETECTORS
 
 
 def choose_for_controller(controller: Controller, names: Sequence[str]) -> dict[str, dict[str, Any]]:
     """Choose those of some conditions that a controller can meet; how it usually is where it can meet none.
+
+    Args:
+        controller: who is to meet them; one that leaves its signals to a program can meet none.
+        names: of `CAMERAS` or `DETECTORS`, or `all`.
+
+    Returns:
+        Settings of the environment, by the condition's name.
 
     Raises:
         ConfigError: a name is unknown.
@@ -59,6 +73,9 @@ def choose_conditions(training: Training, names: Sequence[str]) -> dict[str, dic
     Args:
         training: of the policy that meets them.
         names: of `CAMERAS` or `DETECTORS`, or `all`; none for how it was trained.
+
+    Returns:
+        Settings of the environment, by the condition's name; what such a policy cannot meet is left out.
 
     Raises:
         ConfigError: a name is unknown, or nothing of what is named can be met.

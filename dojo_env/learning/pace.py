@@ -18,14 +18,23 @@ class Pace:
         self._last = time.monotonic()
 
     def note(self, steps: int) -> None:
-        """Note how far the run is; says so if nothing was said for a while."""
+        """Note how far the run is; says so if nothing was said for a while.
+
+        Args:
+            steps: done so far, of the run's whole.
+        """
         if not self._seen or steps - self._seen[-1][1] >= self._total / 1000:
             self._seen.append((time.monotonic(), steps))
         if time.monotonic() - self._last > _TOLD_EVERY:
             self.say(steps)
 
     def say(self, steps: int, words: str = "") -> None:
-        """Say how far the run is."""
+        """Say how far the run is.
+
+        Args:
+            steps: done so far, of the run's whole.
+            words: what to tell right behind that, such as figures.
+        """
         self._last = time.monotonic()
         (begun, before), (now, after) = (self._seen[0], self._seen[-1]) if self._seen else ((0, 0), (0, 0))
         pace = (after - before) / (now - begun) if now > begun else 0.0

@@ -25,7 +25,11 @@ def prepare_process() -> None:
 
 @contextlib.contextmanager
 def threads(count: int) -> Iterator[None]:
-    """Compute on so many threads for a while; bits depend on their number, not on the machine's cores."""
+    """Compute on so many threads for a while; bits depend on their number, not on the machine's cores.
+
+    Args:
+        count: torch's threads as long as the context lasts.
+    """
     before = torch.get_num_threads()
     torch.set_num_threads(count)
     try:

@@ -33,7 +33,11 @@ class Curve:
         self.pace = Pace(training.whole_steps, tell)
 
     def resume(self, known: dict[str, Any]) -> None:
-        """Take what a checkpoint knew."""
+        """Take what a checkpoint knew.
+
+        Args:
+            known: as `known` told it.
+        """
         self.rows, self.best = known["rows"], known["best"]
 
     @property
@@ -42,13 +46,32 @@ class Curve:
         return {"rows": self.rows, "best": self.best}
 
     def add(self, steps: int, part: str, figures: list[dict[str, Any]]) -> dict[str, Any]:
-        """Add the means of some episodes' figures."""
+        """Add the means of some episodes' figures.
+
+        Args:
+            steps: the run's so far.
+            part: `training` or `validation`.
+            figures: an item per episode, each with all figures of `COLUMNS`.
+
+        Returns:
+            The curve's new row, by the names of `COLUMNS`.
+        """
         means = {name: float(np.mean([f[name] for f in figures])) for name in COLUMNS[2:]}
         self.rows.append({"steps": steps, "part": part, **means})
         return self.rows[-1]
 
     def validate(self, steps: int, policy: Any, environments: VecEnv) -> None:
-        """Measure a policy, keep it if it is the best so far, and write the curve."""
+        """Measure a policy, keep it if it is the best so far, and write the curve.
+
+        Args:
+            steps: the run's so far.
+            policy: what acts, and what is kept.
+            environments: of the validation; an episode is run in each.
+
+        Raises:
+            SimulationError: an environment's process has ended.
+            WriteError: the folder cannot be written.
+        """
         row = self.add(steps, "validation", evaluate(policy, environments)[0])
         if row[CHOSEN_BY] < self.best:
             self.best = row[CHOSEN_BY]
@@ -98,7 +121,12 @@ class Progress(BaseCallback):
         self._done_at = -1
 
     def resume(self, known: dict[str, Any], done: int) -> None:
-        """Take what was known when so many steps were done."""
+        """Take what was known when so many steps were done.
+
+        Args:
+            known: what the checkpoint gave back.
+            done: steps of all environments together; there, nothing is validated or saved again.
+        """
         self._curve.resume(known)
         if self._average is not None:
             self._average.load_state_dict(known["average"])

@@ -24,6 +24,9 @@ def read_columns(path: Path, needed: tuple[str, ...], *, part: str | None = None
         needed: columns that it must have.
         part: only the rows whose column `part` says so.
 
+    Returns:
+        (rows,) values of each column but `part`; where there are no rows, of those that are needed alone.
+
     Raises:
         RunFileError: the file is missing or damaged, or a value is no number.
     """
@@ -39,6 +42,13 @@ def read_columns(path: Path, needed: tuple[str, ...], *, part: str | None = None
 def read_result(path: Path, *needed: str) -> dict[str, Any]:
     """Read an object of JSON that has some names.
 
+    Args:
+        path: of the file.
+        needed: names that the object must have.
+
+    Returns:
+        The whole object.
+
     Raises:
         RunFileError: the file is missing, damaged, or lacks one of `needed`; or its figures are none.
     """
@@ -52,7 +62,13 @@ def read_result(path: Path, *needed: str) -> dict[str, Any]:
 
 
 def read_published(path: Path | None) -> Mapping[str, Published]:
-    """Read a file of published figures, by scenario; nothing without one.
+    """Read a file of published figures.
+
+    Args:
+        path: of the JSON file; None for none.
+
+    Returns:
+        Mean and standard deviation by scenario, row and figure; nothing without a file.
 
     Raises:
         RunFileError: the file is missing or damaged.

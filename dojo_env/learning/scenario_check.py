@@ -13,6 +13,9 @@ def check_scenario(training: Training) -> None:
 
     What the first use makes is then made once, not in each process: the converted map, compiled kernels.
 
+    Args:
+        training: the run's settings.
+
     Raises:
         ConfigError: there is no such scenario, a setting of the environment cannot work, or the scenario has
             several signals and the settings have one agent.

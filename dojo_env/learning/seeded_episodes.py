@@ -33,7 +33,15 @@ class SeededEpisodes(gymnasium.Wrapper[Any, Any, Any, Any]):
         self._inner.world.prepare()
 
     def step(self, action: Any) -> tuple[Any, Any, bool, bool, dict[str, Any]]:
-        """Act; at the end of an episode, its figures come with it."""
+        """Act; at the end of an episode, its figures come with it.
+
+        Args:
+            action: as the environment takes it.
+
+        Returns:
+            What the environment's own `step` gives. At an episode's end, its metrics are in `info`, under
+            `figures`, with the sum of its rewards, the mean of the signals, as `reward`.
+        """
         seen, reward, terminated, truncated, info = self.env.step(action)
         self._earned += float(np.mean(np.asarray(reward)))
         if truncated:

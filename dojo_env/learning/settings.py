@@ -261,6 +261,12 @@ def _largest_divisor(number: int, most: int) -> int:
 def read_training(path: Path) -> Training:
     """Read a run's settings.
 
+    Args:
+        path: of `training.json` in the run's folder.
+
+    Returns:
+        The settings.
+
     Raises:
         RunFileError: there is none, it is not one of ours, or not as it was written.
     """
@@ -301,7 +307,16 @@ def check_folder(training: Any, folder: Path, read: Callable[[Path], Any], *, re
 
 
 def write_training(training: Training, path: Path) -> None:
-    """Write a run's settings, the versions of what it ran on, and their checksum."""
+    """Write a run's settings, the versions of what it ran on, and their checksum.
+
+    Args:
+        training: the settings.
+        path: of the file, which is replaced whole.
+
+    Raises:
+        UsageError: the path is a folder, or lies in none.
+        WriteError: the folder cannot be written.
+    """
     known = {"training": dataclasses.asdict(training), "versions": list_versions()}
     write_json(path, {**known, "sha256": _sha256(known)})
 

@@ -28,7 +28,12 @@ _PIECE = 1 << 20
 def save_tensors(state: Any, path: Path) -> None:
     """Write tensors and plain values, whole or not at all.
 
+    Args:
+        state: tensors, numbers and texts, in dicts and lists.
+        path: of the file.
+
     Raises:
+        UsageError: the path is a folder, or lies in none.
         WriteError: the disk is full, or the folder cannot be written.
     """
     with replaced(path) as fresh:
@@ -46,6 +51,12 @@ def load_tensors(path: Path) -> Any:
     """Read tensors and plain values, and no code.
 
     Tensors stay in the file until they are used: a buffer that fits memory once need not fit it twice.
+
+    Args:
+        path: of the file that `save_tensors` wrote.
+
+    Returns:
+        What was saved, its tensors for the processor.
 
     Raises:
         RunFileError: there is no such file, it is not as it was written, or it holds something else.

@@ -46,7 +46,12 @@ class BesideDQN(DQN):
         super().__init__(policy, self._beside, **settings)
 
     def train(self, gradient_steps: int, batch_size: int = 100) -> None:
-        """Update during the next step; at once where episodes end, since a checkpoint may come before."""
+        """Update during the next step; at once where episodes end, since a checkpoint may come before.
+
+        Args:
+            gradient_steps: how often the weights are changed.
+            batch_size: transitions of each such step.
+        """
         update = partial(self._update, gradient_steps, batch_size)
         memory = self.replay_buffer
         if memory is not None and memory.dones[memory.pos - 1].all():

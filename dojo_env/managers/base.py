@@ -17,23 +17,43 @@ class Manager:
     """One concern of an episode.
 
     `before_reset` and `reset` run once an episode, `before_step` and `after_step` once a decision, `step`
-    once a simulated second. All managers run a hook before any runs the next one.
+    once for each of SUMO's steps. All managers run a hook before any runs the next one.
     """
 
     def before_reset(self, turn: Turn) -> None:
-        """Put away what is left of the last episode."""
+        """Put away what is left of the last episode.
+
+        Args:
+            turn: of the episode that begins; it has no actions.
+        """
 
     def reset(self, turn: Turn) -> None:
-        """Begin an episode."""
+        """Begin an episode.
+
+        Args:
+            turn: of the episode that begins; it has no actions.
+        """
 
     def before_step(self, turn: Turn) -> None:
-        """Take in the actions."""
+        """Take in the actions.
+
+        Args:
+            turn: of the decision; an agent that its actions do not name asks for nothing.
+        """
 
     def step(self, turn: Turn) -> None:
-        """Let a simulated second pass."""
+        """Let one of SUMO's steps pass.
+
+        Args:
+            turn: of the decision that the step follows.
+        """
 
     def after_step(self, turn: Turn) -> None:
-        """Finish the interval, before anything is observed."""
+        """Finish the interval, before anything is observed.
+
+        Args:
+            turn: of the decision that the interval follows.
+        """
 
     def close(self) -> None:
         """Give everything back; called in reverse order, also after a failure."""

@@ -12,11 +12,22 @@ class Looker(Protocol):
     """An observer that can look between decisions."""
 
     def is_due(self, time: float) -> bool:
-        """Tell whether it wants to look now."""
+        """Tell whether it wants to look now.
+
+        Args:
+            time: the present one, simulated seconds.
+
+        Returns:
+            Whether `look` is to be called at this time.
+        """
         ...
 
     def look(self, snapshot: Snapshot) -> None:
-        """Look."""
+        """Look.
+
+        Args:
+            snapshot: the present instant, before SUMO's next step.
+        """
         ...
 
 

@@ -52,7 +52,14 @@ class SignalManager(Manager):
         self.safety = SafetyLog()
 
     def count_actions(self, signal: str) -> int:
-        """Tell how many actions a signal's agent has."""
+        """Tell how many actions a signal's agent has.
+
+        Args:
+            signal: id of one that agents control.
+
+        Returns:
+            How many: 2 with `next_or_keep`, one per duration with `set_duration`, else one per phase.
+        """
         if self._config.action_mode == "next_or_keep":
             return 2
         if self._config.action_mode == "set_duration":
@@ -153,7 +160,16 @@ class SignalManager(Manager):
             watch.look_back(time)
 
     def view(self, signal: str, lanes: LaneReading) -> SignalView:
-        """Describe a signal as it is at a decision, and note who waits there."""
+        """Describe a signal as it is at a decision, and note who waits there.
+
+        Args:
+            signal: id of one that agents control.
+            lanes: the present figures of its plan's lanes.
+
+        Returns:
+            The signal; with `fixed_ts` the phase is the last one that was shown whole, `green_time` is 0 and
+            `may_change` is True.
+        """
         switch, plan = self._switches[signal], self._plans[signal]
         red = self._reds[signal].decide(
             self._simulation.time, lanes.halting_row, partial(self._list_waiting, signal)

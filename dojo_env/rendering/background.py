@@ -126,9 +126,17 @@ def _smoothed(heights: NDArray[np.float32], side: int) -> NDArray[np.float32]:
 
 
 def street_lamps(scene: Scene, centre: Floats, reach: float) -> Floats:
-    """List the street lamps near a place: (n, 3), scene frame.
+    """List the street lamps near a place.
 
     On a map without any, one hangs over every pole and every 30 m of road.
+
+    Args:
+        scene: the static world.
+        centre: (2,) or (3,) the place, metres, scene frame; its height does not count.
+        reach: metres; lamps up to 30 m beyond are listed, too, as their light still arrives.
+
+    Returns:
+        (n, 3) where they shine, metres, scene frame.
     """
     hung = [hung_lamp(prop) for prop in scene.road_map.props if prop.kind == "lamp" and prop.position]
     if hung:

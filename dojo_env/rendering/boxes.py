@@ -88,6 +88,9 @@ def measure_boxes(
         snapshot: where they come from.
         parked: the parked cars.
         camera: the camera.
+
+    Returns:
+        Those of which at least one pixel is visible: who moves in the snapshot's order, then the parked cars.
     """
     target, standing = seen
     count, cars = len(snapshot.ids), parked.cars

@@ -155,15 +155,35 @@ class BulletWorld:
     ) -> tuple[Picture, ...]:
         """Draw one instant through each camera with pybullet's own software renderer.
 
+        Args:
+            snapshot: the instant; it stays shown for rays and contacts.
+            cameras: one picture each, in this order.
+            outputs: names of `OUTPUTS`, of those that have a `make_bullet`.
+            parked: whether the scene's parked cars are there, too.
+
+        Returns:
+            What each camera sees, with the outputs that were asked for.
+
         Raises:
-            ConfigError: an output has no such name, or a camera's lens bends.
+            ConfigError: pybullet draws no such output, a camera's lens bends, or the world is closed.
         """
         wanted = check_outputs(outputs, bullet=True)
         self.show(snapshot, parked=parked)
         return tuple(self._picture(camera, wanted) for camera in cameras)
 
     def cast_rays(self, starts: Floats, ends: Floats) -> Hits:
-        """Cast rays, (n, 3) to (n, 3), metres, map frame, at the instant shown last."""
+        """Cast rays at the instant shown last.
+
+        Args:
+            starts: (n, 3) metres, map frame.
+            ends: (n, 3) where each ray stops if it meets nothing, metres, map frame.
+
+        Returns:
+            What each ray met first, in the same order; before any instant is shown that is the static world.
+
+        Raises:
+            ConfigError: the world is closed.
+        """
         self._require_open()
         starts, ends = np.asarray(starts) - self._scene.origin, np.asarray(ends) - self._scene.origin
         found: list[tuple[int, float]] = []
@@ -183,9 +203,18 @@ class BulletWorld:
         return Hits(np.where(bodies >= 0, share * length, np.inf), semantic, instance)
 
     def contacts(self, distance: float = 0.0) -> tuple[Contact, ...]:
-        """List the road users whose convex hulls come this near (metres) at the instant shown last.
+        """List the road users whose convex hulls come near each other at the instant shown last.
 
         Parked cars are asked for who comes near them, not for each other.
+
+        Args:
+            distance: metres up to which hulls may be apart to be listed; 0 lists those that touch or overlap.
+
+        Returns:
+            One for each pair, whose first comes first in the snapshot, too; empty before an instant is shown.
+
+        Raises:
+            ConfigError: the world is closed.
         """
         self._require_open()
         if self._shown is None:

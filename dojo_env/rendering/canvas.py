@@ -82,7 +82,15 @@ class Canvas:
         return self._target, draw_boxes(users, self._view, self._target)
 
     def count_pixels(self, users: Users, whose: Ints) -> Ints:
-        """Count the pixels that each of some road users would cover if it were alone: (k,)."""
+        """Count the pixels that each of some road users would cover if it were alone.
+
+        Args:
+            users: all road users.
+            whose: (k,) rows of those to count.
+
+        Returns:
+            (k,) pixels inside the view; the canvas's own buffers stay as they are.
+        """
         alone = self._target._replace(tags=np.full_like(self._target.tags, STATIC))
         return count_alone(whose, users, self._models, _NO_LIGHT, self._plain, self._view, alone)
 

@@ -85,12 +85,26 @@ class CarShape:
     rails: bool = False
 
     def half_width(self, place: float) -> float:
-        """Half of the widest width at a place, metres."""
+        """Find half of the widest width at a place.
+
+        Args:
+            place: metres behind the nose.
+
+        Returns:
+            Metres; it shrinks towards nose and tail.
+        """
         share = min(_at(_NOSE, place), _at(_TAIL, self.length - place))
         return 0.5 * self.width * share
 
     def top(self, place: float) -> float:
-        """Height of the shell, under the windows that of the belt, metres."""
+        """Find the height of the shell, under the windows that of the belt.
+
+        Args:
+            place: metres behind the nose.
+
+        Returns:
+            Metres above the ground.
+        """
         front, rear = self.belt
         curve = (
             (0.0, self.bonnet - 0.025), (0.06, self.bonnet), (0.25, self.bonnet + 0.035),
@@ -101,7 +115,14 @@ class CarShape:
         return self.height * _at(curve, place)
 
     def lower_edge(self, place: float) -> float:
-        """Height of the sill, the bumper, or the wheel arch at a place, metres."""
+        """Find the height of the sill, the bumper, or the wheel arch at a place.
+
+        Args:
+            place: metres behind the nose.
+
+        Returns:
+            Metres above the ground.
+        """
         sill = ((0.0, self.clearance + 0.05), (0.4, self.clearance), (self.length - 0.4, self.clearance),
                 (self.length, self.clearance + 0.1))  # fmt: skip
         low = _at(sill, place)
@@ -112,7 +133,14 @@ class CarShape:
         return low
 
     def ring(self, place: float) -> Floats:
-        """Cut the shell on its left side: (7, 3), from the lower edge to the middle of its top."""
+        """Cut the shell on its left side.
+
+        Args:
+            place: metres behind the nose; points above and below the bumper lean back from there.
+
+        Returns:
+            (7, 3) metres, from the lower edge to the middle of its top.
+        """
         half, low, top = self.half_width(place), self.lower_edge(place), self.top(place)
         waist = max(low + 0.02, 0.45 * top + 0.1)
         shoulder = max(waist + 0.02, top - 0.09)
@@ -140,12 +168,27 @@ class CarShape:
         return np.array([-place + self._lean(place, z), side * np.sign(y), z]), out
 
     def corners(self, *, ahead: bool) -> Floats:
-        """Give the distances from the middle, ascending, at which a bumper bends; right ones are negative."""
+        """Give the distances from the middle at which a bumper bends.
+
+        Args:
+            ahead: on the nose, or else on the tail.
+
+        Returns:
+            (k,) metres, ascending; right ones are negative.
+        """
         shares = np.array([share for _, share in (_NOSE if ahead else _TAIL)])
         return 0.5 * self.width * np.concatenate([-shares[::-1], shares])
 
     def bends(self, y: float, *, ahead: bool) -> Floats:
-        """Give the heights, ascending, at which nose or tail bend at a distance from the middle."""
+        """Give the heights at which nose or tail bend.
+
+        Args:
+            y: metres to the left of the middle.
+            ahead: on the nose, or else on the tail.
+
+        Returns:
+            (3,) metres above the ground, ascending.
+        """
         return self.ring(self._around(y, ahead=ahead)[0])[1:4, 2]
 
     def _around(self, y: float, *, ahead: bool) -> tuple[float, float]:
@@ -179,6 +222,9 @@ def build_shell(shape: CarShape, detail: int) -> list[Face]:
     Args:
         shape: its measures.
         detail: `FINE` or `COARSE`.
+
+    Returns:
+        Its faces, metres.
     """
     places = _stations(shape, detail)
     rings = [shape.ring(place) for place in places]
@@ -225,6 +271,9 @@ def build_greenhouse(shape: CarShape, detail: int) -> list[Face]:
     Args:
         shape: the car's measures.
         detail: `FINE` or `COARSE`.
+
+    Returns:
+        Its faces, metres.
     """
     front, rear = shape.roof
     edge, crown = shape.height - 0.07, shape.height

@@ -216,10 +216,13 @@ def build_wheels(x: float, half: float, radius: float, sides: int) -> list[Face]
     """Set a wheel on each side: tread, walls of the tyre, and a bright rim with dark gaps.
 
     Args:
-        x: of the axle.
-        half: of the wheels' outer sides, from the middle.
-        radius: of a wheel.
+        x: of the axle, metres.
+        half: of the wheels' outer sides, from the middle, metres.
+        radius: of a wheel, metres; it stands on the ground.
         sides: of its tread.
+
+    Returns:
+        Faces of both wheels, metres.
     """
     angles = np.arange(sides) * 2 * np.pi / sides - np.pi / 2
 

@@ -57,6 +57,9 @@ def kept_arrays(
         kind: of named tuple that holds the arrays.
         kinds: numpy's type of each of its fields, in order.
         make: gives the tuple; it follows from the sources alone.
+
+    Returns:
+        The tuple; its arrays may be mapped from files, which writing to them does not change.
     """
     folder = Path(_FOLDER) / name
     if _FOLDER:
@@ -84,7 +87,14 @@ def _mapped(path: Path, kind: str) -> NDArray[Any]:
 
 
 def kernel(function: Callable[..., Any]) -> Any:
-    """Compile a function when it is first called, or load what an earlier process compiled."""
+    """Compile a function when it is first called, or load what an earlier process compiled.
+
+    Args:
+        function: of numbers, arrays and named tuples of these; in what else it uses, numba must know its way.
+
+    Returns:
+        The compiled function, called as the plain one is; it lets other threads run meanwhile.
+    """
     return _compiled(function, inside=False)
 
 
@@ -92,6 +102,12 @@ def inner(function: Callable[..., Any]) -> Any:
     """Compile a kernel into each that calls it, and count no references in it; it cannot make arrays.
 
     Handing arrays over and counting who holds them costs more than a small triangle.
+
+    Args:
+        function: see `kernel`; it writes what it finds into arrays that it is given.
+
+    Returns:
+        The compiled function, for kernels to call.
     """
     return _compiled(function, inside=True)
 

@@ -63,7 +63,16 @@ _SUN, _SUN_COLOUR, _SKY_COLOUR, _GROUND_COLOUR, _ZENITH, _HORIZON, WEATHER = ran
 
 @kernel
 def users_in_view(users, beyond, view):
-    """Find the road users whose bounding spheres, widened by metres, reach into the view: (k,) indices."""
+    """Find the road users whose bounding spheres reach into the view.
+
+    Args:
+        users: the road users.
+        beyond: metres by which the spheres are widened, for shadows and head lamps that reach farther.
+        view: the camera.
+
+    Returns:
+        (k,) int32 their rows, ascending.
+    """
     kept = np.empty(len(users.places), dtype=np.int32)
     count = 0
     lens = view.lens
@@ -89,7 +98,7 @@ def users_in_view(users, beyond, view):
 
 @kernel
 def draw_users(near, users, models, light, plain, colours, view, target, count):
-    """Draw road users; returns the number of faces in the target.
+    """Draw road users.
 
     Args:
         near: (k,) which ones.
@@ -99,8 +108,11 @@ def draw_users(near, users, models, light, plain, colours, view, target, count):
         plain: draw fewer faces, which mirror nothing.
         colours: shade the faces; shapes alone need none.
         view: the camera.
-        target: what to draw into.
+        target: what to draw into; changed.
         count: the number of faces in it so far.
+
+    Returns:
+        The number of faces in it now.
     """
     seen, screen = np.empty((MOST_VERTICES, 3)), np.empty((MOST_VERTICES, 3))
     corners, inside = np.empty((3, 3)), np.empty((5, 3))
@@ -178,7 +190,20 @@ def _shows_front(planes, face, inside):
 
 @kernel
 def count_alone(whose, users, models, light, plain, view, target):
-    """Count the pixels that each of some road users would cover if it were alone: (k,)."""
+    """Count the pixels that each of some road users would cover if it were alone.
+
+    Args:
+        whose: (k,) rows of those to count.
+        users: all road users.
+        models: the library.
+        light: (7, 3) packed; pixels do not depend on it.
+        plain: count them as they are drawn in fewer faces.
+        view: the camera.
+        target: its tags, all `STATIC` at first, are written to; nothing else of it is changed.
+
+    Returns:
+        (k,) int32 pixels inside the view, whatever stands in front.
+    """
     seen, screen = np.empty((MOST_VERTICES, 3)), np.empty((MOST_VERTICES, 3))
     corners, inside = np.empty((3, 3)), np.empty((5, 3))
     pixels = np.zeros(len(whose), dtype=np.int32)

@@ -36,11 +36,28 @@ class Sight:
     columns: Indices | None = None
 
     def draw(self, users: Users, lamps: Lamps, paths: Paths, *, colours: bool) -> Target:
-        """Draw a frame, and look at it through the lens; see `Canvas.draw`."""
+        """Draw a frame, and look at it through the lens; see `Canvas.draw`.
+
+        Args:
+            users: the road users.
+            lamps: the signal lamps that are lit.
+            paths: the link paths to show.
+            colours: whether anybody looks at them; shapes alone cost half as much.
+
+        Returns:
+            The buffers as the picture has them, bent by the lens; the next frame may change them.
+        """
         return self._bend(self.canvas.draw(users, lamps, paths, colours=colours))
 
     def measure_visible(self, users: Users) -> Visible:
-        """Tell how much of each road user shows, as a box."""
+        """Tell how much of each road user shows, as a box.
+
+        Args:
+            users: the road users; parked cars are no part of them.
+
+        Returns:
+            Those of whose boxes at least one pixel is visible.
+        """
         target, alone = self.canvas.draw_boxes(users)
         return measure_visible(self._bend(target), alone)
 
@@ -76,6 +93,9 @@ def open_eye(scene: Scene, cars: Snapshot, camera: Camera, light: Light, *, smoo
         light: what shines.
         smooth: pictures have more samples a pixel.
         plain: what moves is drawn more cheaply.
+
+    Returns:
+        The camera at work, with a sight of one sample a pixel, and if smooth one of `SAMPLES`.
     """
     view = view_of(camera, scene.origin)
 

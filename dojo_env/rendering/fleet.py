@@ -95,8 +95,14 @@ def _usual_variants() -> list[Variant]:
 def build_fleet(models: Mapping[str, VehicleModel]) -> Fleet:
     """Pack our own models, and others for some vehicle types.
 
+    Args:
+        models: 3D models by SUMO's vehicle type.
+
+    Returns:
+        The fleet; who is of one of these types is drawn as its model.
+
     Raises:
-        ModelError: a model's file cannot be read.
+        ModelError: a model's file cannot be read, or it holds no body; see `fit_model`.
     """
     variants, others = _usual_variants(), list[Variant]()
     own: dict[str, int] = {}

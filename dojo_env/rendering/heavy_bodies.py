@@ -37,6 +37,9 @@ def build_bus(
         axles: places of the axles, metres behind the nose.
         doors: places of the doors' front edges on the right side, metres behind the nose.
         sill: height of the windows' lower edge, as a share of the height.
+
+    Returns:
+        What gives its faces at a level of detail, 0 (finest) to 3.
     """
     low, top = sill * height, 0.82 * height
 
@@ -114,6 +117,9 @@ def build_lorry(
         load: begin of the load's box behind the nose, its lower and upper edge, metres.
         axles: places of the axles, metres behind the nose.
         height: of the cab, metres.
+
+    Returns:
+        What gives its faces at a level of detail, 0 (finest) to 3.
     """
     begin, low, high = load
 
@@ -140,7 +146,14 @@ def build_lorry(
 
 
 def build_road_train(detail: int) -> list[Face]:
-    """Build a lorry with a trailer behind it, 18.75 m long."""
+    """Build a lorry with a trailer behind it, 18.75 m long.
+
+    Args:
+        detail: level of detail, 0 (finest) to 3.
+
+    Returns:
+        Its faces, metres.
+    """
     lorry = build_lorry(10.2, 2.2, (2.45, 1.05, 3.9), (1.4, 6.6, 7.8), 3.3)(detail)
     faces = [(c, part) for c, part in lorry if c[..., 0].max() > -9.0 or part not in _REAR_LAMPS]
     nose, tail = -11.7, -18.75
@@ -164,7 +177,14 @@ _SHUTTERS = ((3.35, 4.65), (4.8, 6.55), (6.7, 7.85))
 
 
 def build_fire_engine(detail: int) -> list[Face]:
-    """Build a fire engine, 8 m long: cab for a crew, lockers with roller shutters, a ladder on the roof."""
+    """Build a fire engine, 8 m long: cab for a crew, lockers with roller shutters, a ladder on the roof.
+
+    Args:
+        detail: level of detail, 0 (finest) to 3.
+
+    Returns:
+        Its faces, metres.
+    """
     cab, length, roof, high = 3.1, 8.0, 2.95, 3.05
     faces = _chamfered(0.0, -cab, _HALF, 0.45, roof, 0.2)
     faces += box(-cab - 0.08, -length, _HALF, 0.5, high, Part.BODY)

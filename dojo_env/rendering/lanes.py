@@ -38,7 +38,14 @@ class LaneMap(NamedTuple):
 
 
 def lane_pieces(road_map: RoadMap) -> Floats:
-    """Cut the lanes that wheels wear, and the ways across junctions, into straight pieces: (n, 10)."""
+    """Cut the lanes that wheels wear, and the ways across junctions, into straight pieces.
+
+    Args:
+        road_map: the map; its lanes of carriageways count, and connections between two of them.
+
+    Returns:
+        (n, 10) as `LaneMap.pieces` has them.
+    """
     rows = [row for line in _lines(road_map) for row in _pieces(*line)]
     pieces = np.array(rows).reshape(-1, 10)
     pieces[:, :2] -= road_map.origin[:2]
@@ -67,7 +74,17 @@ def _pieces(name: str, line: Floats, width: float, is_way: bool) -> Iterator[tup
 
 
 def draw_lane_map(pieces: Floats, centre: Floats, reach: float, size: int) -> LaneMap:
-    """Draw a map of the lanes around a place, `size` pixels wide and high."""
+    """Draw a map of the lanes around a place.
+
+    Args:
+        pieces: (n, 10) of `lane_pieces`.
+        centre: (2,) or (3,) the place, metres, scene frame; its height does not count.
+        reach: metres from there to each edge of the map, which holds a little more.
+        size: its width and height, pixels.
+
+    Returns:
+        The map, with those pieces that may lie on it.
+    """
     near = pieces[np.hypot(*(pieces[:, :2] - centre[:2]).T) < 2.0 * reach + 200.0]
     start, way, half = near[:, :2], near[:, 2:4], near[:, 6]
     side = np.column_stack([-way[:, 1], way[:, 0]]) * half[:, None]

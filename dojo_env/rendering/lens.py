@@ -18,7 +18,16 @@ _WIDEST = 3.0
 
 
 def straightened(camera: Camera, view: View) -> tuple[Places, Places]:
-    """For each pixel of the bent picture, where in the straight one its ray falls. Source: OpenCV calib3d."""
+    """Find where in the straight picture the ray of each pixel of the bent one falls. Source: OpenCV calib3d.
+
+    Args:
+        camera: its distortion counts.
+        view: the camera without it, at as many pixels as the bent picture has.
+
+    Returns:
+        (h, w) x and (h, w) y, pixels from the straight picture's upper left corner; they may lie outside of
+        it, but within a picture three times as wide and high around it.
+    """
     focal, middle_x, middle_y = view.lens[:3]
     matrix = np.array([[focal, 0.0, middle_x], [0.0, focal, middle_y], [0.0, 0.0, 1.0]])
     y, x = np.mgrid[0 : view.height, 0 : view.width].astype(np.float64) + 0.5
@@ -36,7 +45,16 @@ def straightened(camera: Camera, view: View) -> tuple[Places, Places]:
 
 
 def bend_background(straight: Background, x: Places, y: Places) -> Background:
-    """Look at a straight picture through the lens that `straightened` described."""
+    """Look at a straight picture through the lens that `straightened` described.
+
+    Args:
+        straight: the picture.
+        x: (h, w) where the ray of each pixel falls in it, pixels from its left edge.
+        y: (h, w) the same from its upper edge.
+
+    Returns:
+        The bent picture, (h, w); colours are interpolated, classes and numbers are those of one pixel.
+    """
     half = np.float32(0.5)
     lit, shaded, headlit = (
         np.asarray(
@@ -56,6 +74,15 @@ def bend_background(straight: Background, x: Places, y: Places) -> Background:
 
 
 def find_places(x: Places, y: Places, shape: tuple[int, ...]) -> tuple[Indices, Indices]:
-    """Find rows and columns of a straight picture of some height and width."""
+    """Find the pixels of a straight picture that hold some places.
+
+    Args:
+        x: (h, w) pixels from its left edge.
+        y: (h, w) pixels from its upper edge.
+        shape: its height and width, pixels.
+
+    Returns:
+        (h, w) rows and (h, w) columns; those outside are moved to the edge.
+    """
     rows, columns = (np.floor(places).astype(np.int32) for places in (y, x))
     return np.clip(rows, 0, shape[0] - 1), np.clip(columns, 0, shape[1] - 1)

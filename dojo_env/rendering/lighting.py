@@ -53,7 +53,14 @@ class Light:
 
 
 def compute_light(conditions: Conditions) -> Light:
-    """Find the light of an hour and a weather. Source: the usual solar position, no refraction."""
+    """Find the light of an hour and a weather. Source: the usual solar position, no refraction.
+
+    Args:
+        conditions: of these the hour, clouds, rain, fog and exposure count.
+
+    Returns:
+        What shines on the scene; at night the moon takes the sun's place.
+    """
     elevation, azimuth = _sun_position(conditions.hour)
     day = _ramp(elevation, radians(-8.0), radians(12.0))
     low = (1.0 - _ramp(elevation, radians(0.0), radians(28.0))) * _ramp(elevation, radians(-9.0), 0.0)
@@ -106,7 +113,14 @@ def _srgb_table() -> NDArray[np.uint8]:
 
 
 def to_linear(colours: NDArray[np.uint8] | Floats) -> Floats:
-    """Turn sRGB bytes into linear light from 0 to 1. Source: IEC 61966-2-1."""
+    """Turn sRGB bytes into linear light. Source: IEC 61966-2-1.
+
+    Args:
+        colours: of any shape, 0 to 255.
+
+    Returns:
+        The same shape, 0 to 1.
+    """
     encoded = np.asarray(colours, dtype=np.float64) / 255
     return np.where(encoded <= 0.04045, encoded / 12.92, ((encoded + 0.055) / 1.055) ** 2.4)
 

@@ -18,7 +18,17 @@ _LEAST_LAMP, _SMALL_LAMP = 1.2, 2.5
 
 @kernel
 def draw_lamps(lamps, view, target, count):
-    """Draw the lit lamps that shine this way as discs; returns the number of faces in the target."""
+    """Draw the lit lamps that shine this way as discs.
+
+    Args:
+        lamps: those that are lit.
+        view: the camera.
+        target: what to draw into; changed.
+        count: the number of faces in it so far.
+
+    Returns:
+        The number of faces in it now: one more for each lamp of which something shows.
+    """
     seen, corners = np.empty(3), np.empty((3, 3))
     for k in range(len(lamps.centres)):
         facing = 0.0
@@ -40,7 +50,16 @@ def draw_lamps(lamps, view, target, count):
 
 @kernel
 def draw_flat(paths, view, target):
-    """Draw triangles in plain colours, from both sides; returns the number of faces in the target."""
+    """Draw triangles in plain colours, from both sides.
+
+    Args:
+        paths: the triangles, and what each link shows.
+        view: the camera.
+        target: what to draw into, with no faces in it yet; changed.
+
+    Returns:
+        The number of faces in it now: as many as there are triangles.
+    """
     corners, screen, seen = np.empty((3, 3)), np.empty((3, 3)), np.empty(3)
     for k in range(len(paths.triangles)):
         for c in range(3):

@@ -22,7 +22,14 @@ _WALL = 0.9
 
 
 def dress_police(shape: CarShape) -> list[Face]:
-    """Give a police car its band, its letters, and its lights."""
+    """Give a police car its band, its letters, and its lights.
+
+    Args:
+        shape: the car's measures.
+
+    Returns:
+        The faces to add to its body, metres.
+    """
     top = _shoulder(shape)
     faces = _band(shape, (_ENDS, shape.length - _ENDS), (top - 0.2, top), Part.ACCENT)
     faces += _band(shape, (_ENDS, shape.length - _ENDS), (top - 0.26, top - 0.2), Part.STRIPE)
@@ -35,7 +42,14 @@ def dress_police(shape: CarShape) -> list[Face]:
 
 
 def dress_taxi(shape: CarShape) -> list[Face]:
-    """Give a taxi a row of squares along its doors, and the sign on its roof."""
+    """Give a taxi a row of squares along its doors, and the sign on its roof.
+
+    Args:
+        shape: the car's measures.
+
+    Returns:
+        The faces to add to its body, metres.
+    """
     top, size = _shoulder(shape) - 0.03, 0.09
     faces: list[Face] = []
     for row in range(2):
@@ -53,7 +67,14 @@ def dress_taxi(shape: CarShape) -> list[Face]:
 
 
 def dress_ambulance(shape: CarShape) -> list[Face]:
-    """Give an ambulance bands, letters, and lights at both ends of its roof."""
+    """Give an ambulance bands, letters, and lights at both ends of its roof.
+
+    Args:
+        shape: the van's measures; it has a wall from 44 % of its length on.
+
+    Returns:
+        The faces to add to its body, metres.
+    """
     ends, top = (_ENDS, shape.length - _ENDS), _shoulder(shape)
     faces = _band(shape, ends, (top - 0.24, top), Part.ACCENT)
     faces += _band(shape, ends, (top - 0.32, top - 0.24), Part.STRIPE)
@@ -71,7 +92,14 @@ def dress_ambulance(shape: CarShape) -> list[Face]:
 
 
 def dress_van(shape: CarShape) -> list[Face]:
-    """Paint a firm's name and a band under it on a van; in a van's own colour they do not show."""
+    """Paint a firm's name and a band under it on a van; in a van's own colour they do not show.
+
+    Args:
+        shape: the van's measures; it has a wall from 42 % of its length on.
+
+    Returns:
+        The faces to add to its body, metres.
+    """
     front, rear = 0.42 * shape.length, shape.length - 0.35
     faces = _panel(shape, (front, rear), (1.25, 1.33), Part.ACCENT)
     step = (rear - front) / 8
@@ -83,7 +111,14 @@ def dress_van(shape: CarShape) -> list[Face]:
 
 
 def load_bed(shape: CarShape) -> list[Face]:
-    """Cover the bed behind a pick-up's cab, and set boards around it."""
+    """Cover the bed behind a pick-up's cab, and set boards around it.
+
+    Args:
+        shape: the pick-up's measures; its bed begins behind the rear window's foot.
+
+    Returns:
+        The faces to add to its body, metres.
+    """
     front, rear = -shape.foot - 0.12, -shape.length + 0.1
     half, low = 0.86 * shape.half_width(shape.length - 1.0), shape.top(shape.foot) - 0.02
     faces = box(front, rear, half - 0.06, low, low + 0.09, Part.TRIM)

@@ -30,6 +30,9 @@ def encode_masks(instance: Ints, numbers: Ints) -> Shown:
     Args:
         instance: (h, w) the number of the road user that each pixel shows.
         numbers: (k,) whose masks are wanted.
+
+    Returns:
+        One row for each number, in their order.
     """
     order = np.argsort(numbers)
     pixels, boxes = _measure(instance, numbers[order], order)

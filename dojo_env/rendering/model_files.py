@@ -99,6 +99,12 @@ class _Pieces:
 def read_model_file(path: Path) -> RawModel:
     """Read a model.
 
+    Args:
+        path: OBJ by its suffix, else glTF or GLB; files that it refers to must lie in its folder or below.
+
+    Returns:
+        Its triangles.
+
     Raises:
         ModelError: the file is missing, broken, too large, or needs what is not read.
     """

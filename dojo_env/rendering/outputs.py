@@ -95,7 +95,14 @@ class Output:
     is_smoothed: bool = False
 
     def shape(self, camera: Camera) -> tuple[int, ...]:
-        """Give the shape of the array that a camera delivers."""
+        """Give the shape of the array that a camera delivers.
+
+        Args:
+            camera: its width and height count.
+
+        Returns:
+            Height and width, pixels, and what `channels` adds.
+        """
         return (camera.height, camera.width, *self.channels)
 
 
@@ -136,6 +143,9 @@ def check_outputs(names: Iterable[str], *, bullet: bool = False) -> frozenset[st
     Args:
         names: what is asked for.
         bullet: pybullet is to draw it.
+
+    Returns:
+        The names, each once.
 
     Raises:
         ConfigError: an output has no such name, or pybullet does not draw it.

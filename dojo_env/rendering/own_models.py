@@ -44,11 +44,14 @@ _PARTS: tuple[tuple[str, Part], ...] = (
 def fit_model(model: VehicleModel) -> tuple[Variant, Floats]:
     """Read a model, and bring it into the unit box of ours.
 
+    Args:
+        model: its file, and the axes that it faces along and that point up.
+
     Returns:
         The look, and (c, 3) linear colours; a part of `len(Part) + k` shows the k-th of them.
 
     Raises:
-        ModelError: its file cannot be read, or it is flat.
+        ModelError: its file cannot be read, it is flat, or nothing of it is left once it is made simple.
     """
     raw = read_model_file(model.file)
     places = raw.triangles @ _axes(model).T

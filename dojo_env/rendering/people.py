@@ -93,7 +93,14 @@ STANDING = Pose(
 
 
 def walking(share: float) -> Pose:
-    """Find the pose after a share of a pace: the left foot touches the ground at 0, the right one at 0.5."""
+    """Find the pose after a share of a pace: the left foot touches the ground at 0, the right one at 0.5.
+
+    Args:
+        share: of `PACE`; beyond 1 the next pace begins.
+
+    Returns:
+        The pose, metres of somebody as tall as `TALL`.
+    """
     left, right = _step(share), _step(share + 0.5)
     hips = (0.0, 0.895 - 0.02 * cos(4 * pi * share))
     swing = 0.42 * cos(2 * pi * share)
@@ -125,12 +132,26 @@ def _step(share: float) -> tuple[float, float, float]:
 
 
 def under_umbrella(pose: Pose) -> Pose:
-    """Raise the right hand to hold an umbrella."""
+    """Raise the right hand to hold an umbrella.
+
+    Args:
+        pose: of somebody whose right hand is free; the rest of it stays.
+
+    Returns:
+        The pose with that hand before the chest.
+    """
     return replace(pose, hands=(pose.hands[0], (0.22, -0.2, pose.hips[1] + 0.31)))
 
 
 def pushing(pose: Pose) -> Pose:
-    """Put both hands on the handle of a pram."""
+    """Put both hands on the handle of a pram.
+
+    Args:
+        pose: of somebody on foot; the rest of it stays.
+
+    Returns:
+        The pose with both hands 1 m above the ground, where `build_pram` has the handle.
+    """
     return replace(pose, hands=((0.32, 0.2, 1.0), (0.32, -0.2, 1.0)))
 
 

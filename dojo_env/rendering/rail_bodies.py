@@ -47,7 +47,14 @@ class RailShape:
 
 
 def build_rail(shape: RailShape) -> Callable[[int], list[Face]]:
-    """Tell how to build a tram or a train."""
+    """Tell how to build a tram or a train.
+
+    Args:
+        shape: its measures.
+
+    Returns:
+        What gives its faces at a level of detail, 0 (finest) to 3.
+    """
 
     def build(detail: int) -> list[Face]:
         cut = shape.length / shape.sections

@@ -20,9 +20,25 @@ STATIC = -1
 
 @inner
 def fill_triangle(x0, y0, w0, x1, y1, w1, x2, y2, w2, tag, mode, depths, tags):
-    """Fill one triangle given by pixel positions and inverse depths; returns how many pixels it took.
+    """Fill one triangle given by pixel positions and inverse depths.
 
-    Of COUNT it returns how many it covers.
+    Args:
+        x0: of the first corner, pixels from the left edge; the middle of the first pixel is at 0.5.
+        y0: of the first corner, pixels from the upper edge.
+        w0: of the first corner, its inverse depth; larger is nearer.
+        x1: of the second corner.
+        y1: of the second corner.
+        w1: of the second corner.
+        x2: of the third corner.
+        y2: of the third corner.
+        w2: of the third corner.
+        tag: what to leave in the pixels taken.
+        mode: NEARER, COVER or COUNT.
+        depths: (h, w) float32 inverse depths, changed by NEARER.
+        tags: (h, w) int32, changed by NEARER and COVER.
+
+    Returns:
+        How many pixels it took; for COUNT how many it covers.
     """
     if y1 < y0:
         x0, y0, w0, x1, y1, w1 = x1, y1, w1, x0, y0, w0
@@ -66,15 +82,18 @@ def fill_triangle(x0, y0, w0, x1, y1, w1, x2, y2, w2, tag, mode, depths, tags):
 
 @inner
 def draw_face(corners, lens, tag, mode, depths, tags):
-    """Draw a triangle of camera space, clipped at the near plane; returns how many pixels changed.
+    """Draw a triangle of camera space, clipped at the near plane.
 
     Args:
         corners: (3, 3) metres: right, down, forward.
         lens: focal length (pixels), middle of the picture (x, y), near, far.
         tag: what to leave in the pixels taken.
-        mode: NEARER or COVER.
+        mode: NEARER, COVER or COUNT.
         depths: (h, w) float32 inverse depths.
         tags: (h, w) int32.
+
+    Returns:
+        How many pixels it took; for COUNT how many it covers.
     """
     focal, middle_x, middle_y, near = lens[0], lens[1], lens[2], lens[3]
     if corners[0, 2] >= near and corners[1, 2] >= near and corners[2, 2] >= near:

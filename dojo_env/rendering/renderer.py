@@ -74,6 +74,9 @@ class Renderer:
             outputs: names of `OUTPUTS`.
             parked: whether the scene's parked cars are there, too.
 
+        Returns:
+            What each camera sees, with the outputs that were asked for.
+
         Raises:
             ConfigError: an output has no such name.
         """
@@ -83,7 +86,11 @@ class Renderer:
         return tuple(self._picture(snapshot, users, camera, passes, parked) for camera in cameras)
 
     def forget(self, cameras: Iterable[Camera] | None = None) -> None:
-        """Drop the backgrounds of cameras that are no longer used; of all if none are named."""
+        """Drop the backgrounds of cameras that are no longer used; they are drawn anew if one looks again.
+
+        Args:
+            cameras: whose; None for those of all.
+        """
         gone = None if cameras is None else set(cameras)
         for key in [key for key in self._eyes if gone is None or key[0] in gone]:
             del self._eyes[key]

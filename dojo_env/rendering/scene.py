@@ -101,6 +101,9 @@ def build_scene(
         models: of a user's, by SUMO's vehicle type, in place of ours.
         parked: whether cars stand parked where it has them.
 
+    Returns:
+        The static world, in a frame whose origin the map gives.
+
     Raises:
         DescriptionError: the bundle's scene is missing or broken.
         ModelError: a model's file cannot be read.

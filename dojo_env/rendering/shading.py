@@ -88,7 +88,14 @@ class Surroundings(NamedTuple):
 
 @inner
 def expose(light):
-    """Bring linear light into 0 to 1: as it is in the dark, and ever less as it nears white, as film does."""
+    """Bring linear light into 0 to 1: as it is in the dark, and ever less as it nears white, as film does.
+
+    Args:
+        light: of one channel, 0 or more; 1 is white without this.
+
+    Returns:
+        0 to 1, linear.
+    """
     if light <= _KNEE:
         return light
     return 1.0 - (1.0 - _KNEE) * exp((_KNEE - light) / (1.0 - _KNEE))

@@ -50,12 +50,30 @@ Face = tuple[Floats, Part]
 
 
 def section(x: float, half: float, low: float, high: float) -> Floats:
-    """Cut across a body: four corners, counter-clockwise seen from the front."""
+    """Cut across a body.
+
+    Args:
+        x: of the cut, metres.
+        half: of its width, metres.
+        low: height of its lower edge, metres.
+        high: height of its upper edge, metres.
+
+    Returns:
+        (4, 3) corners, metres, counter-clockwise seen from the front, the lower right one first.
+    """
     return np.array([(x, -half, low), (x, half, low), (x, half, high), (x, -half, high)])
 
 
 def loft(sections: Sequence[Floats], part: Part) -> list[Face]:
-    """Join sections, from nose to tail, by quads, and close both ends."""
+    """Join sections, from nose to tail, by quads, and close both ends.
+
+    Args:
+        sections: (k, 3) each, metres, of as many corners, counter-clockwise seen from the front.
+        part: what all faces show.
+
+    Returns:
+        Both ends, then the quads.
+    """
     faces: list[Face] = [(sections[0], part), (sections[-1][::-1], part)]
     for ahead, behind in pairwise(sections):
         for k in range(len(ahead)):
@@ -65,17 +83,44 @@ def loft(sections: Sequence[Floats], part: Part) -> list[Face]:
 
 
 def box(nose: float, tail: float, half: float, low: float, high: float, part: Part) -> list[Face]:
-    """Make a box, as wide at the nose as at the tail."""
+    """Make a box, as wide at the nose as at the tail.
+
+    Args:
+        nose: x of its front, metres.
+        tail: x of its back, metres; less than at the nose.
+        half: of its width, metres.
+        low: height of its lower side, metres.
+        high: height of its upper side, metres.
+        part: what it shows.
+
+    Returns:
+        Its six sides.
+    """
     return loft([section(nose, half, low, high), section(tail, half, low, high)], part)
 
 
 def moved(faces: Iterable[Face], y: float) -> list[Face]:
-    """Move faces to the left."""
+    """Move faces to the left.
+
+    Args:
+        faces: the faces; they stay as they are.
+        y: metres; negative to the right.
+
+    Returns:
+        New ones, in the same order.
+    """
     return [(corners + np.array([0.0, y, 0.0]), part) for corners, part in faces]
 
 
 def mirrored(faces: Iterable[Face]) -> list[Face]:
-    """Put the same faces on the other side, too."""
+    """Put the same faces on the other side, too.
+
+    Args:
+        faces: of the left or the right side.
+
+    Returns:
+        Each face, followed by its twin at the negative y, which is turned to be seen from outside.
+    """
     return [
         each
         for corners, part in faces
@@ -145,11 +190,14 @@ def ring(
     """Make a wheel without a disc, such as a tyre: its tread, and a flat ring on each side.
 
     Args:
-        middle: of the wheel.
-        radii: inner and outer.
-        half: of its thickness.
+        middle: (x, y, z) of the wheel, metres.
+        radii: inner and outer, metres.
+        half: of its thickness, metres.
         sides: of its tread.
         part: what it shows.
+
+    Returns:
+        Four faces of `sides` quads each: the left ring, the right one, the tread, and the inside.
     """
     angles = np.arange(sides) * 2 * np.pi / sides
     unit = np.column_stack([np.cos(angles), np.zeros(sides), np.sin(angles)])
@@ -169,7 +217,18 @@ def ring(
 
 
 def disc(middle: Sequence[float], radius: float, half: float, sides: int, part: Part) -> list[Face]:
-    """Make two round sides of a wheel, each seen from its own."""
+    """Make two round sides of a wheel, each seen from its own.
+
+    Args:
+        middle: (x, y, z) of the wheel, metres.
+        radius: metres.
+        half: of its thickness, metres.
+        sides: corners of each.
+        part: what it shows.
+
+    Returns:
+        The left side and the right one.
+    """
     angles = np.arange(sides) * 2 * np.pi / sides
     flat = radius * np.column_stack([np.cos(angles), np.zeros(sides), np.sin(angles)]) + np.asarray(middle)
     side = np.array([0.0, half, 0.0])
@@ -177,7 +236,17 @@ def disc(middle: Sequence[float], radius: float, half: float, sides: int, part: 
 
 
 def lights(tail: float, half: float, front: tuple[float, float], rear: tuple[float, float]) -> list[Face]:
-    """Put head lamps, brake lights and indicators on both ends, left and right."""
+    """Put head lamps, brake lights and indicators on both ends, left and right.
+
+    Args:
+        tail: x of the rear end, metres; the front end is at 0.
+        half: of the body's width, metres.
+        front: lower and upper edge of the lamps at the front, metres.
+        rear: the same at the rear.
+
+    Returns:
+        Flat faces, a centimetre before the ends.
+    """
     faces: list[Face] = []
     for side, turn in ((1.0, Part.LEFT), (-1.0, Part.RIGHT)):
         inner, middle, outer = 0.5 * half * side, 0.8 * half * side, 0.98 * half * side
@@ -192,7 +261,18 @@ def lights(tail: float, half: float, front: tuple[float, float], rear: tuple[flo
 
 
 def screen(bottom: float, top: float, half: float, low: float, high: float) -> list[Face]:
-    """A windscreen just ahead of the body behind it."""
+    """A windscreen just ahead of the body behind it.
+
+    Args:
+        bottom: x of the body at the lower edge, metres.
+        top: x of the body at the upper edge, metres.
+        half: of its width, metres.
+        low: height of the lower edge, metres.
+        high: height of the upper edge, metres.
+
+    Returns:
+        One pane, three centimetres ahead.
+    """
     out = 0.03
     return [
         (
@@ -206,6 +286,17 @@ def screen(bottom: float, top: float, half: float, low: float, high: float) -> l
 
 
 def windows(nose: float, tail: float, half: float, low: float, high: float) -> list[Face]:
-    """Lay a band of glass against both sides."""
+    """Lay a band of glass against both sides.
+
+    Args:
+        nose: x of its front end, metres.
+        tail: x of its rear end, metres.
+        half: distance from the middle, metres; a little more than the body's.
+        low: height of the lower edge, metres.
+        high: height of the upper edge, metres.
+
+    Returns:
+        The left pane and the right one.
+    """
     left = np.array([(nose, half, low), (tail, half, low), (tail, half, high), (nose, half, high)])
     return mirrored([(left, Part.GLASS)])

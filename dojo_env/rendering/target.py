@@ -37,7 +37,12 @@ class Target(NamedTuple):
 
 @kernel
 def restore(target, clean):
-    """Put the background's depths back where the last frame changed them."""
+    """Put the background's depths back where the last frame changed them.
+
+    Args:
+        target: its depths, tags and spans are changed: afterwards nothing has been drawn into it.
+        clean: (h, w) float32 inverse depths of the background.
+    """
     height, width = target.tags.shape
     for row in range(height):
         for column in range(target.spans[row, 0], target.spans[row, 1]):
@@ -48,13 +53,16 @@ def restore(target, clean):
 
 @kernel
 def bend(depths, tags, rows, columns):
-    """Look at a frame through a lens: depths, tags and spans of the picture.
+    """Look at a frame through a lens.
 
     Args:
         depths: of the straight view.
         tags: of the straight view.
         rows: (h, w) its row that each pixel of the picture shows.
         columns: (h, w) its column.
+
+    Returns:
+        Depths (h, w), tags (h, w) and spans (h, 2) of the picture, as a `Target` has them.
     """
     height, width = rows.shape
     bent_depths, bent_tags = np.empty((height, width), np.float32), np.empty((height, width), np.int32)
@@ -72,7 +80,13 @@ def bend(depths, tags, rows, columns):
 
 @inner
 def touch(screen, is_ahead, target):
-    """Note that a shape with these corners on the screen may change what lies within them."""
+    """Note that a shape with these corners on the screen may change what lies within them.
+
+    Args:
+        screen: (k, 3) corners that `project` has filled.
+        is_ahead: what `project` has returned; otherwise all of the picture may change.
+        target: its spans are widened.
+    """
     height, width = target.tags.shape
     left, top, right, bottom = 0.0, 0.0, float(width), float(height)
     if is_ahead:
@@ -87,14 +101,30 @@ def touch(screen, is_ahead, target):
 
 @inner
 def keep_span(target, row, first, last):
-    """Note that these columns of a row may change; the last is exclusive."""
+    """Note that these columns of a row may change.
+
+    Args:
+        target: its span of this row is widened.
+        row: the row.
+        first: first column.
+        last: last column, exclusive.
+    """
     target.spans[row, 0] = min(target.spans[row, 0], first)
     target.spans[row, 1] = max(target.spans[row, 1], last)
 
 
 @inner
 def project(seen, view, screen):
-    """Project corners to pixels and inverse depths; tells whether all lie before the near plane."""
+    """Project corners to pixels and inverse depths.
+
+    Args:
+        seen: (k, 3) metres: right, down, forward.
+        view: the camera.
+        screen: (k, 3) to fill: column, row, both in pixels, and inverse depth.
+
+    Returns:
+        Whether no corner is nearer than the near plane; otherwise `screen` is filled in part.
+    """
     is_ahead = True
     for k in range(len(seen)):
         if seen[k, 2] < view.lens[3]:
@@ -109,7 +139,13 @@ def project(seen, view, screen):
 
 @inner
 def turn(place, view, seen):
-    """Bring a place of the scene into camera space."""
+    """Bring a place of the scene into camera space.
+
+    Args:
+        place: (3,) metres, scene frame.
+        view: the camera.
+        seen: (3,) to fill, metres: right, down, forward.
+    """
     x, y, z = place[0] - view.eye[0], place[1] - view.eye[1], place[2] - view.eye[2]
     for row in range(3):
         seen[row] = view.axes[row, 0] * x + view.axes[row, 1] * y + view.axes[row, 2] * z
@@ -117,7 +153,16 @@ def turn(place, view, seen):
 
 @kernel
 def resolve_pixels(tags, spans, shades, shaded, headlit, picture):
-    """Put the colours of what moves, of shadows and of head lamps into a copy of the lit background."""
+    """Put the colours of what moves, of shadows and of head lamps into a copy of the lit background.
+
+    Args:
+        tags: (h, w) of the target.
+        spans: (h, 2) of the target.
+        shades: (m, 3) of the target's faces.
+        shaded: (h, w, 3) the background where something that moves keeps the sun away.
+        headlit: (h, w, 3) the background in the full light of head lamps.
+        picture: (h, w, 3) the copy, changed.
+    """
     for row in range(tags.shape[0]):
         for column in range(spans[row, 0], spans[row, 1]):
             tag = tags[row, column]
@@ -135,7 +180,16 @@ def resolve_pixels(tags, spans, shades, shaded, headlit, picture):
 
 @kernel
 def resolve_samples(tags, spans, shades, shaded, headlit, picture):
-    """Do the same where each pixel has `SAMPLES` x `SAMPLES` tags: it gets their mean."""
+    """Do the same where each pixel has `SAMPLES` x `SAMPLES` tags: it gets their mean.
+
+    Args:
+        tags: (h * SAMPLES, w * SAMPLES) of the target.
+        spans: (h * SAMPLES, 2) of the target.
+        shades: (m, 3) of the target's faces.
+        shaded: (h, w, 3) see `resolve_pixels`.
+        headlit: (h, w, 3) see `resolve_pixels`.
+        picture: (h, w, 3) the copy of the lit background, changed.
+    """
     for row in range(picture.shape[0]):
         top = row * SAMPLES
         first, last = picture.shape[1] * SAMPLES, 0
@@ -175,7 +229,17 @@ def _colour(tag, lit, shades, shaded, headlit, c):
 
 @kernel
 def label(tags, owners, values, background):
-    """Give every pixel of a road user its value; a lamp has the last one, anything else the background's."""
+    """Give every pixel of a road user its value.
+
+    Args:
+        tags: (h, w) of the target.
+        owners: (m,) of the target's faces.
+        values: (n + 1,) by road user; the last one is for signal lamps.
+        background: (h, w) values of all other pixels.
+
+    Returns:
+        (h, w) a new array of the background's kind.
+    """
     labels = background.copy()
     for row in range(tags.shape[0]):
         for column in range(tags.shape[1]):

@@ -84,6 +84,9 @@ def asphalt(x, y, lane, pixel):
         y: the same.
         lane: (5,) as `lanes.find_lane` fills it.
         pixel: size of a pixel there, metres.
+
+    Returns:
+        The tone, by which the surface's colour is multiplied; around 1.
     """
     tone = 1.0 + 0.3 * _layered_noise(0.11 * x, 0.11 * y, 0.11 * pixel)
     tone += 0.3 * _layered_noise(6.0 * x, 6.0 * y, 6.0 * pixel)
@@ -160,14 +163,32 @@ def _manhole(distance, u, v, pixel):
 
 @kernel
 def grass(x, y, pixel):
-    """Tufts, and drier and lusher places."""
+    """Tufts, and drier and lusher places.
+
+    Args:
+        x: metres, scene frame.
+        y: the same.
+        pixel: size of a pixel there, metres; finer details fade out.
+
+    Returns:
+        The tone, by which the surface's colour is multiplied; around 1.
+    """
     tone = 1.0 + 0.7 * _layered_noise(0.09 * x, 0.09 * y, 0.09 * pixel)
     return tone + 0.75 * _layered_noise(2.3 * x, 2.3 * y, 2.3 * pixel)
 
 
 @kernel
 def paving(x, y, pixel):
-    """Slabs of half a metre with joints, some of them darker, and what people have dropped on them."""
+    """Slabs of half a metre with joints, some of them darker, and what people have dropped on them.
+
+    Args:
+        x: metres, scene frame.
+        y: the same.
+        pixel: size of a pixel there, metres; finer details fade out.
+
+    Returns:
+        The tone, by which the surface's colour is multiplied; around 1.
+    """
     u, v = 2.0 * x, 2.0 * y
     i, j = floor(u), floor(v)
     tone = 1.0 + 0.2 * _shown(2.0 * pixel) * (_hashed(i, j) - 0.5)
@@ -179,7 +200,15 @@ def paving(x, y, pixel):
 
 @kernel
 def kerb(along, pixel):
-    """Stones of a metre, side by side."""
+    """Stones of a metre, side by side.
+
+    Args:
+        along: metres along the kerb.
+        pixel: size of a pixel there, metres.
+
+    Returns:
+        The tone, by which the surface's colour is multiplied; around 0.8.
+    """
     i = floor(along)
     edge = min(along - i, 1.0 - (along - i))
     return (0.8 + 0.14 * (_hashed(i, 11) - 0.5)) * (1.0 - 0.4 * _stripe(edge, 0.02, pixel))
@@ -187,7 +216,17 @@ def kerb(along, pixel):
 
 @kernel
 def paint(x, y, lane, pixel):
-    """Road paint: dirty, and chipped off where wheels run over it."""
+    """Road paint: dirty, and chipped off where wheels run over it.
+
+    Args:
+        x: metres, scene frame.
+        y: the same.
+        lane: (5,) as `lanes.find_lane` fills it.
+        pixel: size of a pixel there, metres; finer details fade out.
+
+    Returns:
+        The tone, by which the surface's colour is multiplied; around 0.5, less where the paint is gone.
+    """
     dirt = _layered_noise(0.8 * x, 0.8 * y, 0.8 * pixel)
     chips = 1.3 * _layered_noise(7.0 * x, 7.0 * y, 7.0 * pixel) + 0.9 * dirt
     wheels = _hump(abs(abs(lane[1]) - _TRACK), 1.4 * _TRACK_WIDTH) if lane[3] != 0.0 else 0.0
@@ -197,19 +236,46 @@ def paint(x, y, lane, pixel):
 
 @kernel
 def ballast(x, y, pixel):
-    """Crushed stone."""
+    """Crushed stone.
+
+    Args:
+        x: metres, scene frame.
+        y: the same.
+        pixel: size of a pixel there, metres; finer details fade out.
+
+    Returns:
+        The tone, by which the surface's colour is multiplied; around 1.
+    """
     return 1.0 + 0.9 * _layered_noise(5.0 * x, 5.0 * y, 5.0 * pixel)
 
 
 @kernel
 def gravel(x, y, pixel):
-    """What lies on level roofs."""
+    """What lies on level roofs.
+
+    Args:
+        x: metres, scene frame.
+        y: the same.
+        pixel: size of a pixel there, metres; finer details fade out.
+
+    Returns:
+        The tone, by which the surface's colour is multiplied; around 1.
+    """
     return 1.0 + 0.5 * _layered_noise(3.0 * x, 3.0 * y, 3.0 * pixel)
 
 
 @kernel
 def tiles(along, z, pixel):
-    """Rows of tiles on a pitched roof."""
+    """Rows of tiles on a pitched roof.
+
+    Args:
+        along: metres along the eaves.
+        z: height, metres, scene frame.
+        pixel: size of a pixel there, metres; finer details fade out.
+
+    Returns:
+        The tone, by which the surface's colour is multiplied; around 1.
+    """
     row = floor(z / 0.24)
     tile = floor(along / 0.3 + 0.5 * (row % 2))
     tone = 1.0 + 0.22 * _shown(3.0 * pixel) * (_hashed(tile, row) - 0.5)
@@ -365,7 +431,17 @@ def _goods(along, height, own):
 
 @kernel
 def foliage(x, y, z, pixel):
-    """Leaves, and the dark between them."""
+    """Leaves, and the dark between them.
+
+    Args:
+        x: metres, scene frame.
+        y: the same.
+        z: the same.
+        pixel: size of a pixel there, metres; finer details fade out.
+
+    Returns:
+        The tone, by which the surface's colour is multiplied; around 1, far less between leaves.
+    """
     tone = 1.0 + 0.8 * _layered_noise(0.9 * (x + 0.37 * z), 0.9 * (y + 0.61 * z), 0.9 * pixel)
     leaves = _layered_noise(4.5 * (x - 0.43 * z), 4.5 * (y + 0.71 * z), 4.5 * pixel)
     twigs = _layered_noise(9.0 * (x + y), 9.0 * z + 5.0 * (x - y), 9.0 * pixel)
@@ -374,7 +450,15 @@ def foliage(x, y, z, pixel):
 
 @kernel
 def ruffle(x, y, z, pixel, normal):
-    """Turn the normal of a crown as leaves do: every which way, so that no face is seen as one."""
+    """Turn the normal of a crown as leaves do: every which way, so that no face is seen as one.
+
+    Args:
+        x: metres, scene frame.
+        y: the same.
+        z: the same.
+        pixel: size of a pixel there, metres; where one holds many leaves the normal stays.
+        normal: (3,) unit vector, changed in place.
+    """
     strength = 1.5 * _shown(2.2 * pixel)
     if strength == 0.0:
         return
@@ -389,19 +473,44 @@ def ruffle(x, y, z, pixel, normal):
 
 @kernel
 def clouds(x, y):
-    """Share of thin clouds that hides the sky at a place far above."""
+    """Share of thin clouds that hides the sky at a place far above.
+
+    Args:
+        x: place on the layer of clouds, in multiples of its height over the eye.
+        y: the same.
+
+    Returns:
+        0 for clear sky to 0.85.
+    """
     return min(0.85, max(0.0, 2.2 * _layered_noise(x, y, 0.0) + 0.12))
 
 
 @kernel
 def woods(x, y):
-    """How high woods and hills stand over the horizon in a direction, as a share of their distance."""
+    """How high woods and hills stand over the horizon in a direction, as a share of their distance.
+
+    Args:
+        x: of the direction, a level unit vector, scene frame.
+        y: the same.
+
+    Returns:
+        Height over distance, around 0.016.
+    """
     hills = 0.016 + 0.014 * _layered_noise(7.0 * x, 7.0 * y, 0.0)
     return hills + 0.012 * _layered_noise(60.0 * x, 60.0 * y, 0.0)
 
 
 @kernel
 def puddles(x, y, pixel):
-    """Share of the sky that wet ground mirrors: little on open grain, all in puddles."""
+    """Share of the sky that wet ground mirrors: little on open grain, all in puddles.
+
+    Args:
+        x: metres, scene frame.
+        y: the same.
+        pixel: size of a pixel there, metres; finer details fade out.
+
+    Returns:
+        0.35 to 1.
+    """
     level = _layered_noise(0.35 * x + 9.0, 0.35 * y + 3.0, 0.35 * pixel)
     return 0.35 + 0.65 * min(1.0, max(0.0, 0.5 + 6.0 * level))

@@ -246,6 +246,9 @@ def place_users(
         rain: 0 dry to 1 heavy rain, in which people have umbrellas.
         ways: the map's lanes, whose curves vehicles follow.
         fleet: what there is to draw; None takes our own models.
+
+    Returns:
+        One row for each, in the snapshot's order.
     """
     count, fleet = len(snapshot.ids), fleet or usual_fleet()
     own = np.full(count, -1, dtype=np.int32)

@@ -70,7 +70,16 @@ def steer(triangles: Floats, parts: Parts, axle: float, half: float, radius: flo
 def cut_apart(
     triangles: Floats, parts: Parts, joints: Sequence[Joint]
 ) -> tuple[Floats, Parts, NDArray[np.intp]]:
-    """Cut a vehicle at its joints: triangles, what they show, and the section of each, from the nose."""
+    """Cut a vehicle at its joints.
+
+    Args:
+        triangles: (n, 3, 3) of the straight vehicle.
+        parts: (n,) what they show.
+        joints: where it bends, from the nose; what lies between the two places of a cut is left out.
+
+    Returns:
+        (m, 3, 3) triangles, (m,) what they show, and (m,) the section of each, 0 at the nose.
+    """
     edges = [np.inf, *(-place for joint in joints for place in joint.cut), -np.inf]
     x = triangles[..., 0]
     pieces: list[Floats] = []
@@ -116,6 +125,11 @@ def bend(
 
 def footprints(length: float, joints: Sequence[Joint], turns: Floats) -> Floats:
     """Tell where the sections of a vehicle stand.
+
+    Args:
+        length: of the vehicle, metres.
+        joints: where it bends, from the nose.
+        turns: (t,) how far the road at the nose has turned from the line between nose and tail.
 
     Returns:
         (t, sections, 2, 2) x and y of the front and rear end of each, metres.

@@ -148,7 +148,15 @@ def _bicycle(detail: int) -> list[Face]:
 
 
 def build_motorcyclist(look: Look, detail: int) -> list[Face]:
-    """Build a motorcycle and its rider."""
+    """Build a motorcycle and its rider.
+
+    Args:
+        look: the rider.
+        detail: level of detail, 0 (finest) to 3.
+
+    Returns:
+        Faces of both, metres.
+    """
     pose = Pose(
         hips=(-0.25, 0.9),
         lean=0.45,
@@ -195,7 +203,15 @@ def build_motorcyclist(look: Look, detail: int) -> list[Face]:
 
 
 def build_moped_rider(look: Look, detail: int) -> list[Face]:
-    """Build somebody who sits on a motor scooter, feet on its floor."""
+    """Build somebody who sits on a motor scooter, feet on its floor.
+
+    Args:
+        look: the rider.
+        detail: level of detail, 0 (finest) to 3.
+
+    Returns:
+        Faces of both, metres.
+    """
     pose = Pose(
         hips=(-0.3, 0.83),
         lean=0.12,
@@ -232,7 +248,15 @@ def build_moped_rider(look: Look, detail: int) -> list[Face]:
 
 
 def build_scooter_rider(look: Look, detail: int) -> list[Face]:
-    """Build somebody who stands on an electric scooter."""
+    """Build somebody who stands on an electric scooter.
+
+    Args:
+        look: the rider.
+        detail: level of detail, 0 (finest) to 3.
+
+    Returns:
+        Faces of both, metres.
+    """
     pose = Pose(
         hips=(-0.1, 1.07),
         lean=0.06,
@@ -255,7 +279,15 @@ def build_scooter_rider(look: Look, detail: int) -> list[Face]:
 
 
 def build_wheelchair(look: Look, detail: int) -> list[Face]:
-    """Build somebody in a wheelchair."""
+    """Build somebody in a wheelchair.
+
+    Args:
+        look: who sits in it.
+        detail: level of detail, 0 (finest) to 3.
+
+    Returns:
+        Faces of both, metres.
+    """
     pose = Pose(
         hips=(-0.12, 0.6),
         lean=0.03,
@@ -276,7 +308,14 @@ def build_wheelchair(look: Look, detail: int) -> list[Face]:
 
 
 def build_pram(detail: int) -> list[Face]:
-    """Build a pram that somebody pushes whose hips are over the origin."""
+    """Build a pram that somebody pushes whose hips are over the origin.
+
+    Args:
+        detail: level of detail, 0 (finest) to 3.
+
+    Returns:
+        Its faces, metres; who pushes it is no part of them.
+    """
     cot = [section(1.25, 0.16, 0.62, 0.78), section(1.15, 0.21, 0.5, 0.82), section(0.62, 0.21, 0.5, 0.82),
            section(0.52, 0.17, 0.6, 0.8)]  # fmt: skip
     faces = loft(cot, Part.GEAR)

@@ -28,7 +28,14 @@ class View(NamedTuple):
     width: int
 
     def scaled(self, factor: int) -> "View":
-        """The same view with more pixels."""
+        """The same view with more pixels.
+
+        Args:
+            factor: how many times as many, across and down.
+
+        Returns:
+            A new view; what it shows of the scene is the same.
+        """
         return self._replace(
             lens=self.lens * np.array([factor, factor, factor, 1.0, 1.0]),
             height=self.height * factor,
@@ -37,7 +44,15 @@ class View(NamedTuple):
 
 
 def view_of(camera: Camera, origin: Floats) -> View:
-    """Bring a camera into the frame of a scene with this origin."""
+    """Bring a camera into the frame of a scene.
+
+    Args:
+        camera: the camera; its distortion is left out.
+        origin: (3,) of the scene, metres, map frame.
+
+    Returns:
+        The camera as kernels take it.
+    """
     return View(
         eye=np.array(camera.position) - origin,
         axes=np.ascontiguousarray(camera.axes),

@@ -40,7 +40,15 @@ class Visible:
     visible: NDArray[np.float64]
 
     def turned(self, camera: Camera, homography: NDArray[np.float64]) -> "Visible":
-        """Keep those that are still in the picture when it is turned; see `Boxes.turned`."""
+        """Keep those that are still in the picture when it is turned; see `Boxes.turned`.
+
+        Args:
+            camera: the turned one, at the same place.
+            homography: (3, 3) from pixels of the picture to its.
+
+        Returns:
+            Those, their boxes moved and clipped to the picture; pixels and shares are those before the turn.
+        """
         picture, kept = turn_boxes(self.picture, camera, homography)
         return Visible(
             rows=self.rows[kept], picture=picture[kept], pixels=self.pixels[kept], visible=self.visible[kept]
@@ -53,6 +61,9 @@ def measure_visible(target: Target, alone: Ints) -> Visible:
     Args:
         target: the picture's buffers, which `draw_boxes` has filled.
         alone: (n,) the pixels that each would cover if nothing stood in front.
+
+    Returns:
+        Those of whose boxes at least one pixel is visible.
     """
     users = len(alone)
     # Nobody moves outside of the spans.
@@ -65,7 +76,16 @@ def measure_visible(target: Target, alone: Ints) -> Visible:
 
 @kernel
 def draw_boxes(users, view, target):
-    """Draw the box around each road user; returns (n,) how many pixels it would cover alone."""
+    """Draw the box around each road user.
+
+    Args:
+        users: the road users.
+        view: the camera.
+        target: what to draw into, with nothing drawn yet; changed. Tags become the users' rows.
+
+    Returns:
+        (n,) int32 how many pixels each box would cover alone; 0 where it is out of view.
+    """
     alone = np.zeros(len(users.places), dtype=np.int32)
     seen, screen, corners = np.empty((8, 3)), np.empty((8, 3)), np.empty((3, 3))
     corner = np.empty(3)
@@ -114,6 +134,10 @@ def measure_pixels(tags, owners, columns, standing, first, count, total):
         first: of these numbers.
         count: of road users that move.
         total: with the parked cars.
+
+    Returns:
+        (total,) int32 pixels, and (total, 4) int32 left, top, right, bottom of these; right and bottom are
+        exclusive, and the boxes of those without a pixel mean nothing.
     """
     height, width = tags.shape
     pixels = np.zeros(total, dtype=np.int32)
@@ -135,7 +159,17 @@ def measure_pixels(tags, owners, columns, standing, first, count, total):
 
 
 def turn_boxes(boxes: Ints, camera: Camera, homography: NDArray[np.float64]) -> tuple[Ints, NDArray[np.intp]]:
-    """Move boxes along with a turned picture; returns them clipped to it, and which are still in it."""
+    """Move boxes along with a turned picture.
+
+    Args:
+        boxes: (n, 4) left, top, right, bottom, pixels; right and bottom are exclusive.
+        camera: the turned one; its width and height count.
+        homography: (3, 3) from pixels of the picture to its.
+
+    Returns:
+        (n, 4) int32 the boxes around the turned ones, clipped to the picture, and (k,) the rows of those that
+        are still in it.
+    """
     corners = np.stack([boxes[:, [0, 0, 2, 2]], boxes[:, [1, 3, 1, 3]]], axis=2)
     moved = np.concatenate([corners, np.ones_like(corners[..., :1])], axis=2) @ homography.T
     pixels = np.rint(moved[..., :2] / moved[..., 2:]).clip(0, (camera.width, camera.height))

@@ -31,7 +31,14 @@ class Ways:
     spans: Ints
 
     def find(self, lanes: tuple[str, ...]) -> Ints:
-        """Number the lanes that road users are on, -1 where one is on none that is known."""
+        """Number the lanes that road users are on.
+
+        Args:
+            lanes: id of each one's lane.
+
+        Returns:
+            (n,) int32 rows of `spans`, in the same order, -1 where one is on none that is known.
+        """
         return np.fromiter((self.numbers.get(lane, -1) for lane in lanes), np.int32, len(lanes))
 
 
@@ -39,7 +46,14 @@ NO_WAYS = Ways(numbers={}, points=np.empty((0, 2)), spans=np.empty((0, 2), np.in
 
 
 def lay_ways(road_map: RoadMap) -> Ways:
-    """Note where the lanes of a map lead."""
+    """Note where the lanes of a map lead.
+
+    Args:
+        road_map: the map.
+
+    Returns:
+        The middles of its lanes, and of its connections under the ids of SUMO's internal lanes.
+    """
     lines = {lane.id: lane.shape for lane in road_map.lanes}
     for connection in road_map.connections:
         lines.update(dict.fromkeys(connection.via, connection.shape))
@@ -53,7 +67,19 @@ def lay_ways(road_map: RoadMap) -> Ways:
 
 @inner
 def turn_on(points, first, last, x, y, heading):
-    """Tell how far a lane has turned from a heading at the place nearest to (x, y), radians; 0 off it."""
+    """Tell how far a lane has turned from a heading at the place nearest to (x, y).
+
+    Args:
+        points: (n, 2) of `Ways`, metres, map frame.
+        first: the lane's first point.
+        last: its last point, exclusive.
+        x: metres, map frame.
+        y: the same.
+        heading: radians, counter-clockwise from east.
+
+    Returns:
+        Radians, positive to the left; 0 where it is a radian or more, as of who does not follow the lane.
+    """
     least, turned = 1e18, 0.0
     for k in range(first, last - 1):
         along, aside = points[k + 1, 0] - points[k, 0], points[k + 1, 1] - points[k, 1]

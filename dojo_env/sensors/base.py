@@ -178,6 +178,9 @@ def mount_sensor(wanted: Any, site: Site) -> Sensor:
         wanted: the sensor.
         site: where.
 
+    Returns:
+        The sensor at work, its interval and delay 0 or more.
+
     Raises:
         ConfigError: it is neither, or cannot work there.
     """

@@ -29,12 +29,15 @@ class CameraWatch:
     _expected: float = field(default=np.inf)
 
     def note(self, time: float, picture: NDArray[np.uint8], *, must_move: bool) -> bool:
-        """Take a picture; returns whether the judgement has changed.
+        """Take a picture.
 
         Args:
             time: simulated seconds.
             picture: (h, w, 3).
             must_move: somebody whom the last picture shows has green.
+
+        Returns:
+            Whether the camera has begun to fail with it, or to work again.
         """
         if self._last is None or not np.array_equal(self._last, picture):
             self._changed = time

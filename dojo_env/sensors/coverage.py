@@ -71,7 +71,15 @@ def measure_views(scene: Scene, camera: Camera, approaches: Iterable[Approach]) 
 
 
 def list_watched(camera: Camera, approaches: Sequence[Approach]) -> Sequence[Approach]:
-    """Tell which of a signal's approaches a camera is for: by its name `approach_0` one, else all."""
+    """Tell which of a signal's approaches a camera is for: by its name `approach_0` one, else all.
+
+    Args:
+        camera: its name counts.
+        approaches: in the order of `placement.find_approaches`.
+
+    Returns:
+        That one alone; all of them where the name tells none, or one that the signal has not.
+    """
     kind, _, number = camera.name.rpartition("_")
     if kind == "approach" and number.isdecimal() and int(number) < len(approaches):
         return [approaches[int(number)]]

@@ -59,7 +59,12 @@ class Eyes:
         return build_scene(self._bundle, settle_models(self.config.models), parked=self.config.parked)
 
     def reset(self, seed: int, *, begin: float = 0.0) -> None:
-        """Begin an episode at a time: draw its conditions and its camera body, unless they are fixed."""
+        """Begin an episode at a time: draw its conditions and its camera body, unless they are fixed.
+
+        Args:
+            seed: decides what is drawn, and all noise of the episode.
+            begin: simulated seconds; the times of cameras' outages count from there.
+        """
         self._begin = begin
         drawn = settle_conditions(self.config.conditions, seed)
         if drawn.outside != self.conditions.outside:
@@ -76,7 +81,18 @@ class Eyes:
         self._renderer = None
 
     def cameras(self, signal: str) -> tuple[Camera, ...]:
-        """List a signal's cameras: those that were given for it, else placed from the map."""
+        """List a signal's cameras: those that were given for it, else placed from the map.
+
+        Args:
+            signal: its id.
+
+        Returns:
+            Those given, in their order; or one for each approach and, last, `bev`, the same at every call.
+
+        Raises:
+            ConfigError: cameras must be placed, and the map has no such signal or no lane leads to it.
+            DescriptionError: cameras must be placed, and the bundle's scene is missing or broken.
+        """
         from dojo_env.sensors.placement import place_cameras
 
         if signal not in self._placed:
@@ -102,6 +118,21 @@ class Eyes:
 
         Lenses remember what they delivered, so who looks at other times than the agent needs lenses of its
         own: another `viewer`. Without what is `parked`, roads without road users are empty.
+
+        Args:
+            snapshot: the instant.
+            cameras: one picture each, in this order; as they hang before mounts are shaken.
+            outputs: names of `OUTPUTS`.
+            viewer: whose lenses are looked through; any name.
+            parked: whether the scene's parked cars are there, too.
+
+        Returns:
+            What each camera delivers; its own camera is the one that conditions have moved.
+
+        Raises:
+            ConfigError: the renderer has no such output, or pybullet is to draw through a lens that bends.
+            DescriptionError: the bundle's scene is missing or broken.
+            ToolMissingError: pybullet, or PyAV with x264 for H.264, is asked for and not installed.
         """
         hung = [self._mount(camera) for camera in cameras]
         pictures = self._draws.render(snapshot, hung, outputs, parked=parked)

@@ -42,7 +42,14 @@ class Stream:
         self._av = _load()
 
     def compress(self, rgb: Picture) -> Picture:
-        """Compress a picture, (h, w, 3), and unpack it again."""
+        """Compress a picture, and unpack it again.
+
+        Args:
+            rgb: (h, w, 3).
+
+        Returns:
+            (h, w, 3), a new picture.
+        """
         height, width = rgb.shape[:2]
         even = cv2.copyMakeBorder(rgb, 0, height % 2, 0, width % 2, cv2.BORDER_REPLICATE)
         planes = cv2.cvtColor(even, cv2.COLOR_RGB2YUV_I420)

@@ -66,7 +66,14 @@ def find_chances(weights: Mapping[str, Array], strips: NDArray[np.uint8], geomet
 
 
 def scale_colours(strips: NDArray[np.uint8]) -> Array:
-    """Turn colours into numbers from -1 to 1."""
+    """Turn colours into numbers from -1 to 1.
+
+    Args:
+        strips: of any shape, 0 to 255.
+
+    Returns:
+        The same shape.
+    """
     return strips.astype(np.float32) * np.float32(2.0 / 255.0) - np.float32(1.0)
 
 
@@ -83,6 +90,12 @@ def _convolve(
 
 def read_weights(path: Path) -> dict[str, Array]:
     """Read a network's weights.
+
+    Args:
+        path: of a file that `dojo-env train --vision` has kept, or `PACKAGED`.
+
+    Returns:
+        Float32 arrays by the names in `WEIGHTS`.
 
     Raises:
         PolicyError: the file is missing, damaged, or of other sizes.

@@ -145,7 +145,15 @@ class LidarScanner:
         self._static: dict[Lidar, tuple[Floats, NDArray[np.uint8]]] = {}
 
     def scan(self, snapshot: Snapshot, lidars: Sequence[Lidar]) -> tuple[Scan, ...]:
-        """Scan one instant with each lidar."""
+        """Scan one instant with each lidar.
+
+        Args:
+            snapshot: the instant; the scene's parked cars are there, too.
+            lidars: where they hang, and what they reach.
+
+        Returns:
+            A turn of each, in their order; noise follows from the seed, the lidar's name and the time.
+        """
         scene = self._scene
         snapshot = snapshot.joined(scene.parked)
         users = place_users(snapshot, scene.origin, ways=scene.ways, fleet=scene.fleet)

@@ -15,7 +15,15 @@ from dojo_env.rendering.visibility import Visible
 
 
 def shake_cameras(cameras: Iterable[Camera], conditions: Conditions) -> tuple[Camera, ...]:
-    """Move and turn each camera a little, as a mount that was set up by hand; one draw per seed and name."""
+    """Move and turn each camera a little, as a mount that was set up by hand; one draw per seed and name.
+
+    Args:
+        cameras: as they were planned.
+        conditions: say how much, and hold the seed.
+
+    Returns:
+        Each as it hangs, in their order; itself where mounts are not shaken.
+    """
     return tuple(_shaken(camera, conditions) for camera in cameras)
 
 
@@ -75,6 +83,16 @@ def sway(picture: Picture, conditions: Conditions, time: float) -> Picture:
 
 
 def random_of(conditions: Conditions, camera: str, time: float, purpose: str) -> np.random.Generator:
-    """Make a generator that depends on nothing but its arguments, and the seed of the conditions."""
+    """Make a generator that depends on nothing but its arguments, and the seed of the conditions.
+
+    Args:
+        conditions: of these only the seed counts.
+        camera: its name.
+        time: simulated seconds; 0 for what stays for the episode.
+        purpose: what is drawn with it, any name; each has numbers of its own.
+
+    Returns:
+        A fresh generator.
+    """
     instant = int(np.float64(time).view(np.uint64))
     return np.random.default_rng([conditions.seed, crc32(camera.encode()), instant, crc32(purpose.encode())])

@@ -43,7 +43,16 @@ _SUN_PIXELS, _SUN_DEG = 9, 1.5
 
 
 def draw_rain(rgb: Picture, rain: float, random: np.random.Generator) -> Picture:
-    """Draw falling drops as short slanted streaks."""
+    """Draw falling drops as short slanted streaks.
+
+    Args:
+        rgb: (h, w, 3).
+        rain: 0 dry to 1 heavy rain.
+        random: decides where they are.
+
+    Returns:
+        (h, w, 3), a new picture.
+    """
     height, width = rgb.shape[:2]
     streaks = np.zeros((height, width), dtype=np.uint8)
     count = round(rain * _STREAKS * height * width / 1e5)
@@ -60,7 +69,17 @@ def draw_rain(rgb: Picture, rain: float, random: np.random.Generator) -> Picture
 
 
 def scatter_dirt(height: int, width: int, dirt: float, random: np.random.Generator) -> Floats:
-    """Dirty a lens: (h, w) transparency, 1 where it is clean."""
+    """Dirty a lens.
+
+    Args:
+        height: of its pictures, pixels.
+        width: pixels.
+        dirt: 0 clean to 1 very dirty.
+        random: decides where the spots are.
+
+    Returns:
+        (h, w) transparency, 1 where it is clean.
+    """
     spots = np.zeros((height, width), dtype=np.float32)
     for _ in range(round(_SPOTS * dirt)):
         centre = (int(random.integers(width)), int(random.integers(height)))
@@ -71,7 +90,15 @@ def scatter_dirt(height: int, width: int, dirt: float, random: np.random.Generat
 
 
 def dim(rgb: Picture, clean: Floats) -> Picture:
-    """Look through dirt, as `scatter_dirt` made it."""
+    """Look through dirt, as `scatter_dirt` made it.
+
+    Args:
+        rgb: (h, w, 3).
+        clean: (h, w) transparency.
+
+    Returns:
+        (h, w, 3), a new picture.
+    """
     return np.asarray(cover(rgb, clean, _MUD), dtype=np.uint8)
 
 
@@ -105,7 +132,15 @@ def refract(rgb: Picture, drops: float, time: float, random: np.random.Generator
 
 
 def darken_corners(camera: Camera, share: float) -> Floats:
-    """Tell what share of the light reaches each pixel through a lens with vignetting: (h, w, 3)."""
+    """Tell what share of the light reaches each pixel through a lens with vignetting.
+
+    Args:
+        camera: its width and height count.
+        share: of the light that the corners lose, 0 to 1.
+
+    Returns:
+        (h, w, 3), 1 in the middle.
+    """
     down = (np.arange(camera.height) + 0.5 - camera.height / 2)[:, None]
     across = (np.arange(camera.width) + 0.5 - camera.width / 2)[None, :]
     square = (down**2 + across**2) / ((camera.height / 2) ** 2 + (camera.width / 2) ** 2)

@@ -27,13 +27,27 @@ _HALF, _BYTE, _NONE = np.float32(0.5), np.float32(255), np.float32(0)
 
 
 def to_light(rgb: Picture) -> Light:
-    """Turn a picture into linear light from 0 to 1: (h, w, 3)."""
+    """Turn a picture into linear light.
+
+    Args:
+        rgb: (h, w, 3) sRGB.
+
+    Returns:
+        (h, w, 3) float32, 0 to 1.
+    """
     return np.asarray(cv2.LUT(rgb, _LINEAR), dtype=np.float32)
 
 
 @kernel
 def to_picture(light):
-    """Turn linear light into a picture (h, w, 3); what is above 1 is white."""
+    """Turn linear light into a picture.
+
+    Args:
+        light: (h, w, 3); what is above 1 is white, what is below 0 black.
+
+    Returns:
+        (h, w, 3) uint8 sRGB.
+    """
     picture = np.empty(light.shape, np.uint8)
     for row in range(light.shape[0]):
         for column in range(light.shape[1]):
@@ -75,7 +89,16 @@ def grain() -> Light:
 
 
 def add_noise(rgb: Picture, random: np.random.Generator, deviation: float) -> Picture:
-    """Add noise of a deviation, in levels of 255, that is the same for every level and pixel."""
+    """Add noise that is equally strong at every level and pixel.
+
+    Args:
+        rgb: (h, w, 3).
+        random: decides which part of the noise is taken.
+        deviation: its standard deviation, in levels of 255.
+
+    Returns:
+        (h, w, 3), a new picture.
+    """
     noisy = np.empty_like(rgb)
     place = random.integers(0, _TILE)
     _add_noise(_rows(rgb), _rows(white_noise()), place, np.float32(deviation), _rows(noisy))
@@ -83,7 +106,14 @@ def add_noise(rgb: Picture, random: np.random.Generator, deviation: float) -> Pi
 
 
 def add_grain(light: Light, random: np.random.Generator, shot: float, read: float) -> None:
-    """Add a sensor's noise of variance shot * light + read to linear light, (h, w, 3), in place."""
+    """Add a sensor's noise of variance shot * light + read to linear light.
+
+    Args:
+        light: (h, w, 3), contiguous, 0 or more; changed in place.
+        random: decides which part of the noise is taken.
+        shot: variance for each unit of light.
+        read: variance in the dark.
+    """
     place = random.integers(0, _TILE)
     _add_grain(_rows(light), _rows(grain()), place, np.float32(shot), np.float32(read))
 
@@ -133,7 +163,16 @@ def _add_grain(light, tile, place, shot, read):
 
 @kernel
 def cover(rgb, clean, colour):
-    """Look through something of a colour, (3,), that lets a share of each pixel's light through, (h, w)."""
+    """Look through something that lets a share of each pixel's light through.
+
+    Args:
+        rgb: (h, w, 3).
+        clean: (h, w) the share, 0 to 1.
+        colour: (3,) float32 what is seen of it where it lets nothing through, levels of 255.
+
+    Returns:
+        (h, w, 3), a new picture.
+    """
     seen = np.empty_like(rgb)
     for row in range(rgb.shape[0]):
         for column in range(rgb.shape[1]):

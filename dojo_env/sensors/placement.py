@@ -75,6 +75,13 @@ def find_approaches(road_map: RoadMap, signal: Signal) -> tuple[Approach, ...]:
     """List a signal's approaches, clockwise from north as seen from its middle.
 
     A short road between two of its own junctions is part of the middle, unless all its roads are such.
+
+    Args:
+        road_map: the map.
+        signal: one of the map's.
+
+    Returns:
+        One for each road with lanes that vehicles drive up to it on; empty where there is none.
     """
     lanes = MapIndex(road_map).lanes
     starts = {road.id: road.from_junction for road in road_map.roads}
@@ -115,6 +122,9 @@ def place_cameras(
         width: pixels.
         height: pixels.
 
+    Returns:
+        The cameras, in this order.
+
     Raises:
         ConfigError: the map has no such signal, no vehicles drive up to it, or there is no such preset.
     """
@@ -133,6 +143,13 @@ def place_cameras(
 def find_signal(road_map: RoadMap, signal_id: str) -> Signal:
     """Look a signal up.
 
+    Args:
+        road_map: the map.
+        signal_id: the signal.
+
+    Returns:
+        The signal.
+
     Raises:
         ConfigError: the map has no such signal.
     """
@@ -144,7 +161,15 @@ def find_signal(road_map: RoadMap, signal_id: str) -> Signal:
 
 
 def find_feeders(road_map: RoadMap) -> dict[str, str]:
-    """For each lane, the lane that leads straight into it."""
+    """For each lane, find the lane that leads straight into it.
+
+    Args:
+        road_map: the map.
+
+    Returns:
+        Ids of these lanes by the id of the lane that they lead into, the first one where there are several;
+        lanes without one are left out.
+    """
     straight = [c for c in road_map.connections if c.direction in ("s", "S")]
     return {c.to_lane: c.from_lane for c in reversed(straight)}
 
@@ -169,7 +194,16 @@ def _approach(road: str, held: Sequence[Lane], lanes: dict[str, Lane], feeders: 
 
 
 def point_before_end(line: Floats, distance: float) -> Floats:
-    """Find the point of a line some way before its end, or its start."""
+    """Find the point of a line some way before its end, or its start.
+
+    Args:
+        line: (n, 3) metres, n >= 2.
+        distance: metres before the end, along the line and on the level; where the line is shorter, its start
+            is taken.
+
+    Returns:
+        (3,) metres, between the line's own points.
+    """
     along = np.append(0.0, np.cumsum(np.hypot(*np.diff(line[:, :2], axis=0).T)))
     at = max(0.0, along[-1] - distance)
     return np.array([np.interp(at, along, line[:, axis]) for axis in range(3)])

@@ -117,6 +117,9 @@ def list_true_boxes(boxes: Any) -> Detections:
 
     Args:
         boxes: the output `boxes` of a picture.
+
+    Returns:
+        Those that are large enough and little hidden, in their order; all scores are 1.
     """
     heights = boxes.picture[:, 3] - boxes.picture[:, 1]
     rows = np.flatnonzero((boxes.visible >= _LEAST_VISIBLE) & (heights >= _LEAST_HEIGHT))

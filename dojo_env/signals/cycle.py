@@ -38,6 +38,9 @@ def build_cycle(plan: SignalPlan, config: SignalConfig) -> tuple[CycleStep, ...]
     Args:
         plan: of the signal.
         config: its times.
+
+    Returns:
+        One whole round, from the begin of the first green.
     """
     steps: list[CycleStep] = []
     changes = _list_changes(plan, [green.phase for green in plan.greens], config)
@@ -50,13 +53,25 @@ def build_cycle(plan: SignalPlan, config: SignalConfig) -> tuple[CycleStep, ...]
 
 
 def plan_stages(plan: SignalPlan, timing: SignalTiming) -> SignalPlan:
-    """Put a timing plan's stages in the place of the network's own greens."""
+    """Put a timing plan's stages in the place of the network's own greens.
+
+    Args:
+        plan: of the signal.
+        timing: stages of the same signal, whose phases the plan has; see `check_timing`.
+
+    Returns:
+        The plan with these greens; it tells no starts, as the network's program no longer holds.
+    """
     greens = tuple(Green(phase=phase, seconds=seconds, change=0.0) for phase, seconds in timing.stages)
     return replace(plan, greens=greens, starts=())
 
 
 def check_timing(timing: TimingPlan, plans: Mapping[str, SignalPlan]) -> None:
     """See that a timing plan fits the signals.
+
+    Args:
+        timing: the timing plan.
+        plans: of the signals to control, by their ids; those that the timing plan leaves out do not matter.
 
     Raises:
         ConfigError: it is for another signal, or names a phase that a signal has not.
@@ -87,7 +102,15 @@ def _list_changes(plan: SignalPlan, order: Sequence[int], config: SignalConfig) 
 
 
 def find_step(steps: Sequence[CycleStep], seconds: float) -> tuple[int, float]:
-    """Find where a cycle stands some seconds after its begin: the step, and how long it still lasts."""
+    """Find where a cycle stands some seconds after its begin.
+
+    Args:
+        steps: of the whole cycle.
+        seconds: since its begin; may be more than a round, or negative.
+
+    Returns:
+        The step's place among `steps`, and the seconds that it still lasts.
+    """
     left = seconds % sum(step.seconds for step in steps)
     for number, step in enumerate(steps):
         if left < step.seconds:

@@ -17,6 +17,9 @@ def draw_phases(plan: SignalPlan, index: MapIndex) -> Iterator[str]:
     Args:
         plan: of the signal.
         index: of its map.
+
+    Yields:
+        Lines of equal columns: the phases' numbers, then a line for each movement and for each crossing.
     """
     rows: dict[tuple[str, str], set[int]] = {}
     for connection in index.map.connections:
@@ -39,7 +42,14 @@ def _sum_up(state: str, links: set[int]) -> str:
 
 
 def list_oddities(plan: SignalPlan) -> Iterator[str]:
-    """Tell what of a signal cannot be controlled, or is not as one may think, a sentence each."""
+    """Tell what of a signal cannot be controlled, or is not as one may think, a sentence each.
+
+    Args:
+        plan: of the signal.
+
+    Yields:
+        What follows the signal's name in a sentence, such as "has one green phase"; mostly nothing.
+    """
     if len(plan.phases) == 1:
         yield "has one green phase, so there is nothing to choose"
     if not plan.is_of_program:

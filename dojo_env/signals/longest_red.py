@@ -53,7 +53,15 @@ class LongestRed:
         self._early = (_USUAL_LIMIT if self.limit == math.inf else self.limit) / 3
 
     def look(self, time: float, state: str) -> float:
-        """Note the letters shown from `time` on; returns the longest red that ends with them, in seconds."""
+        """Note the letters shown from `time` on.
+
+        Args:
+            time: simulated seconds.
+            state: the letters, one for each link index.
+
+        Returns:
+            The longest red that ends with them, seconds; 0 where none ends, or nobody is known to wait.
+        """
         if state == self._state:
             return 0.0
         longest = 0.0

@@ -99,6 +99,14 @@ class SignalPlan:
 def build_plan(road_map: RoadMap, signal: Signal, config: SignalConfig) -> SignalPlan:
     """Find out all that controlling a signal needs.
 
+    Args:
+        road_map: where the signal stands.
+        signal: with all its programs, of which the last one counts.
+        config: how phases are found, and the times of changes; kept as the plan's rules.
+
+    Returns:
+        The plan.
+
     Raises:
         ConfigError: the signal controls no vehicles.
     """

@@ -14,6 +14,13 @@ from dojo_maps.signals.programs import read_program
 def add_programs(signals: Iterable[Signal], files: Iterable[Path]) -> list[Signal]:
     """Give signals the programs that additional files hold for them, after their own.
 
+    Args:
+        signals: of the map.
+        files: in the order in which SUMO reads them.
+
+    Returns:
+        The signals, in their order; programs of signals that are not among them are left out.
+
     Raises:
         ConfigError: a file cannot be read, or a program does not fit its signal.
     """
@@ -30,8 +37,12 @@ def add_programs(signals: Iterable[Signal], files: Iterable[Path]) -> list[Signa
 def refuse_switching(signals: Iterable[str], files: Iterable[Path]) -> None:
     """Refuse signals whose programs SUMO itself switches by the clock: it would overrule who controls them.
 
+    Args:
+        signals: ids of those that something else than the clock is to control.
+        files: additional files.
+
     Raises:
-        ConfigError: a WAUT of the files names one of the signals.
+        ConfigError: a WAUT of the files names one of the signals, or a file cannot be read.
     """
     wanted = set(signals)
     for path in files:

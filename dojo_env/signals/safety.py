@@ -32,7 +32,11 @@ class SafetyLog:
         self.first: list[Violation] = []
 
     def add(self, violation: Violation) -> None:
-        """Count a violation."""
+        """Count a violation.
+
+        Args:
+            violation: a breach; only the first 20 are kept whole.
+        """
         self.counts[violation.rule] += 1
         if len(self.first) < _KEPT:
             self.first.append(violation)
@@ -63,7 +67,12 @@ class SignalWatch:
         self._may_be_sudden = [config.always_transition or walk for walk in self._walks]
 
     def look(self, time: float, state: str) -> None:
-        """Judge the letters that are shown from `time` on."""
+        """Judge the letters that are shown from `time` on.
+
+        Args:
+            time: simulated seconds.
+            state: the letters, one for each link index; another number of them is a violation of its own.
+        """
         if state == self._state:
             return
         if len(state) != len(self._since):
@@ -78,7 +87,11 @@ class SignalWatch:
         self._state = state
 
     def look_back(self, time: float) -> None:
-        """Judge at the end of a decision interval how long the present green has lasted."""
+        """Judge at the end of a decision interval how long the present green has lasted.
+
+        Args:
+            time: of the interval's end, simulated seconds.
+        """
         limit = self._config.max_green
         if limit is None or self._config.fixed_ts or len(self._plan.phases) == 1:
             return

@@ -43,7 +43,7 @@ class SwitchState:
 
 
 class SignalSwitch:
-    """What a signal shows, second by second. Requests that come too early are held, not refused.
+    """What a signal shows, second by second. Requests that come too early are no error, but change nothing.
 
     Attributes:
         clock: seconds since the switch began.
@@ -82,14 +82,26 @@ class SignalSwitch:
         return (self.now.phase + 1) % len(self._plan.phases)
 
     def request_phase(self, phase: int) -> bool:
-        """Ask for a phase; tell whether a change begins."""
+        """Ask for a phase.
+
+        Args:
+            phase: its place among the plan's phases.
+
+        Returns:
+            Whether a change begins. It does not where that phase is green already, during a change, and
+            before the minimum green is over; the request is not remembered then.
+        """
         if phase == self.now.phase or not self.may_change:
             return False
         self._begin_change(phase)
         return True
 
     def request_duration(self, seconds: float) -> None:
-        """Say how long the present green lasts; only the first word in each green counts."""
+        """Say how long the present green lasts; only the first word in each green counts.
+
+        Args:
+            seconds: from the green's begin; the minimum and the maximum green hold nevertheless.
+        """
         now = self.now
         if now.stages or now.duration_is_set:
             return

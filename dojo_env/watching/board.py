@@ -59,7 +59,14 @@ class Board:
 
 
 def read_board(instant: Instant) -> Board:
-    """Take the figures of a decision."""
+    """Take the figures of a decision.
+
+    Args:
+        instant: the decision.
+
+    Returns:
+        Its figures, with a lamp for each signal that agents control.
+    """
     views, traffic = instant.signals, instant.traffic
     return Board(
         time=instant.time,
@@ -93,7 +100,14 @@ class Scoreboard:
         self._green: dict[str, tuple[str, float]] = {}
 
     def note(self, snapshot: Snapshot) -> Board:
-        """Take in the next second; one that does not lie after the last begins another episode."""
+        """Take in the next second; one that does not lie after the last begins another episode.
+
+        Args:
+            snapshot: everyone on the road, and what the signals show, a second after the last one.
+
+        Returns:
+            The figures of this second.
+        """
         if snapshot.time <= self._time:
             self._stood, self._green = {}, {}
         self._time = snapshot.time

@@ -43,7 +43,11 @@ class Pace:
             self._changed.notify_all()
 
     def set_speed(self, speed: float) -> None:
-        """Change the simulated seconds per second; 0 is as fast as it goes."""
+        """Change the speed; a paused episode stays paused.
+
+        Args:
+            speed: simulated seconds per second; 0 is as fast as it goes.
+        """
         self._set(speed=speed)
 
     def nudge(self) -> None:

@@ -42,7 +42,11 @@ class PageState:
         return self._asked
 
     def note(self, board: Board) -> None:
-        """Take in the figures of the next instant; one that does not lie after the last begins an episode."""
+        """Take in the figures of the next instant; one that does not lie after the last begins an episode.
+
+        Args:
+            board: the figures; they go into the charts, and are shown with the next frame.
+        """
         with self._news:
             if self._history and board.time <= self._history[-1][0]:
                 self._history, self._every, self._second = [], 1, 0
@@ -54,7 +58,11 @@ class PageState:
             self._ended = False
 
     def publish(self, frame: Frame) -> None:
-        """Show a frame."""
+        """Show a frame, with the charts so far, to all who wait for one.
+
+        Args:
+            frame: the views and the figures; its views are compressed when somebody fetches them.
+        """
         with self._news:
             self._frame, self._asked = frame, False
             # At full speed the simulation is far ahead when the frame is fetched.
@@ -74,7 +82,15 @@ class PageState:
             self._tell()
 
     def wait(self, version: int, seconds: float) -> bytes:
-        """Wait for something newer than a version, and write it as JSON."""
+        """Wait for something newer than a version, and write it as JSON.
+
+        Args:
+            version: the last one that the asker has got; 0 for none.
+            seconds: how long to wait at most; then the present version is written.
+
+        Returns:
+            An object in JSON: version, figures, charts, what the controls say, and the views as JPEG.
+        """
         with self._news:
             if version >= self._version and not self._closed:
                 self._ask()
@@ -85,8 +101,13 @@ class PageState:
     def control(self, order: Any) -> None:
         """Do what the page's buttons say.
 
+        Args:
+            order: an object with an `action`: `pause`, `play` or `step`; `speed` with one of `SPEEDS` as
+                `value`; or `signal` with the id of the one to show. It may be anything at all.
+
         Raises:
-            ValueError: no such order.
+            ValueError: there is no such order, or the page has no controls.
+            TypeError: the action is a list or an object.
         """
         action, value = (order.get("action"), order.get("value")) if isinstance(order, dict) else (None, None)
         if action == "signal" and value in self._signals:

@@ -170,7 +170,14 @@ def _plain(text: str) -> str:
 
 
 def format_clock(time: float) -> str:
-    """Write simulated seconds as hours, minutes and seconds."""
+    """Write simulated seconds as hours, minutes and seconds.
+
+    Args:
+        time: simulated seconds, not negative; a part of a second is left out.
+
+    Returns:
+        Such as 07:05:09; hours go on after 23.
+    """
     minutes, seconds = divmod(int(time), 60)
     hours, minutes = divmod(minutes, 60)
     return f"{hours:02d}:{minutes:02d}:{seconds:02d}"

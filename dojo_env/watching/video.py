@@ -35,6 +35,9 @@ def open_video(path: Path | str, *, frame_rate: float = FRAME_RATE) -> Iterator[
         path: the file; its suffix says which kind, `.mp4` or `.webm`.
         frame_rate: frames per second.
 
+    Yields:
+        The video; it is finished when the context is left.
+
     Raises:
         ConfigError: another suffix, or the path is a folder or a device.
         ToolMissingError: the installed OpenCV cannot write this kind.
@@ -67,7 +70,10 @@ class Video:
         self.count = 0
 
     def add(self, picture: Image) -> None:
-        """Add a picture: (h, w, 3) uint8 RGB, h and w even.
+        """Add a picture; the first one begins the file.
+
+        Args:
+            picture: (h, w, 3) uint8 RGB, h and w even, the same for all pictures.
 
         Raises:
             ToolMissingError: the installed OpenCV cannot write this kind.

@@ -38,7 +38,12 @@ class Viewer:
             print(f"watch at {self._server.url}", file=sys.stderr)  # noqa: T201 - the page has to be found
 
     def follow(self, draw: Draw, *, ended: bool = False) -> None:
-        """Show a decision that has just been reached, where somebody looks on."""
+        """Show a decision that has just been reached, where somebody looks on.
+
+        Args:
+            draw: draws the present decision; only called where a page is served.
+            ended: whether the decision is the episode's last one.
+        """
         if self._page is not None:
             frame = draw(self._page.signal)
             self._page.note(frame.board)
@@ -47,7 +52,15 @@ class Viewer:
                 self._page.end()
 
     def render(self, draw: Draw) -> Image | None:
-        """Make the picture that `rgb_array` asks for."""
+        """Make the picture that `rgb_array` asks for.
+
+        Args:
+            draw: draws the present decision; only called with `rgb_array`.
+
+        Returns:
+            (h, w, 3) uint8 RGB, all signals and the figures; None in other modes, with a warning where no
+            mode was chosen.
+        """
         if self._mode is None:
             gymnasium.logger.warn('render() draws nothing without render_mode="rgb_array"')
         if self._mode != "rgb_array":

@@ -33,6 +33,16 @@ def choose_cameras(eyes: Eyes, signals: Iterable[str]) -> dict[str, Camera]:
     """Choose what to show, by title: all cameras of a single signal, of several the main one of each.
 
     The main one is the bird's eye view, drawn twice as large where it is not the only kind.
+
+    Args:
+        eyes: what places the cameras.
+        signals: ids, at least one.
+
+    Returns:
+        Cameras by title; the title is the signal's id where there are several signals.
+
+    Raises:
+        ConfigError: the map has no such signal, or no lane leads to it.
     """
     names = list(signals)
     if len(names) > 1:
@@ -45,7 +55,19 @@ def choose_cameras(eyes: Eyes, signals: Iterable[str]) -> dict[str, Camera]:
 
 
 def draw_views(eyes: Eyes, cameras: Mapping[str, Camera], snapshot: Snapshot) -> dict[str, Image]:
-    """Draw an instant through each camera."""
+    """Draw an instant through each camera.
+
+    Args:
+        eyes: what draws; what the agents' own lenses remember stays as it is.
+        cameras: by title.
+        snapshot: the instant.
+
+    Returns:
+        (h, w, 3) uint8 RGB by title, in the cameras' order.
+
+    Raises:
+        ConfigError: the renderer is pybullet's, and a camera's lens bends.
+    """
     pictures: Any = eyes.look(snapshot, tuple(cameras.values()), viewer=_VIEWER)
     return {title: picture.rgb for title, picture in zip(cameras, pictures, strict=True)}
 

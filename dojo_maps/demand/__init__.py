@@ -109,10 +109,16 @@ def write_demand(
 
     Returns:
         What was written; None, and nothing written, where no car or bus can cross a junction, or nobody was
-        counted.
+        counted. With a pattern there is always a file.
 
     Raises:
-        DojoError: the counts cannot be met, as nobody can walk where people were counted.
+        DojoError: the counts cannot be met, as nobody can walk where people were counted or SUMO's tool
+            fails; or the pattern cannot be drawn, as no car or bus can cross a junction, or as it needs
+            crossings that people can walk over and there are none.
+        SourceError: the network cannot be read.
+        ToolMissingError: vehicles were counted, and SUMO's tools are not installed.
+        UsageError: the path is a folder, or lies in none.
+        WriteError: the file cannot be written.
     """
     options = options or DemandOptions()
     if options.pattern is not None:
@@ -151,7 +157,14 @@ def _deliver(
 
 
 def as_json(demand: Demand) -> dict[str, Any]:
-    """Describe a demand as JSON values, as reports have it."""
+    """Describe a demand as JSON values, as reports have it.
+
+    Args:
+        demand: what was written.
+
+    Returns:
+        Its amounts by their names; where there are counts, those with their GEH, and the share that is met.
+    """
     names = ("begin", "end", "vehicles", "bicycles", "walkers", "saturation")
     described: dict[str, Any] = {name: getattr(demand, name) for name in names}
     if demand.counts:
@@ -161,7 +174,14 @@ def as_json(demand: Demand) -> dict[str, Any]:
 
 
 def share_met(demand: Demand) -> float:
-    """Tell the share of the counts whose GEH is below 5."""
+    """Tell the share of the counts whose GEH is below 5.
+
+    Args:
+        demand: with one count at least.
+
+    Returns:
+        From 0 to 1.
+    """
     return sum(met.geh < GOOD_GEH for met in demand.counts) / len(demand.counts)
 
 

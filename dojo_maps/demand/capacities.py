@@ -108,6 +108,9 @@ class Capacities:
 
         Args:
             flows: vehicles per hour on connections, by their ids.
+
+        Returns:
+            Vehicles per hour by the connections' ids, for every connection of the map; 20 at least.
         """
         return {
             id_: max(
@@ -127,6 +130,10 @@ class Capacities:
 
         Args:
             ways: a route: the connections from each road to the next, one a lane.
+
+        Yields:
+            A road's id and its vehicles per hour, in driving order; nothing before the route has come from a
+            signal or from a road from which others go elsewhere.
         """
         before: Sequence[Connection] | None = None
         length = 0.0

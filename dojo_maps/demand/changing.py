@@ -76,7 +76,10 @@ class ChangingTraffic:
         Args:
             seed: another one gives other traffic.
             begin: seconds.
-            end: seconds.
+            end: seconds; nobody departs then or later.
+
+        Returns:
+            The vehicles and the people on foot, not in the order of their departures.
         """
         chance, pattern = np.random.default_rng([seed, 7]), self._pattern
         level = _draw(pattern.level, chance)
@@ -94,7 +97,16 @@ class ChangingTraffic:
         return [trip for trip in trips if trip.depart < end], strolls
 
     def format(self, seed: int, *, begin: float, end: float) -> str:
-        """Write the traffic of an episode as a SUMO route file."""
+        """Write the traffic of an episode as a SUMO route file.
+
+        Args:
+            seed: another one gives other traffic.
+            begin: seconds.
+            end: seconds; nobody departs then or later.
+
+        Returns:
+            The file's text, in the order of departures.
+        """
         return format_routes(*self.draw(seed, begin=begin, end=end), self._stubs)
 
     def _draw_surges(

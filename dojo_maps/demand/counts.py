@@ -69,13 +69,32 @@ class CountMet:
 
 
 def compute_geh(modelled: float, counted: float) -> float:
-    """Compare two flows, vehicles per hour each, as engineers do: 0 is equal, below 5 is close."""
+    """Compare two flows as engineers do.
+
+    Args:
+        modelled: vehicles per hour, 0 or more.
+        counted: vehicles per hour, 0 or more.
+
+    Returns:
+        Their GEH: 0 is equal, below 5 is close.
+    """
     total = modelled + counted
     return math.sqrt(2 * (modelled - counted) ** 2 / total) if total else 0.0
 
 
 def compare(counts: Iterable[Count], modelled: Iterable[int]) -> tuple[CountMet, ...]:
-    """Give each count its GEH, both flows taken per hour."""
+    """Give each count its GEH, both flows taken per hour.
+
+    Args:
+        counts: with the time that each took.
+        modelled: how many a demand has of each count in that time, in the same order.
+
+    Returns:
+        Each count with both, in the same order.
+
+    Raises:
+        ValueError: there are more of one than of the other.
+    """
     return tuple(
         CountMet(
             count=each,
@@ -95,8 +114,12 @@ def read_counts(path: Path, road_map: RoadMap, *, begin: float, end: float) -> t
         begin: seconds, for rows that name no begin.
         end: seconds, for rows that name no end.
 
+    Returns:
+        The counts, in the file's order; at least one.
+
     Raises:
-        SourceError: a value is wrong, a place is not on the map, or nobody of the class can pass there.
+        SourceError: the file cannot be read, a value is wrong, a place is not on the map, nobody of the class
+            can pass there, or there are too many rows, vehicles or intervals.
     """
     rows = read_table(path, _COLUMNS)
     if not rows or len(rows) > _MOST_ROWS:
@@ -126,8 +149,14 @@ def read_counts(path: Path, road_map: RoadMap, *, begin: float, end: float) -> t
 def interval_of(counts: Iterable[Count]) -> int:
     """Find the longest interval, in seconds, that all counts begin and end with.
 
+    Args:
+        counts: whose times are whole seconds.
+
+    Returns:
+        Seconds; every count begins and ends a multiple of them after the earliest begin.
+
     Raises:
-        ValueError: it is too short.
+        ValueError: it is shorter than a minute, or there would be more than 1,440 of them.
     """
     times = sorted({time for count in counts for time in (count.begin, count.end)})
     interval = math.gcd(*(round(time - times[0]) for time in times))

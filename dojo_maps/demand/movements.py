@@ -51,6 +51,13 @@ def find_routes(road_map: RoadMap) -> tuple[Route, ...]:
     """Make a route for each movement through a signal, or, on a map without signals, through any junction.
 
     Turnarounds are left out: hardly anybody turns around at a signal, and it holds up all others.
+
+    Args:
+        road_map: with signals, or at least with junctions.
+
+    Returns:
+        A route for each movement that cars may make, or buses where cars may not; in the order of the map's
+        connections.
     """
     return _find_routes(road_map, CLASSES)
 
@@ -62,6 +69,9 @@ def find_rides(road_map: RoadMap, *, own_lanes: bool) -> tuple[Route, ...]:
         road_map: with signals, or at least with junctions.
         own_lanes: only for movements out of roads that have a lane for bicycles alone; among cars, cyclists
             hold them up.
+
+    Returns:
+        The routes, in the order of the map's connections.
     """
     rides = _find_routes(road_map, (CYCLISTS,))
     roads = {lane.road for lane in road_map.lanes if lane.kind is LaneKind.BICYCLE}
@@ -119,6 +129,12 @@ class RoadNet:
         """Lead a route from the nearest edge of the map through a movement to another edge.
 
         Where no edge is near, the route begins or ends at the movement's own roads.
+
+        Args:
+            arc: one of `arcs`.
+
+        Returns:
+            The ids of its roads in driving order, among them those of the movement.
         """
         seen = {self._ends[road] for road in arc} | {self._ends[road][::-1] for road in arc}
         back = self._search(arc[0], self._before, self._to_entry, seen)

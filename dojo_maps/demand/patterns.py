@@ -97,6 +97,12 @@ _BOUNDS: dict[str, Range] = {
 def read_pattern(path: Path) -> Pattern:
     """Read a pattern's file.
 
+    Args:
+        path: of a TOML file; its name without `.toml` is the pattern's where it gives none.
+
+    Returns:
+        The pattern; what the file leaves out is as `Pattern` has it.
+
     Raises:
         SourceError: it cannot be read, or is no pattern.
     """
@@ -118,6 +124,12 @@ def list_patterns() -> tuple[str, ...]:
 def find_pattern(value: str | Path) -> Pattern:
     """Find a packaged pattern by its name, or read one from a `.toml` file.
 
+    Args:
+        value: the name of a packaged pattern, which goes first, or a file's path.
+
+    Returns:
+        The pattern.
+
     Raises:
         SourceError: there is none of that name, or the file is none.
     """
@@ -130,7 +142,15 @@ def find_pattern(value: str | Path) -> Pattern:
 
 
 def split_pattern(name: str) -> tuple[str, str]:
-    """Split `cologne1-surges` into what traffic drives on and a packaged pattern; "" where there is none."""
+    """Split `cologne1-surges` into what traffic drives on and a packaged pattern.
+
+    Args:
+        name: of a scenario, with or without a pattern after its last hyphen.
+
+    Returns:
+        What stands before the hyphen, and the pattern; the whole name and "" where there is no packaged
+        pattern.
+    """
     base, _, pattern = name.rpartition("-")
     return (base, pattern) if base and pattern in list_patterns() else (name, "")
 

@@ -61,6 +61,9 @@ def draw_trips(
         chance: draws the departures.
         begin: seconds.
         end: seconds.
+
+    Yields:
+        The vehicles, route by route, each route's in the order of their departures.
     """
     hours = (end - begin) / 3600
     for route, rate in zip(routes, rates, strict=True):
@@ -81,6 +84,9 @@ def draw_strolls(
         chance: draws the departures.
         begin: the first second.
         end: the second after the last.
+
+    Yields:
+        The people, walk by walk, each walk's in the order of their departures.
     """
     for number, (walk, count) in enumerate(zip(walks, counts, strict=True)):
         for depart in _draw(count, chance, begin, end):
@@ -88,7 +94,14 @@ def draw_strolls(
 
 
 def find_stubs(road_map: RoadMap) -> frozenset[str]:
-    """Find the roads on which no two vehicles have room behind each other."""
+    """Find the roads on which no two vehicles have room behind each other.
+
+    Args:
+        road_map: whose roads are measured by their outermost lanes.
+
+    Returns:
+        The roads' ids.
+    """
     lanes = MapIndex(road_map).lanes
     return frozenset(road.id for road in road_map.roads if lanes[road.lanes[0]].length < _ROOM)
 
@@ -103,6 +116,10 @@ def write_route_file(
         strolls: the people on foot.
         path: of the file.
         stubs: as for `format_routes`.
+
+    Raises:
+        UsageError: the path is a folder, or lies in none.
+        WriteError: the file cannot be written.
     """
     with replaced(path) as fresh:
         fresh.write_text(format_routes(trips, strolls, stubs), encoding="utf-8")
@@ -116,6 +133,9 @@ def format_routes(trips: Sequence[Trip], strolls: Iterable[Stroll], stubs: Set[s
         strolls: the people on foot.
         stubs: roads that are shorter than a vehicle: one departs behind the last one there, as SUMO would
             otherwise put it on top of that.
+
+    Returns:
+        The text of a route file.
     """
     classes = dict.fromkeys(("passenger", "bus", *(trip.vehicle_class for trip in trips)))
     types = [(_TYPES.get(name, name), name) for name in classes]

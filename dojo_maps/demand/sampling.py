@@ -42,6 +42,9 @@ def sample_trips(road_map: RoadMap, counts: Sequence[Count], *, seed: int) -> tu
         counts: of edges and turns.
         seed: the same one gives the same trips.
 
+    Returns:
+        The vehicles, as the tool wrote them; none where nobody was counted.
+
     Raises:
         ToolMissingError: SUMO's tools are not installed.
         DojoError: the tool fails, or takes too long.
@@ -65,7 +68,16 @@ def sample_trips(road_map: RoadMap, counts: Sequence[Count], *, seed: int) -> tu
 
 
 def model_counts(counts: Iterable[Count], trips: Iterable[Trip]) -> list[int]:
-    """Tell for each count how many trips that depart in its interval pass its place."""
+    """Tell for each count how many trips that depart in its interval pass its place.
+
+    Args:
+        counts: of edges, turns and crossings.
+        trips: of all classes; a count's own class counts. Somebody on foot is a trip whose one road is a
+            crossing.
+
+    Returns:
+        Vehicles or people, in the order of the counts.
+    """
     trips = tuple(trips)
     times = sorted({time for count in counts for time in (count.begin, count.end)})
     passed: Counter[tuple[_Roads, str, float]] = Counter()

@@ -75,7 +75,16 @@ def _with_every_movement(routes: Sequence[Route], rates: Floats) -> Floats:
 
 
 def compute_saturation(road_map: RoadMap, routes: Sequence[Route], rates: Floats) -> float:
-    """Tell the degree of saturation of the fullest lane: (n,) vehicles per hour of each route."""
+    """Tell the degree of saturation of the fullest lane.
+
+    Args:
+        road_map: lanes, links and programs.
+        routes: what is driven.
+        rates: (n,) vehicles per hour of each route.
+
+    Returns:
+        Its volume as a share of its capacity; 0 where there are no routes.
+    """
     links = _links_by_arc(road_map, routes)
     flows = _flows(routes, rates, links)
     return _Usage(road_map, routes, links, Capacities(road_map), flows).fullest(rates)

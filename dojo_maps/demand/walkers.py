@@ -50,6 +50,10 @@ def find_walks(road_map: RoadMap, network: Path) -> tuple[Walk, ...]:
         road_map: the description of the network.
         network: the SUMO network, which alone says what walking areas join.
 
+    Returns:
+        The walks, two for most crossings; none for those that do not lie between sidewalks of two different
+        streets.
+
     Raises:
         SourceError: the network cannot be read.
     """

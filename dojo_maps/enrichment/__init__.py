@@ -31,6 +31,9 @@ def furnish(
         generated: whether to add what the source does not tell of: sidewalks, crossings and surroundings.
         surroundings: whether houses, trees and street lamps are among it.
         far_side_signals: whether traffic also has signal heads across the junction.
+
+    Returns:
+        The furnished map.
     """
     road_map = replace(road_map, props=road_map.props + find_islands(road_map, paved))
     if generated:

@@ -57,6 +57,12 @@ def generate_crossings(road_map: RoadMap) -> tuple[Crossing, ...]:
     SUMO's vehicles wait at the ends of their lanes, so a crossing lies past them, on the junction's floor.
     At a tight junction the crossings are narrower, and each gives way a little where two meet at a corner.
     An arm without room has none; one that no vehicle arrives on has its crossing on its lanes.
+
+    Args:
+        road_map: without crossings of its own; roads along which nobody walks count for no arm.
+
+    Returns:
+        The crossings, in the order of the map's junctions; no signal controls them.
     """
     index = MapIndex(road_map)
     found: list[Crossing] = []

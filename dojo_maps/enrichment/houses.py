@@ -57,7 +57,14 @@ def chance(*parts: object) -> float:
 
 
 def generate_houses(near: Vicinity) -> tuple[Prop, ...]:
-    """Build houses along the pavement: props of kind `building`, with the tags of OpenStreetMap."""
+    """Build houses along the pavement.
+
+    Args:
+        near: the vicinity; houses stand within its `focus`.
+
+    Returns:
+        Props of kind `building`, with the tags of OpenStreetMap.
+    """
     blocks = _blocks(near)
     plots, is_alone = _plots(blocks, near)
     if not len(plots):
@@ -79,7 +86,16 @@ def generate_houses(near: Vicinity) -> tuple[Prop, ...]:
 
 
 def generate_forecourts(near: Vicinity, houses: Shapes, bays: Shapes) -> tuple[Sidewalk, ...]:
-    """Pave what lies between the street, its bays, and houses wall to wall, in parts without holes."""
+    """Pave what lies between the street, its bays, and houses wall to wall, in parts without holes.
+
+    Args:
+        near: the vicinity.
+        houses: (n,) outlines of the houses wall to wall, metres, map frame; without any, nothing is paved.
+        bays: (m,) outlines of the parking bays, metres, map frame.
+
+    Returns:
+        Pavement that belongs to no road.
+    """
     if not len(houses):
         return ()
     rows = shapely.buffer(shapely.multipolygons(houses), FORECOURT + _STRAIGHTENED, join_style="mitre")

@@ -25,6 +25,13 @@ def find_islands(road_map: RoadMap, paved: shapely.Geometry) -> tuple[Prop, ...]
 
     Slits of less than 0.6 m are flush with the road (height 0). Ground along a sidewalk is a verge and stays
     green.
+
+    Args:
+        road_map: as a source describes it; its lanes say how high the ground is.
+        paved: the network's own ground, metres, in the frame of `origin`.
+
+    Returns:
+        The islands, with polygons in the map frame.
     """
     shift = np.array(road_map.origin)
     walks = [sidewalk.polygon for sidewalk in road_map.sidewalks]

@@ -72,7 +72,18 @@ class Places:
     free: Flags
 
     def band(self, first: int, last: int, near: float, far: float) -> Floats:
-        """Outline the ground beside places, from some metres off the lane's edge to others: (2 k, 2)."""
+        """Outline the ground beside places, between two distances from the lane's edge.
+
+        Args:
+            first: index of the first place.
+            last: index after the last place.
+            near: metres from the lane's edge to the inner side; negative on the lane.
+            far: metres from the lane's edge to the outer side.
+
+        Returns:
+            (2 k, 2), metres, map frame, for k - 1 places: the inner side in driving direction, then the outer
+            side back.
+        """
         start, out = self.ends[first : last + 1], self.outward[first : last + 1]
         half = self.lane.width / 2
         return np.vstack([start + (half + near) * out, (start + (half + far) * out)[::-1]])
@@ -115,7 +126,14 @@ def generate_parking(
 
 
 def park_on_lanes(near: Vicinity) -> tuple[Prop, ...]:
-    """Park cars on the parking lanes of a vicinity: those that are open to nobody."""
+    """Park cars on the parking lanes of a vicinity: those that are open to nobody.
+
+    Args:
+        near: the vicinity; cars stand within its `focus`.
+
+    Returns:
+        Props of kind `parked_car`.
+    """
     closed = [lane for lane in near.road_map.lanes if lane.kind is LaneKind.SHOULDER and not lane.allow]
     outermost = {lane.road: lane.index for lane in reversed(near.road_map.lanes) if lane.kind in CARRIAGEWAY}
     side = 1.0 if near.road_map.left_hand else -1.0

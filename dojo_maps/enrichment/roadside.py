@@ -82,7 +82,11 @@ class Roadside:
         return np.concatenate(self._posts)
 
     def keep_off(self, ground: Shapes) -> None:
-        """Let nothing that is put from now on stand on some ground (n,)."""
+        """Let nothing that is put from now on stand on some ground.
+
+        Args:
+            ground: (n,) polygons, metres, map frame.
+        """
         self._driven = shapely.STRtree(np.concatenate([self._driven.geometries, ground]))
 
     def put_lamps(self) -> tuple[Prop, ...]:
@@ -128,6 +132,9 @@ class Roadside:
 
         Args:
             stops: (n, 2) metres, beside the street or on it; where there are none, some are invented.
+
+        Returns:
+            Props of kind `shelter`; stops without room have none.
         """
         stands = [
             self._beside(lane, shape, np.array([at]), _SHELTER_BEHIND)[:2]
@@ -167,7 +174,14 @@ class Roadside:
         return self._stand("tree", spots[kept], heights, [()] * len(heights))
 
     def plant_hedges(self, gardens: Shapes) -> tuple[Prop, ...]:
-        """Plant hedges between the pavement and the gardens of houses, with a gate before each house."""
+        """Plant hedges between the pavement and the gardens of houses, with a gate before each house.
+
+        Args:
+            gardens: (n,) outlines of the houses that have gardens, metres, map frame.
+
+        Returns:
+            Props of kind `hedge`, with outlines.
+        """
         if not len(gardens):
             return ()
         edge = shapely.boundary(shapely.buffer(self._near.cleared, _HEDGE_BEHIND - FORECOURT))

@@ -24,6 +24,12 @@ def generate_sidewalks(road_map: RoadMap) -> tuple[Sidewalk, ...]:
 
     Without sidewalk lanes it runs along the outer side of every road of a town, and along both sides where
     one runs alone; without walking areas it goes around the corners between roads that have a sidewalk.
+
+    Args:
+        road_map: as a source describes it.
+
+    Returns:
+        The sidewalks along roads, then those around corners. They reach a little under the carriageway.
     """
     walked = {lane.road for lane in road_map.lanes if lane.kind is LaneKind.SIDEWALK}
     along: tuple[Sidewalk, ...] = ()
@@ -47,7 +53,15 @@ def _beside_roads(road_map: RoadMap) -> tuple[Sidewalk, ...]:
 
 
 def has_sidewalk(road: Road, lane_of: dict[str, Lane]) -> bool:
-    """Tell whether people walk along a road: cars use it, and it is no motorway."""
+    """Tell whether people walk along a road: cars use it, and it is no motorway.
+
+    Args:
+        road: any of the map.
+        lane_of: the map's lanes by id.
+
+    Returns:
+        False also for trunk roads, and where a lane's limit is above 80 km/h.
+    """
     lanes = [lane_of[lane] for lane in road.lanes]
     drivable = any(lane.kind is LaneKind.DRIVING for lane in lanes)
     fast = "motorway" in road.kind or "trunk" in road.kind or max(lane.speed for lane in lanes) > _FASTEST

@@ -57,6 +57,13 @@ def place_stop_lines(road_map: RoadMap) -> tuple[StopLine, ...]:
 
     SUMO's vehicles stop up to a metre before the end of their lane, and there the line lies. Where a crossing
     lies on the lane, the line lies before the crossing.
+
+    Args:
+        road_map: with crossings, generated ones too.
+
+    Returns:
+        A line for each lane that has to stop, from the right of the lane to its left. Sidewalks, tracks and
+        waterways have none.
     """
     stopping = {
         c.from_lane
@@ -98,6 +105,9 @@ def place_signal_heads(road_map: RoadMap, *, far_side: bool = False) -> RoadMap:
     Args:
         road_map: with stop lines and crossings.
         far_side: whether to hang each of traffic's heads a second time, where its way leaves the junction.
+
+    Returns:
+        The map, with heads in its signals and poles after its other props.
     """
     index = MapIndex(road_map)
     lane_of = index.lanes

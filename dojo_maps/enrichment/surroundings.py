@@ -24,6 +24,9 @@ def clear_street(road_map: RoadMap, paved: shapely.Geometry) -> RoadMap:
     Args:
         road_map: as a source describes it, with generated pavement where there is some.
         paved: the network's own ground, in the frame of `origin`.
+
+    Returns:
+        The map with the props that remain. A building that is cut in pieces becomes one for each.
     """
     kinds = {prop.kind for prop in road_map.props}
     if not kinds & {"building", "tree"}:
@@ -35,7 +38,14 @@ def clear_street(road_map: RoadMap, paved: shapely.Geometry) -> RoadMap:
 
 
 def prop_shapes(props: tuple[Prop, ...]) -> Shapes:
-    """Make the polygons of props, map frame."""
+    """Make the polygons of props.
+
+    Args:
+        props: of any kind; those without an outline are left out.
+
+    Returns:
+        (n,) polygons with their holes, metres, map frame.
+    """
     return np.array(
         [
             shapely.Polygon(prop.polygon[:, :2], [hole[:, :2] for hole in prop.holes])

@@ -25,6 +25,13 @@ def build_town(road_map: RoadMap) -> RoadMap:
     """Build a town around the signals of a furnished map.
 
     Where the source tells of it, only lamps, shelters and the cars on its parking lanes are added.
+
+    Args:
+        road_map: with sidewalks, crossings, stop lines and signal heads.
+
+    Returns:
+        The map with more props; where its source tells of no town, sidewalks lead around parking bays, and
+        forecourts are paved, too. A map without signals comes back as it is.
     """
     near = look_around(road_map)
     if near is None:

@@ -54,18 +54,39 @@ class Vicinity:
     sights: Shapes
 
     def lift(self, places: Floats) -> Points:
-        """Give places (n, 2) the heights of the nearest lanes; to the millimetre."""
+        """Give places the heights of the nearest lanes.
+
+        Args:
+            places: (n, 2), metres, map frame.
+
+        Returns:
+            (n, 3), metres, in the same order; x and y are rounded to the millimetre.
+        """
         return lift_to_nearest(np.round(places, 3), [lane.shape for lane in self.road_map.lanes])
 
     def lift_outlines(self, polygons: Shapes) -> list[Points]:
-        """Give the corners of polygons the heights of the nearest lanes: one ring (n, 3) for each."""
+        """Give the corners of polygons the heights of the nearest lanes.
+
+        Args:
+            polygons: (k,), metres, map frame; their holes are left out.
+
+        Returns:
+            One ring (n, 3) for each polygon, metres, that closes implicitly.
+        """
         corners, polygon = shapely.get_coordinates(shapely.get_exterior_ring(polygons), return_index=True)
         ends = np.cumsum(np.bincount(polygon, minlength=len(polygons)))
         return [points(ring[:-1]) for ring in np.split(self.lift(corners), ends[:-1])] if len(ends) else []
 
 
 def look_around(road_map: RoadMap) -> Vicinity | None:
-    """Find the vicinity of a map's signals; None where it has none."""
+    """Find the vicinity of a map's signals.
+
+    Args:
+        road_map: furnished, but for the town around it.
+
+    Returns:
+        The vicinity; None where no junction has a signal.
+    """
     signalled = {junction for signal in road_map.signals for junction in signal.junctions}
     places = [junction.position[:2] for junction in road_map.junctions if junction.id in signalled]
     if not places:
@@ -102,7 +123,14 @@ def look_around(road_map: RoadMap) -> Vicinity | None:
 
 
 def areas(rings: Sequence[Points]) -> Shapes:
-    """Make valid areas of rings (n, 3), however twisted; those of fewer than three points have none."""
+    """Make valid areas of rings, however twisted.
+
+    Args:
+        rings: (n, 3) each, metres.
+
+    Returns:
+        (k,) areas in the same frame and order, without heights. Rings of fewer than three points have none.
+    """
     polygons = [shapely.Polygon(ring[:, :2]) for ring in rings if len(ring) > 2]
     shapes: Shapes = shapely.make_valid(np.array(polygons, dtype=object))
     return shapes

@@ -24,5 +24,12 @@ EXPORTERS: dict[str, Exporter] = {
 
 
 def file_stem(road_map: RoadMap) -> str:
-    """Turn the map's name into one that is safe as a file's, whatever the description says."""
+    """Turn the map's name into one that is safe as a file's, whatever the description says.
+
+    Args:
+        road_map: whose name it is.
+
+    Returns:
+        The name with `_` for all but letters, digits, `_`, `.` and `-`; `map` where the map has no name.
+    """
     return re.sub(r"[^\w.-]", "_", road_map.name) or "map"

@@ -29,7 +29,13 @@ class Earth:
             ) from error
 
     def degrees(self, positions: Any) -> tuple[Floats, Floats]:
-        """Turn positions (n, 2 or more), metres, into longitudes and latitudes.
+        """Turn positions on the map into places on the earth.
+
+        Args:
+            positions: (n, 2 or more), metres, map frame; only x and y count.
+
+        Returns:
+            Longitudes (n,) and latitudes (n,), degrees.
 
         Raises:
             ExportError: they do not fit the projection.
@@ -44,7 +50,14 @@ class Earth:
         return longitudes, latitudes
 
     def positions(self, longitudes: Any, latitudes: Any) -> Floats:
-        """Turn longitudes and latitudes, (n,) each, into positions (n, 2), metres.
+        """Turn places on the earth into positions on the map.
+
+        Args:
+            longitudes: (n,), degrees.
+            latitudes: (n,), degrees.
+
+        Returns:
+            (n, 2), metres, map frame.
 
         Raises:
             ExportError: they do not fit the projection.

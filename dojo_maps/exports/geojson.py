@@ -33,8 +33,13 @@ _DECIMALS = 8
 def write_geojson(road_map: RoadMap, folder: Path) -> None:
     """Write `<name>.geojson`, one feature a line.
 
+    Args:
+        road_map: what to write; without a projection, positions stay in metres.
+        folder: exists; a file of that name in it is replaced.
+
     Raises:
         ExportError: the network's projection is unknown or does not fit its coordinates.
+        OSError: the file cannot be written.
     """
     places = _Places(road_map)
     features = [

@@ -78,8 +78,13 @@ _Members = list[tuple[str, str, str]]
 def write_lanelet2(road_map: RoadMap, folder: Path) -> None:
     """Write `<name>.osm`.
 
+    Args:
+        road_map: what to write; without a projection, it lies around 0° N 0° E.
+        folder: exists; a file of that name in it is replaced.
+
     Raises:
         ExportError: the network's projection is unknown or does not fit its coordinates.
+        OSError: the file cannot be written.
     """
     root = _Document(road_map).build()
     ET.indent(root)

@@ -28,18 +28,29 @@ _DATASET = "dojo-map"
 def write_metadrive(road_map: RoadMap, folder: Path) -> None:
     """Write the scenario, the data set's summary and its mapping.
 
+    Args:
+        road_map: what to write; its signals run their own programs.
+        folder: exists, and is empty.
+
     Raises:
         ExportError: the map has no lane for cars.
+        OSError: a file cannot be written.
     """
     write_data_set(folder, [(file_stem(road_map), build_scenario(road_map))])
 
 
 def write_data_set(folder: Path, scenarios: Iterable[tuple[str, dict[str, Any]]]) -> int:
-    """Write named scenarios one by one, and the data set's summary and mapping; returns how many there are.
+    """Write named scenarios one by one, and the data set's summary and mapping.
 
     Args:
         folder: exists, and is empty.
         scenarios: names that are safe as a file's, and what `build_scenario` and the like make.
+
+    Returns:
+        How many scenarios there are.
+
+    Raises:
+        OSError: a file cannot be written.
     """
     summaries: dict[str, Any] = {}
     for stem, scenario in scenarios:
@@ -53,6 +64,12 @@ def write_data_set(folder: Path, scenarios: Iterable[tuple[str, dict[str, Any]]]
 
 def build_scenario(road_map: RoadMap) -> dict[str, Any]:
     """Build a scenario of plain values and arrays, as MetaDrive's `ScenarioDescription` has it.
+
+    Args:
+        road_map: its signals run their own programs, and one car shows the way.
+
+    Returns:
+        The scenario; positions in metres around the map's origin.
 
     Raises:
         ExportError: the map has no lane for cars.
@@ -74,7 +91,20 @@ def assemble_scenario(
     name: str,
     ego: str,
 ) -> dict[str, Any]:
-    """Put together what a scenario consists of, with its summaries; `ego` is the track that is followed."""
+    """Put together what a scenario consists of, with its summaries.
+
+    Args:
+        road_map: where the scenario takes place.
+        times: (n,) the scenario's instants, seconds, `STEP` apart.
+        features: of the map by id, as `build_features` makes them.
+        states: the signals' lights, as `build_signal_states` makes them.
+        tracks: who moves, by id; each has a state at every instant.
+        name: the scenario's id.
+        ego: id of the track that is followed.
+
+    Returns:
+        The scenario, which holds the arguments themselves and no copies.
+    """
     summaries = {key: _summarize_track(key, track) for key, track in tracks.items()}
     metadata = {
         "metadrive_processed": False,

@@ -36,7 +36,14 @@ _LEVEL_GAP = 2.0
 
 
 def build_features(road_map: RoadMap) -> dict[str, Feature]:
-    """Build every feature, in the order of the map's lists; positions in metres around the map's origin."""
+    """Build every feature, in the order of the map's lists.
+
+    Args:
+        road_map: what to describe.
+
+    Returns:
+        Features by id; positions in metres around the map's origin.
+    """
     origin = np.array([*road_map.origin, 0.0])
     lines = {
         lane.id: drop_repeats(lane.shape) - origin for lane in road_map.lanes if lane.kind in _LANE_TYPES
@@ -221,10 +228,17 @@ def _without_holes(shape: Any) -> Iterator[Any]:
 
 
 def lane_polygon(line: Points, width: float) -> Floats:
-    """Outline a lane, (n, 2) metres.
+    """Outline a lane.
 
     Both sides keep the line's corners, so the corners' mean is the line's: MetaDrive refuses a lane where
     the two lie more than 100 m apart. Only where a side would cross itself the outline is a buffer's.
+
+    Args:
+        line: (n, 3), metres, the lane's middle, n >= 2, no two neighbours on one place.
+        width: metres.
+
+    Returns:
+        (k, 2), metres, in the line's frame; the ring closes implicitly.
     """
     ring = np.concatenate([offset_line(line, width / 2), offset_line(line, -width / 2)[::-1]])[:, :2]
     if shapely.is_valid(shapely.Polygon(ring)):
@@ -235,7 +249,15 @@ def lane_polygon(line: Points, width: float) -> Floats:
 
 
 def offset_line(line: Points, offset: float) -> Floats:
-    """Move each corner of a line sideways, metres, positive to the left; (n, 3), sharp corners are cut."""
+    """Move each corner of a line sideways; sharp corners are cut.
+
+    Args:
+        line: (n, 3), metres, n >= 2, no two neighbours on one place.
+        offset: metres, positive to the left.
+
+    Returns:
+        (n, 3), metres, with the line's heights.
+    """
     steps = np.diff(line[:, :2], axis=0)
     normals = np.column_stack([-steps[:, 1], steps[:, 0]]) / np.hypot(*steps.T)[:, None]
     before, after = np.vstack([normals[:1], normals]), np.vstack([normals, normals[-1:]])

@@ -35,7 +35,14 @@ LIGHTS = {
 
 
 def choose_times(road_map: RoadMap) -> Floats:
-    """List a scenario's instants: one cycle of the slowest signal, within bounds; (n,) seconds."""
+    """List a scenario's instants: one cycle of the slowest signal, but from 60 to 180 s.
+
+    Args:
+        road_map: whose signals' programs count.
+
+    Returns:
+        (n,), seconds, from 0 on, `STEP` apart.
+    """
     cycles = [
         sum(phase.duration for phase in _active(s.programs).phases) for s in road_map.signals if s.programs
     ]
@@ -49,6 +56,14 @@ def build_signal_states(
     """Give each signalled way through a junction its light at each instant, from the signal's program.
 
     Crossings have lights in SUMO but not in MetaDrive, which knows lights of lanes only.
+
+    Args:
+        road_map: with stop lines.
+        features: of the map by id; connections without one get no light.
+        times: (n,), seconds of the simulation.
+
+    Returns:
+        MetaDrive's `dynamic_map_states`, by connection; positions in metres around the map's origin.
     """
     programs = {signal.id: _active(signal.programs) for signal in road_map.signals if signal.programs}
     places = {line.lane: line.shape.mean(axis=0) for line in road_map.stop_lines}
@@ -95,6 +110,13 @@ def _lights(program: Program | None, connection: Connection, times: Floats) -> l
 
 def build_ego_track(features: dict[str, Feature], times: Floats) -> dict[str, Any]:
     """Drive a car along the first way found that is long enough for all instants, or the longest.
+
+    Args:
+        features: of the map by id, as `build_features` makes them.
+        times: (n,), seconds, from 0 on.
+
+    Returns:
+        MetaDrive's track of the car, with its place at every instant; where its way ends it stands.
 
     Raises:
         ExportError: the map has no lane for cars.

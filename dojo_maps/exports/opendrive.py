@@ -77,7 +77,15 @@ _DRIVER_HEAD, _WALKER_HEAD = "1000001", "1000002"
 
 
 def write_opendrive(road_map: RoadMap, folder: Path) -> None:
-    """Write `<name>.xodr`."""
+    """Write `<name>.xodr`.
+
+    Args:
+        road_map: what to write.
+        folder: exists; a file of that name in it is replaced.
+
+    Raises:
+        OSError: the file cannot be written.
+    """
     root = _Document(road_map).root
     ET.indent(root)
     path = folder / f"{file_stem(road_map)}.xodr"

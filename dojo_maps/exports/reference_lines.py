@@ -42,7 +42,14 @@ class Piece:
     cubic: Floats | None = None
 
     def place(self, s: float) -> Place:
-        """Find the position (2,) and the heading at a distance along the road; not for cubic curves."""
+        """Find the position and the heading at a distance along the road; not for cubic curves.
+
+        Args:
+            s: metres from the road's start, not from the piece's.
+
+        Returns:
+            The position (2,), metres, and the heading, radians counter-clockwise from east.
+        """
         ahead, middle = s - self.s, self.heading + self.curvature * (s - self.s) / 2
         chord = ahead * np.sinc(self.curvature * ahead / 2 / np.pi)
         return self.start + chord * unit(middle), self.heading + self.curvature * ahead
@@ -66,38 +73,77 @@ class ReferenceLine:
         )
 
     def place(self, s: float) -> Place:
-        """Find the position (2,) and the heading at a distance from the start."""
+        """Find the position and the heading at a distance from the start.
+
+        Args:
+            s: metres; before the start or past the end, the first or the last piece is carried on.
+
+        Returns:
+            The position (2,), metres, and the heading, radians counter-clockwise from east.
+        """
         index = int(np.searchsorted(self._starts[:-1], s, side="right")) - 1
         return self.pieces[max(index, 0)].place(s)
 
     def beside(self, s: float, t: float) -> Place:
-        """Find the position (2,) to the left of a place on the line, and the heading there."""
+        """Find a place beside the line, and the heading of the line there.
+
+        Args:
+            s: metres from the line's start.
+            t: metres to the left of the line.
+
+        Returns:
+            The position (2,), metres, and the heading, radians counter-clockwise from east.
+        """
         position, heading = self.place(s)
         return position + t * unit(heading + np.pi / 2), heading
 
     def locate(self, position: Floats) -> tuple[float, float]:
-        """Find the place on the line next to a position (2,): its distance s, and t metres to its left."""
+        """Find the place on the line next to a position.
+
+        Args:
+            position: (2 or more,), metres; only x and y count.
+
+        Returns:
+            Metres from the line's start, within the line, and metres to its left.
+        """
         along_chords = self.chords.project(shapely.Point(position[:2]))
         nearest = float(np.interp(along_chords, along(shapely.get_coordinates(self.chords)), self._starts))
         foot, heading = self.place(nearest)
         return nearest, float(np.dot(position[:2] - foot, unit(heading + np.pi / 2)))
 
     def height(self, s: float) -> float:
-        """Tell the line's height at a distance from its start."""
+        """Tell the line's height at a distance from its start.
+
+        Args:
+            s: metres; held to the line's ends.
+
+        Returns:
+            Metres.
+        """
         return float(np.interp(s, self.heights[:, 0], self.heights[:, 1]))
 
 
 def unit(heading: float) -> Floats:
-    """Make the unit vector (2,) of a heading."""
+    """Make the unit vector of a heading.
+
+    Args:
+        heading: radians, counter-clockwise from east.
+
+    Returns:
+        (2,), x east and y north.
+    """
     return np.array([np.cos(heading), np.sin(heading)])
 
 
 def heights_along(line: Floats, length: float) -> Floats:
-    """List (distance, height), (n, 2), where the slope of a line (n, 3) changes.
+    """List where the slope of a line changes.
 
     Args:
         line: (n, 3) metres.
         length: metres that the whole line is given.
+
+    Returns:
+        (k, 2), distance from the start and height there, metres; one row for a line without length.
     """
     distances = along(line)
     if distances[-1] == 0:
@@ -113,6 +159,9 @@ def curve(start: Place, end: Place, between: Floats) -> list[Piece]:
         start: position (2,) and heading.
         end: position (2,) and heading.
         between: (n, 2); those that do not lie ahead of the start and before the end are left out.
+
+    Returns:
+        Cubic curves, at least one; each begins where the one before it ends, the first at `s` 0.
     """
     (first, heading), (last, end_heading) = start, end
     margin = min(0.5, float(np.hypot(*(last - first))) / 4)
@@ -135,7 +184,15 @@ def curve(start: Place, end: Place, between: Floats) -> list[Piece]:
 
 
 def sample(pieces: Sequence[Piece], *, apart: float) -> Floats:
-    """Take positions along the curves that `curve` draws, about so many metres apart: (n, 2), n >= 2."""
+    """Take positions along the curves that `curve` draws.
+
+    Args:
+        pieces: cubic curves, at least one.
+        apart: metres from one position to the next, about.
+
+    Returns:
+        (n, 2), metres, n >= 2, from the first curve's start to the last one's end.
+    """
     places = [pieces[0].start[None]]
     for piece in pieces:
         p = np.linspace(0.0, 1.0, max(int(np.ceil(piece.length / apart)), 1) + 1)[1:]
@@ -202,7 +259,16 @@ def _cut_corners(lengths: Floats, turns: Floats) -> Floats:
 
 
 def outline_of(ring: Sequence[Sequence[float]] | Floats, origin: Floats, heading: float) -> Floats:
-    """Turn positions (n, 3) into a frame at an origin (3,), its first axis along a heading; (n, 3)."""
+    """Turn positions into a frame at an origin, its first axis along a heading.
+
+    Args:
+        ring: (n, 3), metres.
+        origin: (3,), metres, in the frame of the positions.
+        heading: radians, counter-clockwise from east.
+
+    Returns:
+        (n, 3), metres ahead of the origin, to its left, and above it.
+    """
     away = np.asarray(ring) - origin
     forward, left = unit(heading), unit(heading + np.pi / 2)
     return np.column_stack([away[:, :2] @ forward, away[:, :2] @ left, away[:, 2]])

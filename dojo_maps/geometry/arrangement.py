@@ -44,7 +44,14 @@ class Parts:
 
 
 def paved_ground(pieces: Pieces) -> shapely.Geometry:
-    """Join the network's own surfaces and close the slits that its rounded coordinates leave between them."""
+    """Join the network's own surfaces and close the slits that its rounded coordinates leave between them.
+
+    Args:
+        pieces: as `build_pieces` makes them; only the leading `paved` ones count.
+
+    Returns:
+        A multipolygon on the raster, metres, in the frame of the map's origin.
+    """
     # Buffering all surfaces at once joins them, in a fifth of the time that a union takes.
     joined = shapely.multipolygons(pieces.polygons[: pieces.paved])
     for distance in (_SEAM, -_SEAM):
@@ -55,7 +62,14 @@ def paved_ground(pieces: Pieces) -> shapely.Geometry:
 
 
 def join_coverage(polygons: Sequence[shapely.Polygon] | Shapes) -> shapely.Geometry:
-    """Join polygons that share their corners; where some lie on each other after all, by the slower way."""
+    """Join polygons that share their corners; where some lie on each other after all, by the slower way.
+
+    Args:
+        polygons: (n,), in any one frame; none give an empty shape.
+
+    Returns:
+        The ground of all of them.
+    """
     try:
         return shapely.coverage_union_all(polygons)
     except shapely.errors.GEOSException:
@@ -70,6 +84,9 @@ def divide_ground(pieces: Pieces, paved: shapely.Geometry, ramps: Shapes, *, mar
         paved: the network's own ground without seams, from `paved_ground`.
         ramps: (n,) polygons in which kerbs are lowered.
         margin: metres of terrain around the map.
+
+    Returns:
+        The parts, in the frame of the pieces. Faces of one owner are joined, unless the pieces have cuts.
     """
     bounds = shapely.total_bounds(pieces.polygons) if len(pieces.polygons) else np.zeros(4)
     frame = shapely.box(*_widened(bounds, margin))

@@ -26,7 +26,15 @@ _Line = tuple[tuple[float, float], ...]
 
 
 def stop_line_paint(road_map: RoadMap, canvas: Canvas) -> Paint:
-    """Paint each stop line across its lane."""
+    """Paint each stop line across its lane.
+
+    Args:
+        road_map: with stop lines.
+        canvas: its ground, for cutting paint to the carriageway.
+
+    Returns:
+        Bars, each with the id of its lane.
+    """
     shift = np.array(road_map.origin)
     lines = [shapely.linestrings(line.shape[:, :2] - shift) for line in road_map.stop_lines]
     bars = shapely.buffer(np.array(lines, dtype=object), _STOP_LINE_WIDTH / 2, cap_style="flat")
@@ -36,7 +44,15 @@ def stop_line_paint(road_map: RoadMap, canvas: Canvas) -> Paint:
 
 
 def crossing_paint(road_map: RoadMap, canvas: Canvas) -> Paint:
-    """Paint the stripes of each crossing where it lies on the carriageway."""
+    """Paint the stripes of each crossing where it lies on the carriageway.
+
+    Args:
+        road_map: with crossings.
+        canvas: its ground, for cutting paint to the carriageway.
+
+    Returns:
+        Stripes, each with the id of its crossing.
+    """
     shift = np.array(road_map.origin)
     stripes, owner = [], []
     for k, crossing in enumerate(road_map.crossings):
@@ -53,7 +69,15 @@ def crossing_paint(road_map: RoadMap, canvas: Canvas) -> Paint:
 
 
 def arrow_paint(road_map: RoadMap, canvas: Canvas) -> Paint:
-    """Paint arrows on lanes that end where roads branch, by where each lane's connections lead."""
+    """Paint arrows on lanes that end where roads branch, by where each lane's connections lead.
+
+    Args:
+        road_map: with stop lines, before which the arrows lie.
+        canvas: its ground, for cutting each arrow to its lane's.
+
+    Returns:
+        Arrows, each with the id of its lane.
+    """
     shift = np.array([*road_map.origin, 0.0])
     stop_of = {line.lane: line.shape.mean(axis=0)[:2] for line in road_map.stop_lines}
     polygons, ids = [], []

@@ -49,7 +49,15 @@ class _Line:
 
 
 def line_markings(road_map: RoadMap, canvas: Canvas) -> Paint:
-    """Paint the lines of every road up to the crossings, and those that run on through junctions."""
+    """Paint the lines of every road up to the crossings, and those that run on through junctions.
+
+    Args:
+        road_map: with crossings and islands, which the lines keep off.
+        canvas: its ground, for cutting lines to the carriageway.
+
+    Returns:
+        Strokes, each with the id of the lane beside it, inside junctions of the nearer lane before or behind.
+    """
     lane_of = MapIndex(road_map).lanes
     inward = -1.0 if road_map.left_hand else 1.0
     lines = [line for road in road_map.roads for line in _dividers(road, lane_of, inward)]
@@ -87,7 +95,14 @@ def _widen(strokes: Shapes, width: float) -> Shapes:
 
 
 def rail_markings(road_map: RoadMap) -> Paint:
-    """Lay rails along tracks, and along lanes that share their road with a tramway."""
+    """Lay rails along tracks, and along lanes that share their road with a tramway.
+
+    Args:
+        road_map: a track that is used in both directions, two lanes of one shape, has one pair of rails.
+
+    Returns:
+        Two rails for each track, with the id of its lane.
+    """
     kind = {road.id: road.kind for road in road_map.roads}
     tracks: dict[frozenset[bytes], Lane] = {}
     for lane in road_map.lanes:

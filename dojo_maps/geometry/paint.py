@@ -67,19 +67,40 @@ class Canvas:
                 self._of.setdefault(pieces.ids[owner], []).append(polygon)
 
     def area_of(self, lanes: Iterable[str]) -> shapely.Geometry:
-        """Join the ground that some lanes own."""
+        """Join the ground that some lanes own.
+
+        Args:
+            lanes: their ids.
+
+        Returns:
+            The ground, in the frame of the map's origin; empty where they own none.
+        """
         polygons = [polygon for lane in lanes for polygon in self._of.get(lane, ())]
         return polygons[0] if len(polygons) == 1 else join_coverage(polygons)
 
     def cut(self, polygons: Shapes) -> tuple[Shapes, Ints]:
-        """Cut polygons to the carriageway; returns the pieces and the index of each one's polygon."""
+        """Cut polygons to the carriageway.
+
+        Args:
+            polygons: (n,), metres, in the frame of the map's origin.
+
+        Returns:
+            (m,) pieces, and (m,) the index of each one's polygon; polygons off the carriageway have none.
+        """
         index, part = shapely.STRtree(self._carriageway).query(polygons, predicate="intersects")
         pieces = self.keep_off_border(shapely.intersection(polygons[index], self._carriageway[part]))
         kept = shapely.area(pieces) > 1e-3
         return pieces[kept], index[kept]
 
     def keep_off_border(self, shapes: Shapes) -> Shapes:
-        """Take off what lies within a few millimetres of the carriageway's border."""
+        """Take off what lies within a few millimetres of the carriageway's border.
+
+        Args:
+            shapes: (n,), metres, in the frame of the map's origin; they stay as they are.
+
+        Returns:
+            (n,) what is left of each.
+        """
         shape, edge = self._border.query(shapes, predicate="dwithin", distance=KERB_GAP)
         order = np.argsort(shape, kind="stable")
         near, number = np.unique(shape[order], return_inverse=True)

@@ -84,6 +84,12 @@ def build_pieces(road_map: RoadMap) -> Pieces:
 
     A lane wins over a walking area, that over a junction's floor, that over a sidewalk. Among lanes, driving
     lanes win, then roads of higher priority.
+
+    Args:
+        road_map: its props, its tracks and generated pavement claim nothing yet; see `add_pieces`.
+
+    Returns:
+        The claims, all of them `paved`, with mouths and cuts.
     """
     claims = [*_road_claims(road_map), *_walking_area_claims(road_map), *_junction_claims(road_map)]
     pieces = _pieces([*claims, *_sidewalk_claims(road_map, Origin.NETWORK)], road_map)
@@ -94,6 +100,13 @@ def add_pieces(pieces: Pieces, road_map: RoadMap) -> Pieces:
     """Add the claims that give way to the network's own.
 
     Islands come first, then parking bays, generated pavement, tracks, water, and green areas.
+
+    Args:
+        pieces: as `build_pieces` makes them.
+        road_map: the same map, furnished.
+
+    Returns:
+        The pieces, followed by those that are added.
     """
     claims = [*_island_claims(road_map), *_prop_claims(road_map, _PARKING)]
     claims += [*_sidewalk_claims(road_map, Origin.GENERATED), *_rail_claims(road_map)]
@@ -131,7 +144,14 @@ def _pieces(claims: Sequence[Claim], road_map: RoadMap) -> Pieces:
 
 
 def lane_strips(lanes: Iterable[Lane]) -> Shapes:
-    """Buffer centre lines by half their widths, ends flat; map frame, empty for a lane without length."""
+    """Buffer centre lines by half their widths, ends flat.
+
+    Args:
+        lanes: of any kind.
+
+    Returns:
+        (n,) polygons, metres, map frame; empty for a lane without length.
+    """
     lanes = list(lanes)
     shapes = [drop_repeats(lane.shape)[:, :2] for lane in lanes]
     lines = [shapely.linestrings(shape) if len(shape) > 1 else shapely.LineString() for shape in shapes]

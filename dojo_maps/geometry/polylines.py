@@ -16,14 +16,29 @@ Shapes = NDArray[np.object_]
 
 
 def along(line: Floats) -> Floats:
-    """Measure each point's distance from the start along the line, in the plane; (n,) metres."""
+    """Measure each point's distance from the start along the line, in the plane.
+
+    Args:
+        line: (n, 2 or 3), metres; heights do not count.
+
+    Returns:
+        (n,) metres, the first one 0.
+    """
     lengths = np.zeros(len(line))
     np.cumsum(np.hypot(line[1:, 0] - line[:-1, 0], line[1:, 1] - line[:-1, 1]), out=lengths[1:])
     return lengths
 
 
 def drop_repeats(line: Points, *, closer_than: float = 1e-3) -> Points:
-    """Drop points that lie on the one before them; a line without length comes back as one point."""
+    """Drop points that lie on the one before them; a line without length comes back as one point.
+
+    Args:
+        line: (n, 2 or 3), metres.
+        closer_than: metres in x and in y, up to which two points are one.
+
+    Returns:
+        (k, 2 or 3), metres; the line itself where nothing is dropped.
+    """
     apart = np.abs(line[1:, :2] - line[:-1, :2]).max(axis=1) > closer_than
     return line if apart.all() else line[np.append(True, apart)]
 
@@ -45,6 +60,10 @@ def place_on(line: Points, distance: float) -> tuple[Floats, float]:
 def places_on(line: Points, distances: Floats) -> tuple[Floats, Floats]:
     """Find several places on a line, as `place_on` does.
 
+    Args:
+        line: (k, 3), metres, k >= 2, with length.
+        distances: (n,) metres from the start, or from the end if negative; held to the line's ends.
+
     Returns:
         Positions (n, 3), metres, and headings (n,), radians counter-clockwise from east.
     """
@@ -59,13 +78,29 @@ def places_on(line: Points, distances: Floats) -> tuple[Floats, Floats]:
 
 
 def offset_lines(lines: Shapes, distances: Floats) -> Shapes:
-    """Offset centre lines sideways, metres, positive to the left; empty where nothing remains."""
+    """Offset centre lines sideways.
+
+    Args:
+        lines: (n,) line strings, metres.
+        distances: (n,) metres, positive to the left.
+
+    Returns:
+        (n,) lines, some of several parts; empty where 0.1 m or less remains.
+    """
     moved = shapely.offset_curve(lines, distances, join_style="mitre", mitre_limit=2.0)
     return np.where(shapely.length(moved) > 0.1, moved, shapely.LineString())
 
 
 def lift(places: Floats, line: Points) -> Points:
-    """Give places (n, 2) the heights of their nearest points on a line; metres."""
+    """Give places the heights of their nearest points on a line.
+
+    Args:
+        places: (n, 2), metres, in the line's frame.
+        line: (k, 3), metres.
+
+    Returns:
+        (n, 3), metres, in the same order; read-only.
+    """
     heights = np.zeros(len(places))
     if line[:, 2].any():
         heights = HeightLines([line]).at(np.zeros(len(places), dtype=np.int64), places)
@@ -73,7 +108,15 @@ def lift(places: Floats, line: Points) -> Points:
 
 
 def lift_to_nearest(places: Floats, lines: Sequence[Points]) -> Points:
-    """Give places (n, 2) the heights of the nearest of several lines; metres."""
+    """Give places the heights of the nearest of several lines.
+
+    Args:
+        places: (n, 2), metres, in the lines' frame.
+        lines: (k, 3) each, metres; without any, all heights are 0.
+
+    Returns:
+        (n, 3), metres, in the same order; read-only.
+    """
     heights = HeightLines(lines)
     nearest = np.zeros(len(places), dtype=np.int64)
     if not heights.flat:
@@ -83,7 +126,16 @@ def lift_to_nearest(places: Floats, lines: Sequence[Points]) -> Points:
 
 
 def strip_outline(shape: Points, width: float) -> Points:
-    """Outline the strip of a centre line: an open ring (n, 3), metres, flat at its ends."""
+    """Outline the strip of a centre line, flat at its ends.
+
+    Args:
+        shape: (k, 3), metres, k >= 1.
+        width: metres.
+
+    Returns:
+        (n, 3), metres, with the line's heights; the ring closes implicitly. A line without length has a
+        disc around it.
+    """
     line = shapely.LineString(_at_least_two(shape[:, :2]))
     strip = line.buffer(width / 2, cap_style="flat", join_style="mitre", mitre_limit=2.0)
     if not isinstance(strip, shapely.Polygon) or strip.is_empty:

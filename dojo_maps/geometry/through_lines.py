@@ -17,8 +17,11 @@ _PLACES = 17
 def trace_through_lines(road_map: RoadMap) -> tuple[Shapes, list[Connection]]:
     """Draw the border between each two neighbouring paths through a junction that no other path crosses.
 
+    Args:
+        road_map: its connections are the paths.
+
     Returns:
-        (n,) lines, and the outer path beside each.
+        (n,) lines, metres, in the frame of the map's origin, and the outer path beside each.
     """
     index, shift = MapIndex(road_map), np.array(road_map.origin)
     through: dict[str, list[Connection]] = defaultdict(list)

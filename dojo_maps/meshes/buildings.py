@@ -23,8 +23,11 @@ def raise_outlines(name: str, buildings: Sequence[Prop], shift: Floats) -> Mesh:
 
     Args:
         name: the mesh's.
-        buildings: props with polygons, map frame.
+        buildings: props with polygons, map frame, at least one.
         shift: (3,) the origin of the scene, metres.
+
+    Returns:
+        Closed solids in the frame of the scene; their sources are the props' ids.
     """
     outlines = [np.asarray(prop.polygon) - shift for prop in buildings]
     ground = np.array([outline[:, 2].min() for outline in outlines])

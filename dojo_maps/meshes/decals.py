@@ -19,12 +19,15 @@ _LEAST_TRIANGLE = 2e-6
 
 
 def paint_mesh(paint: Paint, ground: Ground, lines: Mapping[str, Points]) -> Mesh | None:
-    """Build the mesh of one layer of paint; None where there is none.
+    """Build the mesh of one layer of paint.
 
     Args:
         paint: what to draw.
         ground: what it lies on.
         lines: the line (n, 3) along which each source id of the paint runs, metres, to tell levels apart.
+
+    Returns:
+        The mesh, a little above the ground; None where nothing is painted.
     """
     polygons, index = flat_polygons(paint.polygons)
     if ground.vertices[:, 2].any():

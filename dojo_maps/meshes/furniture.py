@@ -24,7 +24,14 @@ _Place = tuple[str | None, bool]
 
 
 def signal_meshes(road_map: RoadMap) -> Iterator[Mesh]:
-    """Build the poles and housings, and the lamps by colour, of every signal."""
+    """Build the poles and housings, and the lamps by colour, of every signal.
+
+    Args:
+        road_map: with signal heads, and the poles among its props.
+
+    Yields:
+        `signal`, then `signal/red`, `signal/yellow` and `signal/green`, those that have something to show.
+    """
     metal: list[_Part] = []
     lamps: dict[str, list[_Part]] = defaultdict(list)
     shift = np.array([*road_map.origin, 0.0])

@@ -123,6 +123,13 @@ def write_scene(meshes: Sequence[Mesh], path: Path) -> None:
 
     Each mesh carries `extras.sources`: a list of [id, first face, number of faces], in the order of its
     faces, so that every face can be traced to the thing of the description it belongs to.
+
+    Args:
+        meshes: with faces, and with names in `COLOURS`.
+        path: of the file to write; replaced whole.
+
+    Raises:
+        OSError: the file cannot be written.
     """
     shaded = [shade(mesh) for mesh in meshes]
     binary = _Binary()
@@ -223,6 +230,9 @@ def _y_up(vectors: Floats) -> Floats:
 def shade(mesh: Mesh) -> tuple[Floats, Ints, Floats]:
     """Find a mesh's normals, with the corners at sharp edges stored once for each side.
 
+    Args:
+        mesh: corners of pavement and of trees stay as they are, with one normal each.
+
     Returns:
         Vertices (n, 3), faces (m, 3) in the same order at the same places, and unit normals (n, 3).
     """
@@ -285,7 +295,14 @@ def _linear(colour: tuple[int, int, int]) -> list[float]:
 
 
 def source_runs(mesh: Mesh) -> list[tuple[str, int, int]]:
-    """List (id, first face, number of faces) of each source in a mesh, in the order of its faces."""
+    """List the sources of a mesh, in the order of its faces.
+
+    Args:
+        mesh: faces of one source lie together.
+
+    Returns:
+        Of each source its id, the index of its first face, and how many faces it has.
+    """
     starts = np.flatnonzero(np.diff(mesh.sources, prepend=-1))
     ends = np.append(starts[1:], len(mesh.sources))
     return [(mesh.ids[mesh.sources[a]], int(a), int(b - a)) for a, b in zip(starts, ends, strict=True)]

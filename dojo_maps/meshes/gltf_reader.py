@@ -28,7 +28,13 @@ T = TypeVar("T")
 
 
 def read_scene(path: Path) -> tuple[Mesh, ...]:
-    """Read the meshes of a scene: metres, x east, y north, z up, around the map's origin.
+    """Read the meshes of a scene.
+
+    Args:
+        path: of the scene.glb in a bundle.
+
+    Returns:
+        The meshes in the file's order: metres, x east, y north, z up, around the map's origin.
 
     Raises:
         DescriptionError: the file is missing, no binary glTF, or no scene that `write_scene` wrote.

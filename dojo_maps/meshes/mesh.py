@@ -33,7 +33,18 @@ class Mesh:
 
 
 def compact(name: str, vertices: Floats, faces: Ints, sources: Ints, ids: Sequence[str]) -> Mesh:
-    """Drop unused vertices and ids, and put the faces of each id together, in the ids' order."""
+    """Drop unused vertices and ids, and put the faces of each id together, in the ids' order.
+
+    Args:
+        name: the mesh's.
+        vertices: (n, 3), metres, around the map's origin.
+        faces: (m, 3) indices of vertices, counter-clockwise from outside or above.
+        sources: (m,) index into `ids` of the thing each face belongs to.
+        ids: of the description.
+
+    Returns:
+        The mesh.
+    """
     order = np.argsort(sources, kind="stable")
     used_ids, sources = np.unique(sources[order], return_inverse=True)
     used, corners = used_vertices(faces[order], len(vertices))
@@ -47,14 +58,30 @@ def compact(name: str, vertices: Floats, faces: Ints, sources: Ints, ids: Sequen
 
 
 def used_vertices(faces: Ints, count: int) -> tuple[Ints, Ints]:
-    """Number the vertices that faces use anew; returns their old numbers and the faces with new ones."""
+    """Number the vertices that faces use anew.
+
+    Args:
+        faces: (m, 3) indices of vertices.
+        count: of all vertices.
+
+    Returns:
+        (n,) the old numbers of those in use, ascending, and the faces (m, 3) with the new ones.
+    """
     used = np.zeros(count, dtype=bool)
     used[faces] = True
     return np.flatnonzero(used), (np.cumsum(used) - 1)[faces]
 
 
 def join(name: str, parts: Iterable[tuple[str, Floats, Ints]]) -> Mesh:
-    """Put (id, vertices, faces) parts into one mesh."""
+    """Put parts into one mesh.
+
+    Args:
+        name: the mesh's.
+        parts: id of a thing, vertices (n, 3), metres, and faces (m, 3) of each; parts of one id become one.
+
+    Returns:
+        The mesh; without faces where there are no parts.
+    """
     vertices: list[Floats] = [np.empty((0, 3))]
     faces: list[Ints] = [np.empty((0, 3), dtype=np.int64)]
     sources: list[Ints] = [np.empty(0, dtype=np.int64)]
@@ -69,7 +96,14 @@ def join(name: str, parts: Iterable[tuple[str, Floats, Ints]]) -> Mesh:
 
 
 def concatenate(meshes: Sequence[Mesh]) -> Mesh:
-    """Put meshes of one name into one; their vertices stay apart."""
+    """Put meshes of one name into one; their vertices stay apart.
+
+    Args:
+        meshes: at least one; the first gives the name.
+
+    Returns:
+        The mesh; what stands in several of them becomes one thing.
+    """
     first, *others = meshes
     if not others:
         return first
@@ -86,7 +120,14 @@ def concatenate(meshes: Sequence[Mesh]) -> Mesh:
 
 
 def is_watertight(mesh: Mesh) -> bool:
-    """Tell whether every edge is shared by exactly two faces that run along it in opposite ways."""
+    """Tell whether every edge is shared by exactly two faces that run along it in opposite ways.
+
+    Args:
+        mesh: corners count as one where they have one number, not where they lie on one place.
+
+    Returns:
+        False also where two faces run along an edge in the same way.
+    """
     edges = mesh.faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
     keys = np.sort(edges[:, 0] * len(mesh.vertices) + edges[:, 1])
     twins = np.sort(edges[:, 1] * len(mesh.vertices) + edges[:, 0])

@@ -47,6 +47,9 @@ def parked_car_meshes(props: Sequence[Prop], shift: Floats) -> Iterator[Mesh]:
     Args:
         props: parked cars, whose outlines begin at the right front corner, then the left, map frame.
         shift: (3,) the origin of the scene, metres.
+
+    Yields:
+        The meshes in the order of their names, in the frame of the scene.
     """
     parts: dict[str, list[tuple[str, Floats, Ints]]] = {}
     for prop in props:

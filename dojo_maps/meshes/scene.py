@@ -40,6 +40,9 @@ def build_scene(
         paved: the network's own ground, in the frame of `origin`.
         jobs: how many threads cut triangles; the result is the same for any number.
         on_stage: told what begins.
+
+    Returns:
+        The ground's meshes, then paint, signals, and what stands around.
     """
     on_stage("Dividing the ground")
     pieces = add_pieces(pieces, road_map)

@@ -49,7 +49,16 @@ class Ground:
 
 
 def build_ground(pieces: Pieces, parts: Parts, *, jobs: int = 1) -> Ground:
-    """Triangulate every part; corners that meet on one level become one vertex."""
+    """Triangulate every part; corners that meet on one level become one vertex.
+
+    Args:
+        pieces: the claims, which say where heights come from.
+        parts: the ground divided among them.
+        jobs: threads for cutting triangles; the result is the same for any number.
+
+    Returns:
+        The ground, metres, in the frame of the map's origin, nothing raised.
+    """
     corners, part = triangulate(parts.polygons, jobs=jobs)
     owner = parts.owners[part]
     vertices, faces, places = _join_corners(corners.reshape(-1, 2), np.repeat(owner, 3), pieces)
@@ -73,6 +82,10 @@ def triangulate(polygons: Shapes, *, jobs: int = 1) -> tuple[Floats, Ints]:
 
     Constrained Delaunay triangles are the best shaped, but take time by the square of a polygon's corners;
     polygons with very many are cut by sweeping instead.
+
+    Args:
+        polygons: (n,), metres.
+        jobs: threads; the result is the same for any number.
 
     Returns:
         (m, 3, 2) corners, counter-clockwise, metres, and (m,) the index of each triangle's polygon.
@@ -108,7 +121,15 @@ def _turned(corners: Floats) -> Floats:
 
 
 def surface_meshes(ground: Ground, pieces: Pieces) -> Iterator[Mesh]:
-    """Build the mesh of each layer that has ground; raised layers are watertight solids."""
+    """Build the mesh of each layer that has ground; raised layers are watertight solids.
+
+    Args:
+        ground: as `build_ground` makes it.
+        pieces: that own it.
+
+    Yields:
+        A mesh named as its layer, in the order of `Layer`.
+    """
     rise = np.concatenate([_kerb_heights(ground), np.zeros(len(ground.vertices))])
     ids = [*pieces.ids, "terrain"]
     for index, layer in enumerate(Layer):

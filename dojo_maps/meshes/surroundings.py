@@ -21,7 +21,14 @@ _PLATE = 0.3
 
 
 def surrounding_meshes(road_map: RoadMap) -> Iterator[Mesh]:
-    """Build what stands around the street, in the frame of the map's origin."""
+    """Build what stands around the street, in the frame of the map's origin.
+
+    Args:
+        road_map: whose buildings, hedges, trees, lamps, signs, shelters and parked cars are drawn.
+
+    Yields:
+        A mesh for each kind of thing and material that there is.
+    """
     shift = np.array([*road_map.origin, 0.0])
     outlined: dict[str, list[Prop]] = defaultdict(list)
     placed: dict[str, list[Prop]] = defaultdict(list)

@@ -64,7 +64,15 @@ _NEEDLES_FROM, _TIERS = 0.12, ((0.0, 0.42, 0.72), (0.2, 0.64, 0.58), (0.42, 0.84
 
 
 def build_trunk(tree: Prop, shift: Floats) -> Part:
-    """Reach from the ground into the crown."""
+    """Reach from the ground into the crown.
+
+    Args:
+        tree: with a position, metres, map frame; its tag `leaf_type` tells conifers.
+        shift: (3,) the origin of the scene, metres.
+
+    Returns:
+        A closed post in the frame of the scene.
+    """
     vertices, faces = _post()
     radius = min(max(tree.height * _TRUNK_RADIUS, _SLIM), _THICK)
     size = np.array([radius, radius, tree.height * (_begin(tree) + 0.18) + _FOOTING])
@@ -72,12 +80,28 @@ def build_trunk(tree: Prop, shift: Floats) -> Part:
 
 
 def build_crown(tree: Prop, shift: Floats) -> Part:
-    """Give a tree the closed clusters of its crown."""
+    """Give a tree the closed clusters of its crown.
+
+    Args:
+        tree: with a position, metres, map frame; its tag `leaf_type` tells conifers.
+        shift: (3,) the origin of the scene, metres.
+
+    Returns:
+        The clusters, of conifers the tiers, in the frame of the scene.
+    """
     return _grown(tree, shift, _tiers() if _has_needles(tree) else _clusters(_species(tree)))
 
 
 def build_leaves(tree: Prop, shift: Floats) -> Part:
-    """Give a tree the sprays that stand out of its crown, single triangles; none to conifers."""
+    """Give a tree the sprays that stand out of its crown, single triangles; none to conifers.
+
+    Args:
+        tree: with a position, metres, map frame; its tag `leaf_type` tells conifers.
+        shift: (3,) the origin of the scene, metres.
+
+    Returns:
+        The sprays in the frame of the scene; arrays without rows for conifers.
+    """
     return _grown(tree, shift, _NOTHING if _has_needles(tree) else _sprays(_species(tree)))
 
 

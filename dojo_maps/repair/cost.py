@@ -68,8 +68,11 @@ def measure_cost(fixed: Fixed) -> Cost | None:
     The demand is that of the network before, or, where SUMO refuses to load that, of the mended one; where
     roads were joined, each network has its own.
 
+    Args:
+        fixed: a repair, with the network before and after it.
+
     Returns:
-        The waiting; None where neither signals nor right of way were changed.
+        The waiting, or why it is not known; None where neither signals nor right of way were changed.
     """
     if not _changes_who_goes(fixed):
         return None

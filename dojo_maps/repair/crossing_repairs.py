@@ -9,7 +9,15 @@ from dojo_maps.wording import counted
 
 
 def add_crossings(site: Site, issues: Sequence[Issue]) -> Iterator[Edit]:
-    """Cross each leg that an issue names; a leg is the road in and the road back out."""
+    """Cross each leg that an issue names; a leg is the road in and the road back out.
+
+    Args:
+        site: the network as it is.
+        issues: each with a junction, and the roads of its legs that have no crossing.
+
+    Yields:
+        An edit for each issue: netconvert builds the network anew, with the crossings.
+    """
     for issue in issues:
         junction = next(e.id for e in issue.elements if e.kind == "junction")
         roads = [site.facts.roads[e.id] for e in issue.elements if e.kind == "road"]

@@ -58,35 +58,76 @@ class Draft:
         return SetPhases(key=key_of("tlLogic", self.record.attributes), phases=phases)
 
     def after(self, phase: int) -> int | None:
-        """Find the one phase that comes after another; None if there are several."""
+        """Find the one phase that comes after another.
+
+        Args:
+            phase: its place.
+
+        Returns:
+            The place of the next phase; None if there are several.
+        """
         places = following(self.program, phase)
         return places[0] if len(places) == 1 and 0 <= places[0] < len(self.phases) else None
 
     def before(self, phase: int) -> int | None:
-        """Find the one phase that comes before another; None if there are several."""
+        """Find the one phase that comes before another.
+
+        Args:
+            phase: its place.
+
+        Returns:
+            The place of the phase before; None if there are several, or none.
+        """
         program = self.program
         found = [k for k in range(len(self.phases)) if phase in following(program, k)]
         return found[0] if len(found) == 1 else None
 
     def least(self, phase: int) -> float:
-        """Tell the seconds that a phase lasts at least."""
+        """Tell how long a phase lasts at least.
+
+        Args:
+            phase: its place.
+
+        Returns:
+            Seconds: its `minDur`, or its duration where that is shorter or the only one.
+        """
         return least(self.program.phases[phase])
 
     def set_state(self, phase: int, letters: dict[int, str]) -> None:
-        """Change some letters of a phase."""
+        """Change some letters of a phase.
+
+        Args:
+            phase: its place.
+            letters: new ones by link index; the phase's state has a letter for each already.
+        """
         state = list(self.phases[phase].get("state", ""))
         for index, letter in letters.items():
             state[index] = letter
         self.phases[phase]["state"] = "".join(state)
 
     def lengthen(self, phase: int, seconds: float) -> None:
-        """Let a phase last longer, at least and at most."""
+        """Let a phase last longer, at least and at most.
+
+        The cycle gets longer as well; `take` gives the time back.
+
+        Args:
+            phase: its place.
+            seconds: added to its duration, and to `minDur` and `maxDur` where it has them.
+        """
         for key in ("duration", "minDur", "maxDur"):
             if key in self.phases[phase]:
                 self.phases[phase][key] = in_seconds(read_seconds(self.phases[phase][key]) + seconds)
 
     def take(self, phase: int | None, seconds: float, keep: float) -> None:
-        """Take time from a phase of a fixed program, so that the cycle stays; not if too little is left."""
+        """Take time from a phase of a fixed program, so that the cycle stays.
+
+        Nothing happens where too little would be left, or where the phase or the program is not fixed.
+
+        Args:
+            phase: its place; None takes nothing.
+            seconds: what is taken.
+            keep: the seconds that must be left.
+        """
         if phase is None or self.variable:
             return
         chosen = self.phases[phase]
@@ -95,7 +136,14 @@ class Draft:
             chosen["duration"] = in_seconds(left)
 
     def insert_after(self, phase: int, attributes: Attributes) -> None:
-        """Put a phase between one and the one that comes after it."""
+        """Put a phase between one and the one that comes after it.
+
+        Where a phase names by number what follows it, the numbers move along.
+
+        Args:
+            phase: the place of the one before.
+            attributes: of the new phase, as in a network, without `next`; they are copied.
+        """
         after = self.phases[phase].pop("next", None)
         fresh = dict(attributes) if after is None else {**attributes, "next": after}
         self._renumber(phase + 1)
@@ -104,7 +152,16 @@ class Draft:
         self.phases.insert(phase + 1, fresh)
 
     def split(self, phase: int, first: float, rest: float) -> int:
-        """Divide a phase: the first piece lasts `first` seconds, the second at least `rest`; its place."""
+        """Divide a phase into two that show the same.
+
+        Args:
+            phase: its place; it becomes the first piece.
+            first: seconds that the first piece lasts, no less and no more.
+            rest: seconds that the second lasts at least; it gets what is left of the phase if that is more.
+
+        Returns:
+            The place of the second piece, right after the first.
+        """
         piece = dict(self.phases[phase])
         lasts = read_seconds(piece.get("duration", "0"))
         fresh = {**piece, "duration": in_seconds(max(lasts - first, rest))}
@@ -125,7 +182,14 @@ class Draft:
 
 
 def in_seconds(value: float) -> str:
-    """Write seconds as networks do: no more digits than needed."""
+    """Write seconds as networks do: no more digits than needed.
+
+    Args:
+        value: seconds.
+
+    Returns:
+        The number, with two decimals at most.
+    """
     return f"{value:.2f}".rstrip("0").rstrip(".")
 
 

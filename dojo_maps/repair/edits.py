@@ -106,5 +106,13 @@ Repair = Callable[[Site, Sequence[Issue]], Iterable[Edit]]
 
 
 def named(issues: Iterable[Issue], kind: str) -> list[str]:
-    """List the ids of the elements of one kind that issues name, each once."""
+    """List the elements of one kind that issues name.
+
+    Args:
+        issues: to look through.
+        kind: of the elements, such as `lane` or `signal`.
+
+    Returns:
+        Their ids, each once, in the order in which they are first named.
+    """
     return list(dict.fromkeys(e.id for issue in issues for e in issue.elements if e.kind == kind))

@@ -23,9 +23,17 @@ from dojo_maps.wording import counted
 def fix(source: str, only: Collection[str] = ()) -> Fixed:
     """Repair a network, or that of a bundle, in memory.
 
+    Args:
+        source: a path, a packaged scenario's name, or a bundle; the file stays as it is.
+        only: the checks to repair; empty means all but those that are repaired on request.
+
+    Returns:
+        The network before and after, with what was done to it and what was left alone.
+
     Raises:
         SourceError: it cannot be read.
-        UsageError: `only` names a check that has no repair.
+        ToolMissingError: the scenario's package is not installed.
+        UsageError: `only` names a check that has no repair, or is one text and no list of them.
     """
     if isinstance(only, str):
         raise UsageError(
@@ -41,13 +49,29 @@ def fix(source: str, only: Collection[str] = ()) -> Fixed:
 
 
 def patch_of(fixed: Fixed, cost: Cost | None = None) -> dict[str, str]:
-    """Write what was done, and what it cost, as plain XML files, by name."""
+    """Write what was done, and what it cost, as plain XML files.
+
+    Args:
+        fixed: the repair.
+        cost: said in a comment at the head of each file; None leaves it out.
+
+    Returns:
+        The text of each file by its name; no file where there is nothing to say.
+    """
     edits = [(made.check, made.edit) for made in fixed.made]
     return plain_files(fixed.after.site.text, edits, str(cost) if cost else "")
 
 
 def as_record(fixed: Fixed, cost: Cost | None = None) -> dict[str, Any]:
-    """Write what was done, what was left alone, every check's count and what it cost, as JSON values."""
+    """Write what was done, what was left alone, every check's count and what it cost, as JSON values.
+
+    Args:
+        fixed: the repair.
+        cost: as `waiting`; None where it was not measured.
+
+    Returns:
+        What the command writes as JSON: repairs, what was left and why, and counts before and after.
+    """
     states = {"before": fixed.before, "after": fixed.after}
     return {
         "format": "dojo-repair",
@@ -76,7 +100,15 @@ def _by_severity(state: State) -> dict[Severity, int]:
 
 
 def describe(fixed: Fixed, cost: Cost | None = None) -> Iterator[str]:
-    """Say what was done, what was left alone and why, every check's count before and after, and the cost."""
+    """Say what was done, what was left alone and why, every check's count before and after, and the cost.
+
+    Args:
+        fixed: the repair.
+        cost: told in a line of its own; None leaves it out.
+
+    Yields:
+        Lines for people, safe to print, without line ends.
+    """
     for made in fixed.made:
         yield printable(f"{made.check}: {made.edit.element.kind} {made.edit.element.id}: {made.edit.what}")
     for made in fixed.refused:
@@ -99,8 +131,15 @@ def write_fixed(
 ) -> None:
     """Write the network, packed if its name says so, the patch's files and the record; each whole or not.
 
+    Args:
+        fixed: the repair.
+        output: the file of the mended network; None writes none.
+        patch: the folder for plain XML files, made where there is none; None writes none.
+        record: the file of what `as_record` says, as JSON; None writes none.
+        cost: said in the patch and the record; None where it was not measured.
+
     Raises:
-        UsageError: a path is a folder, or lies in none.
+        UsageError: a file's path is a folder or lies in none, or a file is in the way of the patch's folder.
         WriteError: a path cannot be written.
     """
     if patch is not None:

@@ -21,7 +21,13 @@ _BEFORE_GREEN = "uU"
 
 
 def give_green(signal: SignalFacts, draft: Draft, limits: Limits) -> None:
-    """Let links go that no program of the signal lets go; programs that let nobody go are meant so."""
+    """Let links go that no program of the signal lets go; programs that let nobody go are meant so.
+
+    Args:
+        signal: whose links they are, with its programs as they were.
+        draft: one of its programs; changed in place, with lines that say what was done.
+        limits: for the yellow before and after, and for the time that walkers need.
+    """
     states = [phase.get("state", "") for phase in draft.phases]
     dark = [
         index

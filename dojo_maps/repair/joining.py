@@ -17,7 +17,16 @@ _TICK = 100
 
 
 def join_signals(site: Site, issues: Sequence[Issue]) -> Iterator[Edit]:
-    """Join pairs of signals with one fixed program each and the same cycle; times and states stay."""
+    """Join pairs of signals with one fixed program each and the same cycle; times and states stay.
+
+    Args:
+        site: the network as it is.
+        issues: each with two signals near each other.
+
+    Yields:
+        An edit for each pair that a road for cars links: the first signal gets the program of both, the
+        second goes, and its links move to the first. A signal is in one pair at most.
+    """
     taken: set[str] = set()
     for issue in issues:
         ids = [e.id for e in issue.elements if e.kind == "signal"]

@@ -19,7 +19,16 @@ _MERGES = (0, 25)
 
 
 def lead_on(site: Site, issues: Sequence[Issue]) -> Iterator[Edit]:
-    """Let a lane lead where one beside it does: into a lane that nobody enters, or to merge with it."""
+    """Let a lane lead where one beside it does: into a lane that nobody enters, or to merge with it.
+
+    Args:
+        site: the network as it is.
+        issues: with the lanes that lead nowhere.
+
+    Yields:
+        An edit for each lane that has one beside it to follow; at each signal for one lane only, since
+        letters are added one at a time.
+    """
     facts, told = site.facts, set[str]()
     version = _VERSION.match(facts.map.source.sumo_version)
     can_merge = version is not None and tuple(map(int, version.groups())) >= _MERGES

@@ -53,21 +53,50 @@ class NetText:
         self._find()
 
     def logics(self, signal: str) -> list[LogicRecord]:
-        """List the programs of a signal."""
+        """List the programs of a signal.
+
+        Args:
+            signal: its id.
+
+        Returns:
+            Their records, in file order; empty where the signal has none.
+        """
         return [logic for logic in self.records.logics if logic.attributes.get("id") == signal]
 
     def copies(self, key: tuple[str, ...]) -> list[str]:
-        """Give the text of every element with one identity."""
+        """Give the text of every element with one identity.
+
+        Args:
+            key: as `key_of` makes it.
+
+        Returns:
+            Each one's text from its start tag to its end, in file order; empty where there is none.
+        """
         declared = _ENCODING.match(self.data[:200])
         encoding = declared.group(1).decode() if declared else "utf-8"
         return [self.data[start:end].decode(encoding, "replace") for start, end in self._spans.get(key, ())]
 
     def spans(self, key: tuple[str, ...]) -> list[Span]:
-        """Give the places of every element with one identity."""
+        """Give the places of every element with one identity.
+
+        Args:
+            key: as `key_of` makes it.
+
+        Returns:
+            Each one's first byte and the byte after its last, in file order; empty where there is none.
+        """
         return self._spans.get(key, [])
 
     def set_attributes(self, key: tuple[str, ...], values: Mapping[str, str | None]) -> tuple[Span, bytes]:
-        """Write an element's start tag with other values."""
+        """Write an element's start tag with other values; the network's bytes stay.
+
+        Args:
+            key: of an element that the network has, as `key_of` makes it; of several, the first is meant.
+            values: by attribute; None takes one away, those without a value here stay.
+
+        Returns:
+            The place of the start tag, and what belongs there, for `replaced`.
+        """
         start, _ = self._spans[key][0]
         found = _TAG.match(self.data, start)
         tag = found.group() if found else b""
@@ -85,7 +114,15 @@ class NetText:
         return (start, start + len(tag)), b"".join(parts) + tag[close:]
 
     def remove(self, key: tuple[str, ...], copy: int) -> tuple[Span, bytes]:
-        """Write nothing for an element and the line that it leaves empty."""
+        """Write nothing for an element and the line that it leaves empty; the network's bytes stay.
+
+        Args:
+            key: of an element that the network has, as `key_of` makes it.
+            copy: which of those with this key, from 0, in file order.
+
+        Returns:
+            The place to empty, and no bytes, for `replaced`.
+        """
         start, end = self._spans[key][copy]
         line = len(self.data[:start].rstrip(b" \t"))
         if self.data[line - 1 : line] == b"\n" and self.data[end : end + 2].lstrip(b"\r")[:1] == b"\n":
@@ -96,6 +133,13 @@ class NetText:
         """Write a program's phases, or a junction's requests, anew.
 
         Rows that are as they were keep their text; what stands between rows comes after the last.
+
+        Args:
+            key: of a `tlLogic` or a `junction` with at least one row, as `key_of` makes it.
+            rows: the attributes of each, in order.
+
+        Returns:
+            The place from the first row to the last, and what belongs there, for `replaced`.
         """
         spans, tag = [span for span, _ in self._rows[key]], _ROWS[key[0]]
         same = {tuple(a.items()): self.data[start:end] for (start, end), a in self._rows[key]}
@@ -106,7 +150,14 @@ class NetText:
         return (start, spans[-1][1]), (b"\n" + indent).join([*written, *filter(None, gaps)])
 
     def replaced(self, pieces: Sequence[tuple[Span, bytes]]) -> bytes:
-        """Put pieces in the place of what they stand for."""
+        """Put pieces in the place of what they stand for; the text itself stays.
+
+        Args:
+            pieces: places, of which none overlap, and what belongs there; in any order.
+
+        Returns:
+            The new network's bytes.
+        """
         parts, at = [], 0
         for (start, end), piece in sorted(pieces):
             parts += [self.data[at:start], piece]
@@ -152,7 +203,15 @@ def _end(data: bytes, start: int, close: int) -> int:
 
 
 def key_of(name: str, attributes: Attributes) -> tuple[str, ...]:
-    """Name an element by its tag and what tells it apart from others."""
+    """Name an element by its tag and what tells it apart from others.
+
+    Args:
+        name: its tag.
+        attributes: its own; one that it lacks counts as empty.
+
+    Returns:
+        The tag and the identity, such as (lane, id); the tag alone for elements that are not told apart.
+    """
     return (name, *(attributes.get(part, "") for part in _IDENTITY.get(name, ())))
 
 

@@ -31,8 +31,19 @@ _ROOTS = {"nod": "nodes", "edg": "edges", "con": "connections", "tll": "tlLogics
 def apply_changes(text: NetText, changes: Iterable[Change], path: Path) -> bytes:
     """Make changes; those of one element's attributes are made together, and netconvert comes last.
 
+    Args:
+        text: the network, which stays as it is.
+        changes: to elements that it has, and what is to be added.
+        path: where the network came from, for errors.
+
+    Returns:
+        The changed network's bytes.
+
     Raises:
         NetconvertError: the network has to be built anew, and that failed.
+        TransplantError: netconvert changed something for vehicles that cannot be put back.
+        SourceError: the network has to be built anew, and one of its signals is broken.
+        ToolMissingError: the network has to be built anew, and netconvert is not installed.
     """
     values: dict[Key, dict[str, str | None]] = {}
     pieces: list[tuple[Span, bytes]] = []

@@ -13,9 +13,19 @@ from dojo_maps.sources.sumo_xml import LogicRecord, read_records
 def rebuild(data: bytes, rebuilds: Sequence[Rebuild], path: Path) -> bytes:
     """Build a network anew, with what is to be added; signal programs stay.
 
+    Args:
+        data: the network's bytes, unpacked.
+        rebuilds: what is to be added to its plain files; nodes count only where no connections are added.
+        path: where the network came from, for errors.
+
+    Returns:
+        The new network's bytes.
+
     Raises:
         NetconvertError: netconvert refuses the network, crashes on it, or changes a program.
         TransplantError: netconvert changed something for vehicles that cannot be put back.
+        SourceError: one of the network's signals is broken.
+        ToolMissingError: netconvert is not installed.
     """
     added = "".join(f"    {element}\n" for each in rebuilds for element in each.connections)
     if added:

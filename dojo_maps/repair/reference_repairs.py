@@ -15,7 +15,16 @@ _TOUCHES = 2.0
 
 
 def mend_references(site: Site, issues: Sequence[Issue]) -> Iterator[Edit]:
-    """Let connections name where their drawn ways lead, and roads the junctions that they are drawn at."""
+    """Let connections name where their drawn ways lead, and roads the junctions that they are drawn at.
+
+    Args:
+        site: the network as it is.
+        issues: with connections and roads that name what is not there.
+
+    Yields:
+        An edit for each connection, which may take it out or let netconvert draw its way; then one for
+        each road whose junctions follow from what lists its lanes.
+    """
     records = {name: record for record in site.text.records.connections for name in _names(record)}
     for id_ in named(issues, "connection"):
         record = records.get(id_)
@@ -131,7 +140,15 @@ def _lane_after(site: Site, lane: str, onward: dict[str, Attributes]) -> str | N
 
 
 def remove_copies(site: Site, issues: Sequence[Issue]) -> Iterator[Edit]:
-    """Take out elements that are there twice, word for word."""
+    """Take out elements that are there twice, word for word.
+
+    Args:
+        site: the network as it is.
+        issues: with what is there more than once as their first element.
+
+    Yields:
+        An edit for each element with copies of its first text; copies that say something else stay.
+    """
     seen: set[Key] = set()
     for issue in issues:
         fault = issue.elements[0]
@@ -157,7 +174,16 @@ def _keys(site: Site, fault: Element) -> Iterator[Key]:
 
 
 def drop_unused_letters(site: Site, issues: Sequence[Issue]) -> Iterator[Edit]:
-    """Take letters that control nothing out of all states of a signal, and number its links anew."""
+    """Take letters that control nothing out of all states of a signal, and number its links anew.
+
+    Args:
+        site: the network as it is.
+        issues: with the signals.
+
+    Yields:
+        An edit for each signal; none where its states differ in length or lack a letter that a link has, or
+        where parameters of a program may name links by number.
+    """
     for id_ in named(issues, "signal"):
         used = {index for record in links_of(site, id_) for index in link_indices(record).values()}
         drafts = [Draft(record, site.path) for record in site.text.logics(id_)]
@@ -182,12 +208,27 @@ def drop_unused_letters(site: Site, issues: Sequence[Issue]) -> Iterator[Edit]:
 
 
 def links_of(site: Site, signal: str) -> list[Attributes]:
-    """List what a signal controls."""
+    """List what a signal controls.
+
+    Args:
+        site: the network.
+        signal: its id.
+
+    Returns:
+        The attributes of its connections, those on foot as well, in file order.
+    """
     return [r for r in site.text.records.connections if r.get("tl") == signal]
 
 
 def link_indices(record: Attributes) -> dict[str, int]:
-    """Read a link's letters; a turn in two steps has one for each."""
+    """Read a link's letters; a turn in two steps has one for each.
+
+    Args:
+        record: the attributes of a connection.
+
+    Returns:
+        The index by attribute, `linkIndex` and `linkIndex2`, without what is missing or no number.
+    """
     values = {name: record.get(name, "") for name in ("linkIndex", "linkIndex2")}
     return {name: int(value) for name, value in values.items() if value.isdecimal() and len(value) < 9}
 

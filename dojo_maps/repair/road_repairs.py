@@ -8,7 +8,16 @@ from dojo_maps.repair.edits import Edit, Rebuild, Site, named
 
 
 def join_short_roads(site: Site, issues: Sequence[Issue]) -> Iterator[Edit]:
-    """Join the junctions that short roads lie between; those of signals keep apart, for their programs."""
+    """Join the junctions that short roads lie between; those of signals keep apart, for their programs.
+
+    Args:
+        site: the network as it is.
+        issues: with the short roads.
+
+    Yields:
+        An edit for each group of junctions, named after one of its roads: netconvert builds the network
+        anew, with the group as one junction.
+    """
     facts = site.facts
     signalled = {junction for signal in facts.map.signals for junction in signal.junctions}
     groups: list[tuple[str, set[str]]] = []

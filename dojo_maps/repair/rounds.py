@@ -69,6 +69,9 @@ def fix_network(data: bytes, path: Path, only: Collection[str] = (), profile: Pr
         only: the checks to repair; empty means all but those that are repaired on request.
         profile: the limits to reach.
 
+    Returns:
+        The network before and after, with the edits that were kept and given up.
+
     Raises:
         SourceError: the bytes are not a network.
     """

@@ -8,7 +8,15 @@ from dojo_maps.safe_xml import Attributes
 
 
 def complete_rules(site: Site, issues: Sequence[Issue]) -> Iterator[Edit]:
-    """Give a junction a request per link; where they do not follow from each other, netconvert makes them."""
+    """Give a junction a request per link; where they do not follow from each other, netconvert makes them.
+
+    Args:
+        site: the network as it is.
+        issues: with the junctions.
+
+    Yields:
+        An edit for each junction; what is found at it and at its signals then was only hidden.
+    """
     for id_ in named(issues, "junction"):
         attributes = site.text.elements.get(("junction", id_), {})
         rows = _completed(site.text.records.requests[id_], len(attributes.get("intLanes", "").split()))

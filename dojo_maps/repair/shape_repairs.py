@@ -24,7 +24,16 @@ _FARTHEST = 4.0
 
 
 def close_gaps(site: Site, issues: Sequence[Issue]) -> Iterator[Edit]:
-    """Put a lane's end where all its ways meet, if they agree, and else draw the ways from end to end."""
+    """Put a lane's end where all its ways meet, if they agree, and else draw the ways from end to end.
+
+    Args:
+        site: the network as it is.
+        issues: with the connections that are torn.
+
+    Yields:
+        An edit for each lane whose end moves, then one for each connection whose way is drawn anew; none for
+        gaps too wide to be a slip.
+    """
     torn = [
         site.facts.connections[id_] for id_ in named(issues, "connection") if id_ in site.facts.connections
     ]
@@ -72,7 +81,15 @@ def _draw_through(site: Site, connection: Connection, moved: dict[tuple[str, int
 
 
 def drop_repeated_points(site: Site, issues: Sequence[Issue]) -> Iterator[Edit]:
-    """Leave out points of a lane that lie on the one before; its ends stay."""
+    """Leave out points of a lane that lie on the one before; its ends stay.
+
+    Args:
+        site: the network as it is; its limits say how close points may lie.
+        issues: with the lanes.
+
+    Yields:
+        An edit for each lane that has such points.
+    """
     for lane in named(issues, "lane"):
         shape = _tokens(site, lane)
         kept = shape[:1]
@@ -87,7 +104,15 @@ def drop_repeated_points(site: Site, issues: Sequence[Issue]) -> Iterator[Edit]:
 
 
 def untwist_outlines(site: Site, issues: Sequence[Issue]) -> Iterator[Edit]:
-    """Outline all ground that a junction's crossed outline runs around."""
+    """Outline all ground that a junction's crossed outline runs around.
+
+    Args:
+        site: the network as it is.
+        issues: with the junctions.
+
+    Yields:
+        An edit for each junction; none where the outline does not cross itself or encloses next to no ground.
+    """
     for id_ in named(issues, "junction"):
         key = ("junction", id_)
         tokens = site.text.elements.get(key, {}).get("shape", "").split()
@@ -103,7 +128,16 @@ def untwist_outlines(site: Site, issues: Sequence[Issue]) -> Iterator[Edit]:
 
 
 def trim_pavement(site: Site, issues: Sequence[Issue]) -> Iterator[Edit]:
-    """Narrow sidewalks on the side where they lie on the road, and cut the road out of walking areas."""
+    """Narrow sidewalks on the side where they lie on the road, and cut the road out of walking areas.
+
+    Args:
+        site: the network as it is.
+        issues: each with a sidewalk's lane or a walking area, then the lanes that it lies on.
+
+    Yields:
+        An edit for each that gets off the road so: sidewalks wide enough and not far from where they were,
+        walking areas in one piece.
+    """
     facts = site.facts
     for issue in issues:
         fault = issue.elements[0]

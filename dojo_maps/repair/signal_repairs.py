@@ -22,7 +22,15 @@ Mend = Callable[[SignalFacts, Draft, Limits], None]
 
 
 def repair_programs(mend: Mend, *, uncovers: bool = False) -> Repair:
-    """Make a repair of what mends one program; with `uncovers`, broken ones hide from other checks."""
+    """Make a repair of what mends one program.
+
+    Args:
+        mend: given a signal, one of its programs and the limits; changes the program in place, or leaves it.
+        uncovers: broken programs hide their signal from other checks; what is found there then is not new.
+
+    Returns:
+        A repair with an edit for each program that was changed; NEMA programs are left alone.
+    """
 
     def repair(site: Site, issues: Sequence[Issue]) -> Iterator[Edit]:
         wanted = set(named(issues, "signal"))
@@ -44,7 +52,13 @@ def repair_programs(mend: Mend, *, uncovers: bool = False) -> Repair:
 
 
 def lengthen_yellow(signal: SignalFacts, draft: Draft, limits: Limits) -> None:
-    """Lengthen yellows to whole seconds that are enough; the green before gives the time if it can."""
+    """Lengthen yellows to whole seconds that are enough; the green before gives the time if it can.
+
+    Args:
+        signal: whose links they are.
+        draft: one of its programs; changed in place, with lines that say what was done.
+        limits: the shortest yellow, and how much one may lack of what the speed needs.
+    """
     added: dict[int, float] = {}
     for _ in draft.phases:
         phase, lacking = _worst_yellow(signal, draft, limits)
@@ -71,7 +85,13 @@ def _worst_yellow(signal: SignalFacts, draft: Draft, limits: Limits) -> tuple[in
 
 
 def add_yellow(signal: SignalFacts, draft: Draft, limits: Limits) -> None:
-    """Show yellow between green and red: in the phase that clears the junction, or in one of its own."""
+    """Show yellow between green and red: in the phase that clears the junction, or in one of its own.
+
+    Args:
+        signal: whose links they are.
+        draft: one of its programs; changed in place, with lines that say what was done.
+        limits: the shortest yellow; the links' speed may need more.
+    """
     done: list[str] = []
     phase = 0
     while phase < len(draft.phases):
@@ -118,7 +138,13 @@ def _between(old: str, new: str, cut: Sequence[int]) -> str:
 
 
 def let_yield(signal: SignalFacts, draft: Draft, _limits: Limits) -> None:
-    """Give g, which yields, to the one of two colliding greens that the junction's rules make yield."""
+    """Give g, which yields, to the one of two colliding greens that the junction's rules make yield.
+
+    Args:
+        signal: whose links they are, with the conflicts among them.
+        draft: one of its programs; changed in place, with a line that says what was done.
+        _limits: not needed.
+    """
     yields = {
         pair
         for name in signal.signal.junctions
@@ -148,7 +174,15 @@ def let_yield(signal: SignalFacts, draft: Draft, _limits: Limits) -> None:
 
 
 def complete_states(signal: SignalFacts, draft: Draft, _limits: Limits) -> None:
-    """Give every state a letter per link: what its neighbours in time agree on, or its lane's other link."""
+    """Give every state a letter per link: what its neighbours in time agree on, or its lane's other link.
+
+    Letters beyond the last link go. Nothing happens where more are missing than the signal has links.
+
+    Args:
+        signal: whose links they are.
+        draft: one of its programs; changed in place, with lines that say what was done.
+        _limits: not needed.
+    """
     needed = max((link.index for link in signal.signal.links), default=-1) + 1
     states = [phase.get("state", "") for phase in draft.phases]
     size, longest = max(needed, 0), max(map(len, states), default=0)

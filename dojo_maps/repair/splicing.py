@@ -47,8 +47,12 @@ def connect(data: bytes, wanted: Sequence[Connect], path: Path) -> bytes:
         wanted: the connections; those of one junction are made together.
         path: where it came from, for errors.
 
+    Returns:
+        The network's bytes with them.
+
     Raises:
         NetconvertError: netconvert refuses them or crashes, or they cannot be taken over alone.
+        ToolMissingError: netconvert is not installed.
     """
     built, _ = build_again(data, connections="".join(map(plain_connection, wanted)))
     old, new = _read(data, path), _read(built, path)
@@ -60,7 +64,14 @@ def connect(data: bytes, wanted: Sequence[Connect], path: Path) -> bytes:
 
 
 def plain_connection(wanted: Connect) -> str:
-    """Write a connection as netconvert reads it."""
+    """Write a connection as netconvert reads it.
+
+    Args:
+        wanted: the connection; only its key counts.
+
+    Returns:
+        An element of a plain file of connections.
+    """
     values = zip(_ENDS, wanted.key[1:], strict=True)
     return f"<connection{''.join(f' {name}={quoteattr(value)}' for name, value in values)}/>"
 

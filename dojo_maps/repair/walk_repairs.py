@@ -12,7 +12,13 @@ _SIMULTANEOUS = 1e-6
 
 
 def clear_crossings(signal: SignalFacts, draft: Draft, limits: Limits) -> None:
-    """End walkers' greens early enough; vehicles are shown the same, longer if time is short."""
+    """End walkers' greens early enough; vehicles are shown the same, longer if time is short.
+
+    Args:
+        signal: whose links they are, with the conflicts among them.
+        draft: one of its programs; changed in place, with lines that say what was done.
+        limits: how fast people walk, and the green that stays for them where there is so much.
+    """
     cut: dict[int, float] = {}
     for _ in range(4 * len(draft.phases)):
         worst = _worst_clearance(signal, draft, limits)
@@ -78,7 +84,13 @@ def _end_early(draft: Draft, index: int, phase: int, lacking: float, walk: float
 
 
 def lengthen_walks(signal: SignalFacts, draft: Draft, limits: Limits) -> None:
-    """Lengthen phases until walkers have time to notice their green and start."""
+    """Lengthen phases until walkers have time to notice their green and start.
+
+    Args:
+        signal: whose links they are.
+        draft: one of its programs; changed in place, with lines that say what was done.
+        limits: the green that walkers get at least, `walk`.
+    """
     added: dict[int, float] = {}
     for index in signal.walking:
         for phase in starts(draft.program, signal.letters(draft.program, index), GREEN):

@@ -36,7 +36,15 @@ def find_objection(
 
 
 def list_new(before: Iterable[Issue], after: Iterable[Issue]) -> list[Issue]:
-    """List the issues that were not there: none as severe of the same check had their element or place."""
+    """List the issues that were not there: none as severe of the same check had their element or place.
+
+    Args:
+        before: the network's issues without an edit.
+        after: those with it.
+
+    Returns:
+        Those of `after` that are new, most severe first.
+    """
     old, new = list(before), list(after)
     for key in (_fault, _place):
         old, new = _pair_off(old, new, key)

@@ -10,7 +10,15 @@ _SARIF = "https://json.schemastore.org/sarif-2.1.0.json"
 
 
 def as_text(report: Mapping[str, Any]) -> Iterator[str]:
-    """Write a report as lines: one per issue, its hint once per check, then what did not run, then counts."""
+    """Write a report as lines for a terminal.
+
+    Args:
+        report: as JSON values.
+
+    Yields:
+        Lines without their ends: the issues, each after its check's hint where the check is another one than
+        before; then the checks that crashed; last the counts.
+    """
     last = ""
     for issue in report["issues"]:
         if issue["check"] != last:
@@ -35,6 +43,10 @@ def as_sarif(report: Mapping[str, Any], network: str, lines: Mapping[tuple[str, 
         report: as JSON values.
         network: the network's file, as a path relative to where it is reviewed.
         lines: the line of each element in it, by kind and id.
+
+    Returns:
+        One run as JSON values, with a rule for each check; an issue whose elements have no line is put on the
+        first.
     """
     hints = {issue["check"]: issue["hint"] for issue in report["issues"]}
     places = {check["id"]: place for place, check in enumerate(report["checks"])}
@@ -89,7 +101,15 @@ def _sarif_result(
 
 
 def as_geojson(report: Mapping[str, Any]) -> dict[str, Any]:
-    """Write the issues as GeoJSON points, WGS 84; issues of a map without a projection have no geometry."""
+    """Write the issues as GeoJSON points, WGS 84.
+
+    Args:
+        report: as JSON values.
+
+    Returns:
+        A FeatureCollection as JSON values, with a feature for each issue; those without a place on the earth,
+        as of a map without a projection, have no geometry.
+    """
     return {
         "type": "FeatureCollection",
         "features": [
@@ -104,5 +124,12 @@ def as_geojson(report: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def printable(text: str) -> str:
-    """Keep a line one line, and terminals as they are, whatever the map's names hold."""
+    """Keep a line one line, and terminals as they are, whatever the map's names hold.
+
+    Args:
+        text: of a map or a report.
+
+    Returns:
+        The text, with `?` for each character that is not printable, such as a line's end.
+    """
     return "".join(letter if letter.isprintable() else "?" for letter in text)

@@ -20,7 +20,15 @@ _MOST_VIEWS = 1000
 
 
 def selection_lines(issues: Iterable[Mapping[str, Any]]) -> list[str]:
-    """Name the elements of issues as netedit's selection files do, each once."""
+    """Name the elements of issues as netedit's selection files do, each once.
+
+    Args:
+        issues: as JSON values.
+
+    Returns:
+        `edge:ID`, `lane:ID` and so on, without line ends, in the issues' order; signals, walking areas and
+        others that such a file cannot name are left out.
+    """
     lines = (
         f"{_KINDS[element['kind']]}:{element['id']}"
         for issue in issues
@@ -34,6 +42,10 @@ def write_netedit_files(report: Mapping[str, Any], folder: Path) -> None:
     """Write a selection per check, and a selection and a view per issue, into a folder.
 
     Use them as `netedit -s NET --selection-file 0007.selection.txt -g 0007.view.xml`.
+
+    Args:
+        report: as JSON values; of its issues the first 1000 have files of their own.
+        folder: it is made where there is none, and may hold other files.
 
     Raises:
         UsageError: a file is in the folder's way.

@@ -26,7 +26,17 @@ _LEAST_SIDE = 200
 
 
 def draw_overview(road_map: RoadMap, meshes: Sequence[Mesh], path: Path) -> None:
-    """Draw the map's rectangle, north up, 1600 pixels on its longer side, as PNG."""
+    """Draw the map's rectangle, north up, 1600 pixels on its longer side, as PNG.
+
+    Args:
+        road_map: whose bounds, names and signals are drawn.
+        meshes: its scene, metres, around the map's origin; bare ground and signals are not drawn from it.
+        path: of the picture; an older one is written over.
+
+    Raises:
+        GeometryError: OpenCV cannot write the picture as PNG.
+        OSError: the file cannot be written.
+    """
     low, high = (np.array(corner) - road_map.origin for corner in road_map.bounds)
     margin = max(5.0, _MARGIN * float((high - low).max()))
     low, high = low - margin, high + margin

@@ -53,7 +53,16 @@ _BODY = """
 
 
 def write_page(report: Mapping[str, Any], road_map: RoadMap, page: Path) -> None:
-    """Write a report, as JSON values, as a page with its map."""
+    """Write a report as a page with its map.
+
+    Args:
+        report: as JSON values, with `demand` if there is one to show.
+        road_map: what it is about.
+        page: of the HTML file; an older one is written over.
+
+    Raises:
+        OSError: the file cannot be written.
+    """
     style, script = ((_FOLDER / name).read_text(encoding="utf-8") for name in ("page.css", "page.js"))
     name = escape(str(report["map"]))
     body = _BODY.format(

@@ -40,7 +40,15 @@ class Stop:
 
 
 def find_rows(road_map: RoadMap) -> list[tuple[str, list[Stop]]]:
-    """Find the longest rows of coordinated signals: the first road's name or id, and its stops, in order."""
+    """Find the longest rows of coordinated signals.
+
+    Args:
+        road_map: whose signals' first programs count.
+
+    Returns:
+        At most 12 rows, those of most signals first: the first road's name, or its id where it has none, and
+        the stops in driving order, two or more.
+    """
     programs = {s.id: s.programs[0] for s in road_map.signals if s.programs}
     walker = _Walker(road_map, programs)
     rows = [row for start in road_map.connections if len(row := list(walker.follow(start))) > 1]
@@ -107,7 +115,16 @@ class _Walker:
 
 
 def draw_row(road_map: RoadMap, name: str, stops: list[Stop]) -> str:
-    """Draw a row's time-space diagram as an SVG element: seconds to the right, metres up."""
+    """Draw a row's time-space diagram: seconds to the right, two cycles of them, metres up.
+
+    Args:
+        road_map: whose signals' first programs are drawn.
+        name: of the first road, for those who cannot see the picture.
+        stops: a row of `find_rows`.
+
+    Returns:
+        An SVG element.
+    """
     programs = {s.id: s.programs[0] for s in road_map.signals if s.programs}
     cycle = _cycle(programs[stops[0].signal])
     gaps = [max(_LEAST_GAP, _METRE * (b.metres - a.metres)) for a, b in pairwise(stops)]

@@ -25,7 +25,14 @@ class Foes:
 
 
 def list_foes(junction: Junction) -> Iterator[Foes]:
-    """List each pair of ways that cross or join once, in the order of the junction's requests."""
+    """List each pair of ways that cross or join once, in the order of the junction's requests.
+
+    Args:
+        junction: with the network's right of way.
+
+    Yields:
+        The two ways, and who waits.
+    """
     ways = junction.right_of_way
     pairs = {(min(k, foe), max(k, foe)) for k, way in enumerate(ways) for foe in way.foes if k != foe}
     for k, foe in sorted(pairs):
@@ -50,18 +57,41 @@ class Conflicts:
     yields: Matrix
 
     def are_safe(self, state: str, a: int, b: int) -> bool:
-        """Tell whether two links may show these letters: no conflict, or one that waits for the other."""
+        """Tell whether two links may show these letters: no conflict, or one that waits for the other.
+
+        Args:
+            state: the signal's letters.
+            a: the place of one link in it.
+            b: the place of the other.
+
+        Returns:
+            True also where one of them is not green.
+        """
         if not self.foes[a, b] or state[a] not in GREEN or state[b] not in GREEN:
             return True
         return bool((state[a] == "g" and self.yields[a, b]) or (state[b] == "g" and self.yields[b, a]))
 
     def find_unsafe(self, state: str) -> list[tuple[int, int]]:
-        """List the pairs of links that are green together and must not be."""
+        """List the pairs of links that are green together and must not be.
+
+        Args:
+            state: the signal's letters.
+
+        Returns:
+            Their places in the state, the lower one first.
+        """
         green = [index for index, letter in enumerate(state) if letter in GREEN]
         return [pair for pair in combinations(green, 2) if not self.are_safe(state, *pair)]
 
     def make_safe(self, state: str) -> str:
-        """Let who must wait by the network's own right of way be green without priority, or else red."""
+        """Let who must wait by the network's own right of way be green without priority, or else red.
+
+        Args:
+            state: the signal's letters.
+
+        Returns:
+            The letters; where neither of two links waits for the other, the later one in the state is red.
+        """
         letters = list(state)
         for a, b in self.find_unsafe(state):
             if self.are_safe("".join(letters), a, b):
@@ -76,7 +106,14 @@ class Conflicts:
 
 
 def list_walks(signal: Signal) -> Iterator[tuple[int, str]]:
-    """List the links of walkers, each with both ends of its way: one of them is the crossing."""
+    """List the links of walkers, each with both ends of its way: one of them is the crossing.
+
+    Args:
+        signal: whose links they are.
+
+    Yields:
+        The link's index, and the id of one end; twice for each link.
+    """
     for link in signal.links:
         if link.kind is LinkKind.PEDESTRIAN:
             yield from ((link.index, end) for end in (link.from_id, link.to_id))
@@ -89,6 +126,9 @@ def read_conflicts(road_map: RoadMap, signal: Signal, count: int) -> Conflicts:
         road_map: the map.
         signal: one of its signals.
         count: n, the letters of its states; links beyond are left out.
+
+    Returns:
+        The conflicts, by the links' places in a state.
     """
     places: dict[str, set[int]] = defaultdict(set)
     for connection in road_map.connections:

@@ -47,12 +47,27 @@ def read_rings(parameters: Mapping[str, str], names: Sequence[str]) -> Rings:
 
 
 def list_pairs(program: Program) -> list[tuple[int, ...]]:
-    """List the movements that may be green together, side by side of the barriers, as places of phases."""
+    """List the movements that may be green together, side by side of the barriers.
+
+    Args:
+        program: with rings; others have no pairs.
+
+    Returns:
+        Places of phases in the program, one for each ring that has some on that side.
+    """
     return [pair for side in _sides(program) for pair in product(*side)]
 
 
 def list_cycle(program: Program) -> list[tuple[int, ...]]:
-    """List the pairs of one cycle in which the rings go on together; each movement comes up."""
+    """List the pairs of one cycle in which the rings go on together; each movement comes up.
+
+    Args:
+        program: with rings; others have no pairs.
+
+    Returns:
+        Places of phases in the program, in the order in which they are shown. A ring with fewer phases on a
+        side stays in its last one.
+    """
     return [
         tuple(ring[min(step, len(ring) - 1)] for ring in side)
         for side in _sides(program)
@@ -69,7 +84,15 @@ def _sides(program: Program) -> Iterator[list[tuple[int, ...]]]:
 
 
 def show(program: Program, pair: Sequence[int]) -> str:
-    """Write the letters that movements show together."""
+    """Write the letters that movements show together.
+
+    Args:
+        program: whose phases they are.
+        pair: places of phases in it.
+
+    Returns:
+        A letter for each link: green, if one of the movements has it green.
+    """
     states = (program.phases[place].state for place in pair)
     return "".join(min(letters, key=_rank) for letters in zip(*states, strict=False))
 
@@ -83,6 +106,13 @@ def unroll(program: Program) -> Program:
 
     A pair is followed by the change to any other one: the yellow of the movements that end, and their red.
     Other programs stay as they are.
+
+    Args:
+        program: of any kind.
+
+    Returns:
+        The program: its first phases are the pairs in the order of `list_pairs`, then come the changes, and
+        `following` tells which comes after which.
     """
     if not program.rings:
         return program

@@ -19,8 +19,14 @@ _LONGEST = 1e12
 def read_seconds(text: str) -> float:
     """Read a time as SUMO does: seconds, `h:m:s` or `d:h:m:s`.
 
+    Args:
+        text: what is written; a minus before it counts for all of it.
+
+    Returns:
+        Seconds.
+
     Raises:
-        ValueError: it is none.
+        ValueError: it is no time.
     """
     sign, parts = (-1, text.strip()[1:]) if text.strip().startswith("-") else (1, text)
     values = [float(part) for part in parts.split(":")]
@@ -36,8 +42,16 @@ def read_program(
 
     An offset of `begin` is that of the simulation's begin, which no network knows: it counts as 0.
 
+    Args:
+        attributes: of the tlLogic.
+        phases: the attributes of each phase, in order.
+        parameters: values by key; only a NEMA program's rings are read from them.
+
+    Returns:
+        The program, its times in seconds. Places of phases that there are not are left out.
+
     Raises:
-        ValueError: a time is missing or none, or a phase has no state.
+        ValueError: a time cannot be read, or a phase has no state, no duration, or a negative one.
     """
     kind, offset = attributes.get("type", "static"), attributes.get("offset", "0")
     return Program(
@@ -82,17 +96,44 @@ def _read_time(attributes: Mapping[str, str], key: str) -> float | None:
 
 
 def following(program: Program, phase: int) -> tuple[int, ...]:
-    """The places of the phases that may come after one."""
+    """The places of the phases that may come after one.
+
+    Args:
+        program: with phases.
+        phase: the place of the one.
+
+    Returns:
+        At least one place; where the program names none, the next phase's, after the last the first's.
+    """
     return program.phases[phase].following or ((phase + 1) % len(program.phases),)
 
 
 def least(phase: Phase) -> float:
-    """The seconds that a phase lasts at least."""
+    """The seconds that a phase lasts at least.
+
+    Args:
+        phase: of any program.
+
+    Returns:
+        Seconds: its minimum if it has one, but never more than its duration.
+    """
     return phase.duration if phase.min_duration is None else min(phase.duration, phase.min_duration)
 
 
 def run_from(program: Program, letters: str, phase: int, wanted: frozenset[str]) -> float:
-    """Measure how long a letter of `wanted` is shown at least, from the start of a phase; seconds."""
+    """Measure how long a letter of `wanted` is shown at least, from the start of a phase.
+
+    Where several phases may follow, the first of them does.
+
+    Args:
+        program: with phases.
+        letters: what a link shows in each phase.
+        phase: the place of the phase to start from.
+        wanted: letters that count, such as `GREEN`.
+
+    Returns:
+        Seconds; 0 where the phase shows another letter, one round at most.
+    """
     total, seen = 0.0, set[int]()
     while letters[phase] in wanted and phase not in seen:
         seen.add(phase)
@@ -102,7 +143,16 @@ def run_from(program: Program, letters: str, phase: int, wanted: frozenset[str])
 
 
 def starts(program: Program, letters: str, wanted: frozenset[str]) -> list[int]:
-    """The phases in which a letter of `wanted` begins to be shown."""
+    """The phases in which a letter of `wanted` begins to be shown.
+
+    Args:
+        program: with phases.
+        letters: what a link shows in each phase.
+        wanted: letters that count, such as `GREEN`.
+
+    Returns:
+        Places of phases, ascending; none where such a letter is always shown, or never.
+    """
     begun = {
         after
         for phase in range(len(letters))
@@ -115,11 +165,25 @@ def starts(program: Program, letters: str, wanted: frozenset[str]) -> list[int]:
 
 @lru_cache(maxsize=4096)
 def green_links(state: str) -> frozenset[int]:
-    """List the links that a state lets go, with priority or without, by their places in it."""
+    """List the links that a state lets go, with priority or without, by their places in it.
+
+    Args:
+        state: a signal's letters.
+
+    Returns:
+        The places of `G` and `g`.
+    """
     return frozenset(link for link, letter in enumerate(state) if letter in GREEN)
 
 
 def is_green(state: str) -> bool:
-    """Tell a green phase from what lies between two of them, and from a signal that is off."""
+    """Tell a green phase from what lies between two of them, and from a signal that is off.
+
+    Args:
+        state: a signal's letters.
+
+    Returns:
+        True where a link is green and none is yellow, red and yellow, or off.
+    """
     shown = set(state)
     return bool(GREEN & shown) and not shown & set("yYuoO")

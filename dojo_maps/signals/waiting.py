@@ -41,6 +41,9 @@ def find_meetings(
         widest: metres across a vehicle; on narrower lanes there are narrower ones.
         nearest: metres from the stop line; whose way is met before, cannot be kept clear and does not count.
         walkers: people on crossings are others, too.
+
+    Yields:
+        A meeting for each such way, in the order of the junctions; at the way's end where it touches none.
     """
     ways = _Ways(road_map if walkers else replace(road_map, crossings=()), states, widest)
     for junction in road_map.junctions:

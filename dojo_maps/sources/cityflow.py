@@ -61,6 +61,9 @@ class CityFlowNetwork:
 
         Args:
             road_map: the description of `data`.
+
+        Returns:
+            Notes: of each warning at what it names, then of each loss.
         """
         index = MapIndex(road_map)
         hint = "look at the place in netedit; correct the CityFlow file where it is wrong"
@@ -89,6 +92,9 @@ def build_network(path: Path, *, traffic: Path | None = None) -> CityFlowNetwork
     Args:
         path: the file.
         traffic: the file of its traffic, if any.
+
+    Returns:
+        The network and its traffic, with what of the files was lost.
 
     Raises:
         SourceError: it is no road network of CityFlow's, or netconvert refuses it.

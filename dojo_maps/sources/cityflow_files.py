@@ -89,11 +89,33 @@ class Fields:
         self._value, self.path, self._place = value, path, place
 
     def text(self, name: str) -> str:
-        """Read a text."""
+        """Read a text.
+
+        Args:
+            name: of the field.
+
+        Returns:
+            The text; it may be empty.
+
+        Raises:
+            SourceError: there is no such field, or it is no text.
+        """
         return self._take(name, str, "a text")
 
     def number(self, name: str, *, least: float = -_LARGEST, default: float | None = None) -> float:
-        """Read a finite number of at least so much."""
+        """Read a finite number of at least so much.
+
+        Args:
+            name: of the field.
+            least: the smallest that is taken; the largest is 10 million, metres or seconds.
+            default: taken where the object has no such field; None makes that an error.
+
+        Returns:
+            The number.
+
+        Raises:
+            SourceError: it is missing, no number, not finite, or out of bounds.
+        """
         if default is not None and isinstance(self._value, dict) and name not in self._value:
             return default
         value = self._take(name, (int, float), "a number")
@@ -102,30 +124,79 @@ class Fields:
         return float(value)
 
     def whole(self, name: str, below: int) -> int:
-        """Read a whole number from 0, below another."""
+        """Read a whole number from 0, below another.
+
+        Args:
+            name: of the field.
+            below: the first number that is too large.
+
+        Returns:
+            The number.
+
+        Raises:
+            SourceError: it is missing, no whole number, or out of bounds.
+        """
         value = self._take(name, int, "a whole number")
         if isinstance(value, bool) or not 0 <= value < below:
             self._refuse(name, f"a whole number from 0, below {below}", value)
         return value
 
     def each(self, name: str) -> Iterator["Fields"]:
-        """Go through a list of objects."""
+        """Go through a list of objects.
+
+        Args:
+            name: of the field.
+
+        Yields:
+            Each of its values, in order.
+
+        Raises:
+            SourceError: there is no such field, or it is no list.
+        """
         for number, value in enumerate(self._take(name, list, "a list")):
             yield Fields(value, self.path, f"{self._place}{name}[{number}].")
 
     def list_values(self, name: str, kind: type) -> list[Any]:
-        """Read a list of plain values."""
+        """Read a list of plain values.
+
+        Args:
+            name: of the field.
+            kind: that every value must be of exactly, such as `int`; true and false are none.
+
+        Returns:
+            The values, in order.
+
+        Raises:
+            SourceError: there is no such field, it is no list, or a value is of another kind.
+        """
         values = self._take(name, list, "a list")
         if not all(type(value) is kind for value in values):
             self._refuse(name, f"a list of {kind.__name__}", values)
         return values
 
     def part(self, name: str) -> "Fields":
-        """Read an object."""
+        """Read an object.
+
+        Args:
+            name: of the field.
+
+        Returns:
+            Its fields.
+
+        Raises:
+            SourceError: there is no such field, or it is no object.
+        """
         return Fields(self._take(name, dict, "an object"), self.path, f"{self._place}{name}.")
 
     def has(self, name: str) -> bool:
-        """Tell whether there is a field of a name."""
+        """Tell whether there is a field of a name.
+
+        Args:
+            name: of the field.
+
+        Returns:
+            Whether there is; one that is null counts as none.
+        """
         return isinstance(self._value, dict) and self._value.get(name) is not None
 
     def _take(self, name: str, kinds: Any, words: str) -> Any:
@@ -142,8 +213,15 @@ class Fields:
 def read_road_network(fields: Fields) -> RoadNetwork:
     """Read a road network.
 
+    Args:
+        fields: the whole of a road network's file.
+
+    Returns:
+        Its roads and intersections; what they name is there.
+
     Raises:
-        SourceError: a value is missing, or of another kind than CityFlow's.
+        SourceError: a value is missing, of another kind than CityFlow's, or names what is not there; or an
+            id stands twice.
     """
     roads: dict[str, Road] = {}
     for road in fields.each("roads"):
@@ -204,8 +282,15 @@ def _read_place(place: Fields, roads: dict[str, Road]) -> Place:
 def read_traffic(path: Path) -> Traffic:
     """Read a file of flows.
 
+    Args:
+        path: of the file.
+
+    Returns:
+        The flows that have a vehicle; one without an end lasts for a day from its start.
+
     Raises:
-        SourceError: it cannot be read, or a value is of another kind than CityFlow's.
+        SourceError: it cannot be read, a value is of another kind than CityFlow's, or a flow has too many
+            vehicles.
     """
     flows, endless = [], 0
     for flow in Fields({"flows": read_json(path)}, path).each("flows"):
@@ -235,7 +320,14 @@ def read_traffic(path: Path) -> Traffic:
 
 
 def is_cityflow(path: Path) -> bool:
-    """Tell whether a file is one of CityFlow's by its name, or a folder by a road network in it."""
+    """Tell whether a file is one of CityFlow's by its name, or a folder by a road network in it.
+
+    Args:
+        path: of a file, which need not be there, or of a folder.
+
+    Returns:
+        Whether it is; a folder with a `map.json` is a bundle and is not.
+    """
     if path.is_dir():
         return not (path / "map.json").exists() and any(path.glob("*roadnet*.json"))
     return path.name.lower().endswith((".json", ".cfg"))
@@ -247,6 +339,9 @@ def find_files(path: Path) -> tuple[Path, Path | None]:
     Args:
         path: a road network; a configuration with `dir`, `roadnetFile` and `flowFile`; or a folder with a
             road network and one file of flows.
+
+    Returns:
+        The road network, and the file of flows; None where none is named or found.
 
     Raises:
         SourceError: it is none of these, or a file that it names is not there.

@@ -63,8 +63,14 @@ class BusyError(SourceError):
 def check_url(url: str) -> str:
     """Take an address of a web server, and nothing else that a URL can be.
 
+    Args:
+        url: as a user gives it.
+
+    Returns:
+        The same.
+
     Raises:
-        UsageError: it is not http or https, or names no server.
+        UsageError: it is not http or https, names no server, or holds blanks or what cannot be printed.
     """
     try:
         parts = urlsplit(url)
@@ -94,6 +100,9 @@ def fetch(
             none will.
         on_pause: told why and how long is waited.
 
+    Returns:
+        The answer's bytes, which `check` has accepted.
+
     Raises:
         SourceError: no network, no answer in time, too long, refused, or still busy after every attempt.
     """
@@ -121,8 +130,16 @@ def within(seconds: float, work: Callable[[threading.Event], T], server: str) ->
     Looking up a name cannot be interrupted, and a server that sends a byte now and then never runs into a
     socket's own time limit. The work is told by its event that nobody waits for it any more.
 
+    Args:
+        seconds: that it may take.
+        work: called in the thread; its event is set once nobody waits.
+        server: what is asked, for the error.
+
+    Returns:
+        What the work returns.
+
     Raises:
-        SourceError: the time is over.
+        SourceError: the time is over. Whatever the work raises is raised here as well.
     """
     answers: queue.Queue[tuple[T | None, BaseException | None]] = queue.Queue()
     stop = threading.Event()
@@ -219,7 +236,14 @@ def _unreachable(url: str, reason: object) -> SourceError:
 
 
 def quote(page: bytes) -> str:
-    """Say in one line what a page tells people, without its markup."""
+    """Say in one line what a page tells people, without its markup.
+
+    Args:
+        page: HTML or plain text; bytes that are no UTF-8 are replaced.
+
+    Returns:
+        Printable words, at most 200 characters; empty where it tells nothing.
+    """
     text = html.unescape(_MARKUP.sub(" ", page.decode("utf-8", "replace")))
     line = " ".join("".join(c if c.isprintable() else " " for c in text).split())
     return line if len(line) <= _LONGEST_QUOTE else line[: _LONGEST_QUOTE - 1] + "…"

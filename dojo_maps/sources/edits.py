@@ -52,6 +52,9 @@ def make_patch(base: bytes, edited: bytes, *, path: Path) -> Patch:
         edited: the network as the user saved it.
         path: of the edited one, for errors.
 
+    Returns:
+        XML by kind, as in `KINDS`; kinds without changes are missing.
+
     Raises:
         SourceError: one is not a SUMO network, or they cannot be compared.
         ToolMissingError: SUMO's netdiff is not installed.
@@ -88,8 +91,16 @@ def make_patch(base: bytes, edited: bytes, *, path: Path) -> Patch:
 def read_patch(data: bytes, kind: str, path: Path) -> Element:
     """Parse one file of a patch.
 
+    Args:
+        data: the file's bytes.
+        kind: one of `KINDS`, which tells what the root element must be.
+        path: where it lies, for errors.
+
+    Returns:
+        The root element; its children are the changes.
+
     Raises:
-        SourceError: it is not, or it is unsafe.
+        SourceError: it is no such file, or unsafe.
     """
     parse_xml(data, path, root=KINDS[kind][0], kind="patch", start=lambda _name, _attributes: None)
     return ElementTree.fromstring(data)  # noqa: S314 (checked in the line before)

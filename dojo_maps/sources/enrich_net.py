@@ -88,11 +88,16 @@ def enrich_network(
 def match_lanes(old: NetTree, new: NetTree) -> tuple[dict[str, str], dict[str, int]]:
     """Find each lane of the old network in the new one.
 
+    Args:
+        old: the network before.
+        new: the network as netconvert built it.
+
     Returns:
         New lane id by old one, and by road how far its lanes' indices moved: 1 where a sidewalk was added.
 
     Raises:
         TransplantError: roads or lanes differ by more than added sidewalks.
+        SourceError: a lane's index is no whole number.
     """
     for road in old.roads.keys() ^ new.roads.keys():
         done = "dropped" if road in old.roads else "added"
@@ -111,7 +116,11 @@ def match_lanes(old: NetTree, new: NetTree) -> tuple[dict[str, str], dict[str, i
 
 
 def match_junctions(old: NetTree, new: NetTree) -> None:
-    """Check that every junction is still there and controlled as it was.
+    """Check that every junction with a signal or a rail crossing is still there and controlled as it was.
+
+    Args:
+        old: the network before.
+        new: the network as netconvert built it.
 
     Raises:
         TransplantError: one is not, such as a rail crossing without rails, which netconvert converts.
@@ -124,7 +133,16 @@ def match_junctions(old: NetTree, new: NetTree) -> None:
 
 
 def compare_links(old: NetTree, new: NetTree, shift: Mapping[str, int]) -> bool:
-    """Tell whether every connection and every old crossing has the signal and the letter it had."""
+    """Tell whether every connection and every old crossing has the signal and the letter it had.
+
+    Args:
+        old: the network before.
+        new: the network with crossings and their signals' letters.
+        shift: by road, how far its lanes' indices moved.
+
+    Returns:
+        Whether it has; False, too, where connections between roads went missing or came up.
+    """
 
     def control(link: Element) -> tuple[str | None, str | None]:
         return link.get("tl"), link.get("linkIndex")
@@ -143,6 +161,13 @@ def compare_programs(before: Element, after: Element) -> bool:
     Each old phase must come back as one phase or several in a row with its letters, that last as long
     together; where a program may choose (actuated), their least and longest times must add up as well.
     `next` must name the first of each following phase's.
+
+    Args:
+        before: the program's `tlLogic` in the old network.
+        after: that in the new one, where letters may have been appended to the states.
+
+    Returns:
+        Whether it does, and its own attributes are the same.
     """
     attributes = [dict(logic.attrib) for logic in (before, after)]
     phases, parts = before.findall("phase"), after.findall("phase")

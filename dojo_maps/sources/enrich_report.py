@@ -16,7 +16,16 @@ _PRECISION = 0.005
 
 
 def lane_report(old: NetTree, new: NetTree, lane_ids: Mapping[str, str]) -> dict[str, Any]:
-    """List every lane's new id, then the lanes whose length, speed, width or classes differ."""
+    """List every lane's new id, then the lanes whose length, speed, width or classes differ.
+
+    Args:
+        old: the network before.
+        new: the network with sidewalks.
+        lane_ids: new lane id by old one, for every lane of the old network.
+
+    Returns:
+        JSON values: `lane_ids`, `lengths` and `lanes_changed`.
+    """
     before = {lane.get("id"): lane for road in old.roads for lane in old.lanes(road)}
     after = {lane.get("id"): lane for road in new.roads for lane in new.lanes(road)}
     lengths, others = [], []
@@ -48,7 +57,16 @@ def _numbers(before: Element, after: Element, key: str) -> list[float] | None:
 
 
 def connection_report(old: NetTree, new: NetTree, shift: Mapping[str, int]) -> list[dict[str, Any]]:
-    """List connections whose direction or right of way netconvert judges differently now."""
+    """List connections whose direction or right of way netconvert judges differently now.
+
+    Args:
+        old: the network before.
+        new: the network with sidewalks, with all of the old connections between roads.
+        shift: by road, how far its lanes' indices moved.
+
+    Returns:
+        JSON values: the new network's lanes, and `dir` or `state` as [before, after] where they differ.
+    """
     changes = []
     for key, before in old.vehicle_links.items():
         moved = shifted(key, shift)
@@ -61,7 +79,15 @@ def connection_report(old: NetTree, new: NetTree, shift: Mapping[str, int]) -> l
 
 
 def junction_report(old: NetTree, new: NetTree) -> list[dict[str, Any]]:
-    """List junctions that are gone or have another kind."""
+    """List junctions that are gone or have another kind.
+
+    Args:
+        old: the network before.
+        new: the network after.
+
+    Returns:
+        JSON values: each one's id and [kind before, kind after]; None after where it is gone.
+    """
     kinds = {junction: element.get("type") for junction, element in new.junctions.items()}
     return [
         {"junction": junction, "kind": [element.get("type"), kinds.get(junction)]}
@@ -71,7 +97,16 @@ def junction_report(old: NetTree, new: NetTree) -> list[dict[str, Any]]:
 
 
 def added_report(old: NetTree, new: NetTree, shift: Mapping[str, int]) -> dict[str, Any]:
-    """List sidewalks, crossings (lengths in metres) and walking areas that the old network did not have."""
+    """List sidewalks, crossings (lengths in metres) and walking areas that the old network did not have.
+
+    Args:
+        old: the network before.
+        new: the network with sidewalks and crossings.
+        shift: by road of the new network, how far its lanes' indices moved: 1 where a sidewalk was added.
+
+    Returns:
+        JSON values: `sidewalks_added`, `crossings_added` and `walking_areas_added`.
+    """
     crossings = [crossing for crossing in new.crossings if crossing not in old.crossings]
     return {
         "sidewalks_added": [new.lanes(road)[0].get("id") for road in new.roads if shift[road]],
@@ -91,7 +126,16 @@ def added_report(old: NetTree, new: NetTree, shift: Mapping[str, int]) -> dict[s
 def signal_report(
     walks: Mapping[str, Sequence[Walk]], programs: Sequence[ProgramChange], kept: Sequence[bool]
 ) -> list[dict[str, Any]]:
-    """Tell by signal which letters were appended, and by program what it shows to them; times in seconds."""
+    """Tell by signal which letters were appended, and by program what it shows to them; times in seconds.
+
+    Args:
+        walks: the new crossings of each signal.
+        programs: what was done to each program.
+        kept: for each of `programs`, in order, whether vehicles are shown the same as before.
+
+    Returns:
+        JSON values, an object for each signal that has a program or a new crossing.
+    """
     return [
         {
             "id": signal,

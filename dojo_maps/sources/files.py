@@ -27,6 +27,9 @@ _SUFFIXES = (".net.xml.gz", ".net.xml", *OSM_SUFFIXES, ".xodr.gz", ".xodr", ".xm
 def find_network(name: str) -> tuple[Path, str]:
     """Find a network by its path or by the name of a packaged scenario.
 
+    Args:
+        name: a path, or a key of `SCENARIO_NETWORKS`; what lies at the path goes first.
+
     Returns:
         The file's path and the map's name: the scenario's, or the file's without its suffixes.
 
@@ -66,6 +69,13 @@ def list_files(source: str | Path) -> list[Path]:
 
 
 def map_name(path: Path) -> str:
-    """Name a map after its file: `cologne.net.xml.gz` becomes `cologne`."""
+    """Name a map after its file: `cologne.net.xml.gz` becomes `cologne`.
+
+    Args:
+        path: of the file; only its name counts, and it need not be there.
+
+    Returns:
+        The file's name without the longest suffix of a known kind, else without its last one.
+    """
     fitting = [suffix for suffix in _SUFFIXES if path.name.endswith(suffix) and path.name != suffix]
     return path.name.removesuffix(max(fitting, key=len)) if fitting else path.stem

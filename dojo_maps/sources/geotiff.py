@@ -67,6 +67,12 @@ class ElevationGrid:
 def read_elevations(path: Path) -> ElevationGrid:
     """Read a GeoTIFF.
 
+    Args:
+        path: of the file.
+
+    Returns:
+        Its elevations; NaN where the file has none, or one that no ground on earth has.
+
     Raises:
         SourceError: it is no GeoTIFF of elevations, or larger than is read.
         ToolMissingError: tifffile is not installed.

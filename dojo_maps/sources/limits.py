@@ -33,7 +33,14 @@ _PAIRS_AT_ONCE = 20_000_000
 
 
 def measure_bounds(shapes: list[Points], path: Path) -> tuple[tuple[float, float], tuple[float, float]]:
-    """Measure the rectangle around all shapes: its low and its high corner, metres.
+    """Measure the rectangle around all shapes.
+
+    Args:
+        shapes: (n, 3) each, metres, map frame; at least one of them has a position.
+        path: where they came from, for errors.
+
+    Returns:
+        Its low and its high corner, (x, y), metres.
 
     Raises:
         SourceError: a shape lies too far away, or too high for the single precision of meshes.
@@ -54,8 +61,13 @@ def check_limits(
 ) -> None:
     """Refuse a network whose shapes would hold the converter for hours.
 
+    Args:
+        strips: all lanes and crossings, at least one.
+        areas: all junctions and walking areas; those without an outline may be among them.
+        path: where they came from, for errors.
+
     Raises:
-        SourceError: the network is too long or too crowded.
+        SourceError: a lane or crossing is too wide, or the network is too long or too crowded.
     """
     for strip in strips:
         if strip.width > MAX_WIDTH:

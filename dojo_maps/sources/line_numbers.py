@@ -10,6 +10,9 @@ def find_lines(data: bytes) -> dict[tuple[str, str], int]:
 
     Args:
         data: a network that `sumo_xml.read_records` has accepted.
+
+    Returns:
+        Lines from 1 by (kind, id); connections as `from_lane->to_lane`.
     """
     found: dict[tuple[str, str], int] = {}
 

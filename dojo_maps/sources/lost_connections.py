@@ -18,7 +18,17 @@ def find_lost_connections(
     internal: Mapping[str, Points],
     connections: Sequence[Connection],
 ) -> Iterator[Issue]:
-    """Report each internal lane of a junction that leads to a lane though nothing leads onto it."""
+    """Report each internal lane of a junction that leads to a lane though nothing leads onto it.
+
+    Args:
+        records: the network's elements.
+        lanes: its roads' lanes by id.
+        internal: (n, 3), metres, the shape of each internal lane by id.
+        connections: those that could be read.
+
+    Yields:
+        A warning for each such way that starts within a metre of an incoming lane's end.
+    """
     named = {lane for connection in connections for lane in connection.via}
     leads_to, comes_from = _inner_ways(records)
     for junction in records.junctions:

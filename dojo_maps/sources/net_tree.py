@@ -65,7 +65,17 @@ class NetTree:
         self._read_connections()
 
     def lanes(self, road: str) -> list[Element]:
-        """List a road's lanes by index."""
+        """List a road's lanes by index.
+
+        Args:
+            road: its id.
+
+        Returns:
+            Their elements; the first is the outermost.
+
+        Raises:
+            SourceError: an index is no whole number.
+        """
         return sorted(self.roads[road].iterfind("lane"), key=lambda lane: self.number(lane, "index"))
 
     def logics(self) -> Iterator[Element]:
@@ -73,12 +83,30 @@ class NetTree:
         return self.root.iterfind("tlLogic")
 
     def crossing_length(self, crossing: str) -> float:
-        """Measure a crossing from kerb to kerb, in metres."""
+        """Measure a crossing from kerb to kerb.
+
+        Args:
+            crossing: its id, `:J_c0`.
+
+        Returns:
+            Metres; 0 where it has no lane.
+        """
         lane = self.crossings[crossing].find("lane")
         return float(lane.get("length", "0")) if lane is not None else 0.0
 
     def number(self, element: Element, key: str) -> int:
-        """Read a whole number of an element."""
+        """Read a whole number of an element.
+
+        Args:
+            element: of this network.
+            key: the attribute.
+
+        Returns:
+            The number.
+
+        Raises:
+            SourceError: the attribute is missing or no whole number.
+        """
         text = element.get(key, "")
         try:
             return int(text)
@@ -123,20 +151,49 @@ class NetTree:
 
 
 def crossing_junction(crossing: str) -> str:
-    """Find the junction in a crossing's id, `:J_c0`."""
+    """Find the junction in a crossing's id, `:J_c0`.
+
+    Args:
+        crossing: the crossing's id.
+
+    Returns:
+        The junction's id.
+    """
     return crossing.removeprefix(":").rpartition("_c")[0]
 
 
 def name(element: Element) -> str:
-    """Name an element in a message."""
+    """Name an element in a message.
+
+    Args:
+        element: with an id, or a connection.
+
+    Returns:
+        Its id, or `from->to` where it has none.
+    """
     return element.get("id") or f"{element.get('from', '')}->{element.get('to', '')}"
 
 
 def shifted(key: VehicleKey, shift: Mapping[str, int]) -> VehicleKey:
-    """Move a connection's lanes by as much as the lanes of their roads moved."""
+    """Move a connection's lanes by as much as the lanes of their roads moved.
+
+    Args:
+        key: the connection in the old network.
+        shift: by road, how far its lanes' indices moved.
+
+    Returns:
+        The connection in the new network.
+    """
     return key[0], key[1] + shift[key[0]], key[2], key[3] + shift[key[2]]
 
 
 def lane_classes(lane: Element) -> set[str]:
-    """List the vehicle classes that may use a lane."""
+    """List the vehicle classes that may use a lane.
+
+    Args:
+        lane: its element.
+
+    Returns:
+        Their names, as SUMO has them today.
+    """
     return set(allowed_classes(lane.get("allow"), lane.get("disallow")))

@@ -50,6 +50,9 @@ def run_netconvert(
         folder: where it runs; relative paths in the options start here.
         timeout: seconds after which it and what it started are killed.
 
+    Returns:
+        What it warned of.
+
     Raises:
         ToolMissingError: netconvert is not installed.
         NetconvertError: it refused its input, died by a signal, or ran past the time limit.
@@ -137,6 +140,9 @@ def warning_issue(warning: str, index: MapIndex, *, check: str, hint: str) -> Is
         index: of what it built.
         check: the note's own.
         hint: what to do about it.
+
+    Returns:
+        The note; at the map's origin, without elements, where the map has none of what it names.
     """
     elements: list[Element] = []
     x, y = index.map.origin

@@ -52,6 +52,9 @@ class OpenDriveNetwork:
 
         Args:
             road_map: the description of `data`.
+
+        Returns:
+            Notes of netconvert's warnings, warnings of lost roads, then notes of objects and signals.
         """
         index = MapIndex(road_map)
         hint = "look at the place in netedit; correct the OpenDRIVE file where it is wrong"
@@ -78,7 +81,14 @@ class OpenDriveNetwork:
 
 
 def is_opendrive(path: Path | str) -> bool:
-    """Tell by a file's name whether it is an OpenDRIVE file."""
+    """Tell by a file's name whether it is an OpenDRIVE file.
+
+    Args:
+        path: of the file, which need not be there.
+
+    Returns:
+        Whether it ends in .xodr or .xodr.gz, in capitals or not.
+    """
     return str(path).lower().endswith(SUFFIXES)
 
 
@@ -88,6 +98,9 @@ def build_network(data: bytes, *, path: Path) -> OpenDriveNetwork:
     Args:
         data: the file's bytes, unpacked.
         path: where they came from, for errors.
+
+    Returns:
+        The network, with what the file held.
 
     Raises:
         SourceError: they are no OpenDRIVE, larger than can be drawn, or netconvert refuses them.

@@ -87,6 +87,9 @@ def area_around(latitude: float, longitude: float, radius: float) -> Area:
         longitude: degrees east.
         radius: metres.
 
+    Returns:
+        The square, whose sides are as far from the place as the radius.
+
     Raises:
         UsageError: the place is not on the earth, or the radius is too small or too large.
     """
@@ -100,7 +103,13 @@ def area_around(latitude: float, longitude: float, radius: float) -> Area:
 
 
 def find_place(name: str) -> tuple[float, float]:
-    """Look up the middle of a place by its name; latitude and longitude in degrees.
+    """Look up the middle of a place by its name.
+
+    Args:
+        name: as people write it, such as a street and its town.
+
+    Returns:
+        Its latitude and longitude, degrees, WGS 84.
 
     Raises:
         SourceError: no such place, no network, or no answer in time.
@@ -143,6 +152,9 @@ def download_area(
         server: address of an Overpass server's interpreter.
         patience: bounds on bytes and seconds.
         on_pause: told why and how long is waited.
+
+    Returns:
+        Where the data lies, and the day on which it was fetched.
 
     Raises:
         SourceError: the data cannot be had, or is not what an Overpass server sends; nothing is kept then.

@@ -77,7 +77,15 @@ class Green:
 
 
 def traffic_letter(walk: Walk, state: str) -> str:
-    """Tell what the vehicles' letters allow a crossing, shared greens included; see the module."""
+    """Tell what the vehicles' letters allow a crossing, shared greens included; see the module.
+
+    Args:
+        walk: the crossing.
+        state: the letters of a phase, at least those of the crossing's foes.
+
+    Returns:
+        One of G, g, -, r and o.
+    """
     if state and not state.strip("oO"):
         return "o"
     worst = "G"
@@ -128,6 +136,10 @@ def share_cuts(greens: Sequence[Green], least: Decimal) -> list[Green]:
     Args:
         greens: of all crossings in one phase.
         least: the seconds that the phase lasts at least.
+
+    Returns:
+        The greens in the same order; those that end within the phase, and last long enough, all end with the
+        first of them.
     """
     ends = sorted({green.seconds for green in greens if LEAST_GREEN <= green.seconds < least})
 

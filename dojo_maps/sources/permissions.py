@@ -33,7 +33,15 @@ _OTHER = {"aircraft", "drone", "container"}
 
 @lru_cache(maxsize=4096)
 def allowed_classes(allow: str | None, disallow: str | None) -> tuple[str, ...]:
-    """List the classes a lane's `allow` and `disallow` attributes let in, in SUMO's order."""
+    """List the classes a lane's `allow` and `disallow` attributes let in, in SUMO's order.
+
+    Args:
+        allow: classes by spaces, or `all`; None where the lane has no such attribute.
+        disallow: as `allow`; it only counts where `allow` is None or `all`.
+
+    Returns:
+        SUMO's names of today for those of older networks; words that are no classes are left out.
+    """
     if allow is not None and allow != "all":
         named = {_RENAMED.get(name, name) for name in allow.split()}
         return tuple(name for name in VEHICLE_CLASSES if name in named)
@@ -44,14 +52,28 @@ def allowed_classes(allow: str | None, disallow: str | None) -> tuple[str, ...]:
 
 
 def unknown_classes(*lists: str | None) -> list[str]:
-    """List the words of `allow` and `disallow` attributes that are no vehicle classes of SUMO's."""
+    """List the words of `allow` and `disallow` attributes that are no vehicle classes of SUMO's.
+
+    Args:
+        lists: the attributes' values; None and empty ones have no words.
+
+    Returns:
+        The words, as often as they stand there; names of older networks, `all` and `ignoring` are known.
+    """
     known = {*VEHICLE_CLASSES, *_RENAMED, *_EVERY}
     return [name for words in lists if words for name in words.split() if name not in known]
 
 
 @lru_cache(maxsize=4096)
 def lane_kind(allow: tuple[str, ...]) -> LaneKind:
-    """Name the kind of a lane by the classes that use it; the first rule that fits decides."""
+    """Name the kind of a lane by the classes that use it; the first rule that fits decides.
+
+    Args:
+        allow: as `allowed_classes` gives them; a lane for nobody is a shoulder.
+
+    Returns:
+        The kind; one for driving where no rule fits.
+    """
     classes = set(allow)
     rules = (
         (classes <= _HARD_SHOULDER, LaneKind.SHOULDER),

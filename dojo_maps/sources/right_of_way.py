@@ -18,6 +18,11 @@ def read_right_of_way(
     A request's index is the place of the link's last internal lane in the junction's `intLanes`, crossings
     last. Networks without internal lanes number the connections of each incoming lane in turn.
 
+    Args:
+        junctions: those of the network, without their matrices.
+        connections: those between the roads' lanes, in file order.
+        records: the network's elements, each of `junctions` among them.
+
     Returns:
         The junctions, and an issue for each whose matrix does not fit its links; it stays without one.
     """

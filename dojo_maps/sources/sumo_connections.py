@@ -40,7 +40,14 @@ class ConnectionReader:
         self._pavement = pavement
 
     def read(self, records: Sequence[Attributes]) -> None:
-        """Read all records."""
+        """Read all records into the reader's attributes.
+
+        Args:
+            records: the network's connections, in file order.
+
+        Raises:
+            SourceError: a connection with a signal has a link index that is missing or no whole number.
+        """
         onward: dict[str, str] = {}
         for a in records:
             if a.get("via") and a.get("from", "").startswith(":"):

@@ -18,12 +18,32 @@ _OUTLINE_AGREES = 0.7
 
 
 def walk_connections(connections: list[Attributes]) -> dict[str, Attributes]:
-    """Find the signalled way onto each crossing."""
+    """Find the signalled way onto each crossing.
+
+    Args:
+        connections: the attributes of the network's connections, in file order.
+
+    Returns:
+        The first one's attributes by the id of the edge that it leads onto; some lead onto walking areas.
+    """
     return {a["to"]: a for a in reversed(connections) if "tl" in a and a.get("to", "").startswith(":")}
 
 
 def read_crossing(edge: str, record: EdgeRecord, walk: Attributes, path: Path) -> Crossing:
-    """Describe a crossing; `walk` is the signalled connection onto it, empty if there is none."""
+    """Describe a crossing.
+
+    Args:
+        edge: its id, `:J_c0`.
+        record: its edge, with a lane.
+        walk: the attributes of the signalled connection onto it, empty if there is none.
+        path: where the network came from, for errors.
+
+    Returns:
+        The crossing, 4 m wide where it names no width.
+
+    Raises:
+        SourceError: its shape, its width or its link index cannot be used.
+    """
     attributes, what = record.lanes[0], f"crossing {edge}"
     shape = read_shape(attributes.get("shape", ""), path, what)
     width = read_float(attributes, "width", path, what, default=_CROSSING_WIDTH, least=MIN_WIDTH)
@@ -45,13 +65,32 @@ def read_crossing(edge: str, record: EdgeRecord, walk: Attributes, path: Path) -
 
 
 def read_walking_area(edge: str, record: EdgeRecord, path: Path) -> WalkingArea:
-    """Describe a walking area; its lane's shape is its outline."""
+    """Describe a walking area; its lane's shape is its outline.
+
+    Args:
+        edge: its id, `:J_w0`.
+        record: its edge, with a lane.
+        path: where the network came from, for errors.
+
+    Returns:
+        The walking area.
+
+    Raises:
+        SourceError: its shape cannot be used.
+    """
     polygon = read_shape(record.lanes[0].get("shape", ""), path, f"walking area {edge}")
     return WalkingArea(id=edge, origin=Origin.NETWORK, junction=_junction_of(edge, "w"), polygon=polygon)
 
 
 def sidewalks_of(lanes: Iterable[Lane]) -> Iterator[Sidewalk]:
-    """Describe the pavement of each sidewalk lane."""
+    """Describe the pavement of each sidewalk lane.
+
+    Args:
+        lanes: of any kind.
+
+    Yields:
+        The pavement of each sidewalk among them, as wide as its lane.
+    """
     for lane in lanes:
         if lane.kind is LaneKind.SIDEWALK:
             ring = strip_outline(lane.shape, lane.width)

@@ -30,6 +30,9 @@ def read_signals(
 
     Returns:
         Signals in the order of their first program, then those that only links name.
+
+    Raises:
+        SourceError: a program has no signal or cannot be described, or a link index is no whole number.
     """
     found: dict[str, list[Program]] = defaultdict(list)
     for record in logics:
@@ -85,6 +88,13 @@ def _is_crossing(edge: str) -> bool:
 
 def read_program(record: LogicRecord, path: Path) -> Program:
     """Describe one program of a controller.
+
+    Args:
+        record: with the signal's id.
+        path: where the network came from, for errors.
+
+    Returns:
+        The program, with its times in seconds.
 
     Raises:
         SourceError: a time is missing or none, or a phase has no state.

@@ -51,6 +51,9 @@ def read_records(data: bytes, path: Path | str) -> NetRecords:
         data: the file's bytes, unpacked.
         path: named in errors.
 
+    Returns:
+        The elements, in file order.
+
     Raises:
         SourceError: not well-formed, not a SUMO network, or XML with a document type or entities.
     """

@@ -63,6 +63,12 @@ def transplant_programs(
         new: the network with crossings, changed in place.
         walks: the new crossings of each signal.
         lane_ids: new lane id by old one, for parameters that name a lane.
+
+    Returns:
+        What was done to each program, in the order of the old network's.
+
+    Raises:
+        SourceError: a phase has a time that is missing or none, or names a next one that is not there.
     """
     place = next((at for at, child in enumerate(new.root) if child.tag in ("tlLogic", "junction")), 0)
     known = {logic.get("id") for logic in old.logics()}

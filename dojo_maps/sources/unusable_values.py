@@ -39,6 +39,10 @@ def replace_unusable(records: NetRecords, path: Path) -> tuple[Issue, ...]:
     Widths become SUMO's defaults, speeds 13.89 m/s, lengths those of the shapes; lanes are numbered in their
     order; positions without end or hundreds of kilometres away are left out, and such heights are 0.
 
+    Args:
+        records: the network's elements, changed in place.
+        path: where the network came from, for errors.
+
     Returns:
         An issue for each value.
     """

@@ -18,7 +18,20 @@ MIN_WIDTH = 0.01
 
 
 def read_text(attributes: Attributes, key: str, path: Path, what: str) -> str:
-    """Read a text that must not be empty."""
+    """Read a text that must not be empty.
+
+    Args:
+        attributes: the element's.
+        key: the attribute.
+        path: where the network came from, for errors.
+        what: names the element in errors, such as `lane A_0`.
+
+    Returns:
+        The text.
+
+    Raises:
+        SourceError: it is missing or empty.
+    """
     if not attributes.get(key):
         raise SourceError(path, f"has no {key}", element=what)
     return attributes[key]
@@ -33,7 +46,22 @@ def read_float(
     default: float | None = None,
     least: float | None = None,
 ) -> float:
-    """Read a finite number that is not below `least`."""
+    """Read a finite number that is not below `least`.
+
+    Args:
+        attributes: the element's.
+        key: the attribute.
+        path: where the network came from, for errors.
+        what: names the element in errors, such as `lane A_0`.
+        default: taken, unchecked, where the attribute is missing; None makes that an error.
+        least: the smallest that is taken; None for any.
+
+    Returns:
+        The number.
+
+    Raises:
+        SourceError: it is missing, no number, below `least`, or larger than any that is read.
+    """
     text = attributes.get(key)
     if text is None:
         if default is None:
@@ -50,7 +78,21 @@ def read_float(
 
 
 def read_int(attributes: Attributes, key: str, path: Path, what: str, *, default: int | None = None) -> int:
-    """Read a whole number."""
+    """Read a whole number.
+
+    Args:
+        attributes: the element's.
+        key: the attribute.
+        path: where the network came from, for errors.
+        what: names the element in errors, such as `lane A_0`.
+        default: taken where the attribute is missing; None makes that an error.
+
+    Returns:
+        The number; it may be below 0.
+
+    Raises:
+        SourceError: it is missing or no whole number.
+    """
     text = attributes.get(key)
     if text is None and default is not None:
         return default
@@ -63,13 +105,37 @@ def read_int(attributes: Attributes, key: str, path: Path, what: str, *, default
 
 
 def read_link(attributes: Attributes, path: Path, what: str) -> tuple[str, int] | tuple[None, None]:
-    """Read a connection's signal and link index; none where it names no signal or an index below zero."""
+    """Read a connection's signal and link index.
+
+    Args:
+        attributes: the connection's.
+        path: where the network came from, for errors.
+        what: names the connection in errors.
+
+    Returns:
+        Both, or None twice where it names no signal or an index below zero.
+
+    Raises:
+        SourceError: it names a signal, and its link index is missing or no whole number.
+    """
     index = read_int(attributes, "linkIndex", path, what) if "tl" in attributes else -1
     return (attributes["tl"], index) if index >= 0 else (None, None)
 
 
 def read_shape(text: str, path: Path, what: str) -> Points:
-    """Read a SUMO position list, `x,y` or `x,y,z` by spaces, into (n, 3) metres; n is at least 1."""
+    """Read a SUMO position list, `x,y` or `x,y,z` by spaces.
+
+    Args:
+        text: the list.
+        path: where the network came from, for errors.
+        what: names the element in errors, such as `lane A_0`.
+
+    Returns:
+        (n, 3), metres, map frame, n >= 1; heights are 0 where there are none.
+
+    Raises:
+        SourceError: it has no position, too many, or one that is not two or three numbers within bounds.
+    """
     positions = text.split()
     if len(positions) > _MAX_POSITIONS:
         raise SourceError(
@@ -91,7 +157,19 @@ def read_shape(text: str, path: Path, what: str) -> Points:
 
 
 def read_offset(text: str, path: Path, what: str) -> tuple[float, float]:
-    """Read how far a network was moved, `x,y` or `x,y,z`; however far, nothing is drawn there."""
+    """Read how far a network was moved, `x,y` or `x,y,z`; however far, nothing is drawn there.
+
+    Args:
+        text: the network's `netOffset`.
+        path: where the network came from, for errors.
+        what: names the element in errors.
+
+    Returns:
+        x and y, metres.
+
+    Raises:
+        SourceError: they are missing, no numbers, or not finite.
+    """
     try:
         x, y, *_ = (float(value) for value in text.split(","))
     except ValueError:

@@ -85,7 +85,21 @@ def check(
     hint: str,
     needs: Need = Need.NOTHING,
 ) -> Callable[[Run], Check]:
-    """Put a card on a function, which makes it a check of its module; the words are those of `Check`."""
+    """Put a card on a function, which makes it a check of its module.
+
+    Args:
+        id: the check's dotted name; before the dot stands one of the report's themes, as `geometry`.
+        code: its number in the catalogue, by which the checks of a theme are sorted.
+        title: what holds where it finds nothing.
+        severity: of findings that do not say otherwise.
+        limit: in words.
+        source: where the limit comes from.
+        hint: what to do about a finding.
+        needs: what has to be there; without it the check is skipped.
+
+    Returns:
+        What puts the card on: it takes the function and gives the check that runs it.
+    """
 
     def put_on(run: Run) -> Check:
         return Check(
@@ -104,11 +118,26 @@ def check(
 
 
 def element(kind: str, *ids: str) -> tuple[Element, ...]:
-    """Name things of one kind."""
+    """Name things of one kind.
+
+    Args:
+        kind: `lane`, `junction` and so on, as in `Element`.
+        ids: of any number of them.
+
+    Returns:
+        An element for each id, in their order.
+    """
     return tuple(Element(kind=kind, id=id_) for id_ in ids)
 
 
 def place(values: Iterable[float]) -> tuple[float, float, float]:
-    """Make a position of (x, y) or (x, y, z)."""
+    """Make a position of (x, y) or (x, y, z).
+
+    Args:
+        values: metres, map frame.
+
+    Returns:
+        (x, y, z), metres, map frame; z is 0 where there was none.
+    """
     x, y, *z = np.asarray(values, dtype=np.float64).tolist()
     return (x, y, z[0] if z else 0.0)

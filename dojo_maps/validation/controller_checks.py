@@ -24,7 +24,15 @@ from dojo_maps.wording import counted
     hint="control the crossing in netedit, or set tl and linkIndex of the way onto it",
 )
 def check_crossing_uncontrolled(facts: Facts, _limits: Limits) -> Iterator[Finding]:
-    """Find crossings at signalised junctions that no signal controls."""
+    """Find crossings at signalised junctions that no signal controls.
+
+    Args:
+        facts: of the map; generated crossings do not count.
+        _limits: there is none to this check.
+
+    Yields:
+        A finding for each such crossing, at its start.
+    """
     for crossing in facts.crossings.values():
         kind = facts.kind(crossing.junction)
         if crossing.signal is None and kind.startswith("traffic_light"):
@@ -45,7 +53,16 @@ def check_crossing_uncontrolled(facts: Facts, _limits: Limits) -> Iterator[Findi
     hint="remove the signal, or join it with the one it belongs to",
 )
 def check_tls_trivial(facts: Facts, _limits: Limits) -> Iterator[Finding]:
-    """Find signals that control hardly anything, or that never change."""
+    """Find signals that control hardly anything, or that never change.
+
+    Args:
+        facts: of the map.
+        _limits: there is none to this check; 3 links and 2 phases are its own.
+
+    Yields:
+        A finding for each such signal, with its number of links or, where it is lower, that of the phases of
+        its longest program.
+    """
     for signal in signals_of(facts):
         links = len(signal.signal.links)
         phases = max((len(program.phases) for program in signal.signal.programs), default=0)
@@ -70,7 +87,16 @@ def check_tls_trivial(facts: Facts, _limits: Limits) -> Iterator[Finding]:
     hint="join the signals: netconvert --tls.join, or one tl id for both nodes",
 )
 def check_split_signals(facts: Facts, limits: Limits) -> Iterator[Finding]:
-    """Find signals so close to each other that they stand at one intersection."""
+    """Find signals so close to each other that they stand at one intersection.
+
+    Args:
+        facts: of the map.
+        limits: `split_signals`, metres between junctions of two signals.
+
+    Yields:
+        A finding for each pair of signals, with the distance of the first two of their junctions that are too
+        near, metres.
+    """
     at: list[tuple[str, np.ndarray]] = []
     for signal in facts.signals:
         known = [facts.junctions[j].position for j in signal.junctions if j in facts.junctions]
@@ -106,6 +132,13 @@ def check_rl_form(facts: Facts, _limits: Limits) -> Iterator[Finding]:
     """Find programs that a controller cannot drive green by green: too few, or not parted by a clearance.
 
     Of several programs SUMO runs the last one.
+
+    Args:
+        facts: of the map; signals with at most two links do not count.
+        _limits: there is none to this check.
+
+    Yields:
+        A finding for each such signal, with the first problem of its last program.
     """
     for signal in signals_of(facts):
         for program in signal.programs[-1:]:

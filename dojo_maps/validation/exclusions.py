@@ -25,13 +25,27 @@ class Exclusion:
     element: str | None = None
 
     def covers(self, issue: Issue) -> bool:
-        """Tell whether the rule is about an issue."""
+        """Tell whether the rule is about an issue.
+
+        Args:
+            issue: of any check.
+
+        Returns:
+            Whether its check matches `check`, in which `*` stands for anything, and its first element is
+            `element`, if the rule has one.
+        """
         named = f"{issue.elements[0].kind} {issue.elements[0].id}" if issue.elements else ""
         return fnmatchcase(issue.check, self.check) and self.element in (None, named)
 
 
 def read_exclusions(path: Path) -> tuple[Exclusion, ...]:
     """Read an exclusion file.
+
+    Args:
+        path: of a JSON file.
+
+    Returns:
+        The rules, in the file's order.
 
     Raises:
         SourceError: the file is missing or not in the format; a rule without a reason is refused.
@@ -46,7 +60,16 @@ def read_exclusions(path: Path) -> tuple[Exclusion, ...]:
 def split_excluded(
     issues: Iterable[Issue], exclusions: Sequence[Exclusion]
 ) -> tuple[list[Issue], list[tuple[Issue, str]]]:
-    """Take the excluded issues out; each comes with the reason of the first rule that covers it."""
+    """Take the excluded issues out.
+
+    Args:
+        issues: all that were found.
+        exclusions: the rules; the first one that covers an issue counts.
+
+    Returns:
+        The issues that are left, and those taken out, each with the reason of its rule; both in the order of
+        `issues`.
+    """
     kept: list[Issue] = []
     excluded: list[tuple[Issue, str]] = []
     for issue in issues:

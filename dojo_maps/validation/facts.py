@@ -49,7 +49,14 @@ class Facts(MapIndex):
         return street_signals(self.map)
 
     def classes(self, road: str) -> frozenset[str]:
-        """Tell which vehicles may use a road."""
+        """Tell which vehicles may use a road.
+
+        Args:
+            road: its id.
+
+        Returns:
+            SUMO's vehicle classes, each of which may use at least one of its lanes.
+        """
         return self._classes[road]
 
     @cached_property
@@ -57,7 +64,16 @@ class Facts(MapIndex):
         return {road: frozenset().union(*(lane.allow for lane in self.lanes_of(road))) for road in self.roads}
 
     def ways_on(self, road: Road, junction: Junction | None) -> list[Road]:
-        """List the roads for its vehicles that leave a road's end, other than back to where it comes from."""
+        """List the roads for its vehicles that leave a road's end, other than back to where it comes from.
+
+        Args:
+            road: that leads to the junction; roads for none of its vehicle classes are left out.
+            junction: at its end; None where the map has none.
+
+        Returns:
+            The roads in the junction's order, without those that turn by 160 degrees or more or end where
+            this one begins; none where there is no junction.
+        """
         if junction is None:
             return []
         onward = (self.roads[id_] for id_ in junction.outgoing)
@@ -71,7 +87,16 @@ class Facts(MapIndex):
         ]
 
     def heading(self, road: Road, *, at_end: bool) -> tuple[float, float]:
-        """Take the direction in which a road begins or ends, over its 15 metres there; metres."""
+        """Take the direction in which a road begins or ends, over its 15 metres there.
+
+        Args:
+            road: its innermost lane counts.
+            at_end: take the direction at the road's end, not at its start.
+
+        Returns:
+            (x, y), metres, in driving direction, over as many points of the shape as make 15 metres, or over
+            all of them on a shorter lane; not of unit length.
+        """
         key = (road.id, at_end)
         if key not in self._headings:
             shape = self.lanes_of(road.id)[-1].shape[:: -1 if at_end else 1, :2].tolist()
@@ -96,12 +121,27 @@ class Facts(MapIndex):
         return shapely.STRtree(self.road_strips)
 
     def strips_of(self, lanes: Sequence[Lane]) -> Shapes:
-        """Outline the strips of lanes."""
+        """Outline the strips of lanes.
+
+        Args:
+            lanes: of the map.
+
+        Returns:
+            (n,) shapes as wide as the lanes, in their order, metres, around `origin`; those of lanes without
+            length are empty, broken ones are mended.
+        """
         strips = shapely.transform(lane_strips(lanes), lambda xy: xy - self.origin[:2])
         return _mended(np.asarray(strips, dtype=object))
 
     def polygons_of(self, rings: Sequence[Points]) -> Shapes:
-        """Make polygons of rings; broken ones are mended, those without area are empty."""
+        """Make polygons of rings; broken ones are mended, those of fewer than three points are empty.
+
+        Args:
+            rings: (k, 3) each, metres, map frame; heights do not count.
+
+        Returns:
+            (n,) shapes in the rings' order, metres, around `origin`; a mended one may have several parts.
+        """
         made = [
             shapely.Polygon(ring[:, :2] - self.origin[:2]) if len(ring) > 2 else shapely.Polygon()
             for ring in rings
@@ -109,7 +149,17 @@ class Facts(MapIndex):
         return _mended(np.array(made, dtype=object))
 
     def near_level(self, one: Points, other: Points, at: Floats, height: float) -> bool:
-        """Tell whether two shapes lie on one level at a place: less than `height` metres apart."""
+        """Tell whether two shapes lie on one level at a place.
+
+        Args:
+            one: (n, 3), metres, map frame.
+            other: (m, 3), metres, map frame.
+            at: (x, y), metres, map frame; where the nearest point of each shape counts.
+            height: metres that they have to be apart to be on two levels.
+
+        Returns:
+            Whether they do; always where the map has no heights.
+        """
         if self.flat:
             return True
         heights = [float(lift(at[None, :2], line)[0, 2]) for line in (one, other)]
@@ -136,31 +186,58 @@ class Facts(MapIndex):
 
 
 def in_a_row(lines: Sequence[Points]) -> tuple[Floats, Ints]:
-    """Put lines into one array (n, 3); with each position's line as its place."""
+    """Put lines into one array.
+
+    Args:
+        lines: (k, 3) each, of any length.
+
+    Returns:
+        (n, 3) their positions, line after line, and (n,) the place in `lines` of the line that each is of.
+    """
     if not lines:
         return np.empty((0, 3)), np.empty(0, dtype=np.int64)
     return np.concatenate(lines), np.repeat(np.arange(len(lines)), [len(line) for line in lines])
 
 
 def turn_deg(before: Sequence[float] | Floats, after: Sequence[float] | Floats) -> float:
-    """Measure the turn from one direction to another, degrees, positive to the left."""
+    """Measure the turn from one direction to another.
+
+    Args:
+        before: (x, y), of any length.
+        after: (x, y), of any length.
+
+    Returns:
+        Degrees from -180 to 180, positive to the left; meaningless where one of them has no length.
+    """
     cross, dot = before[0] * after[1] - before[1] * after[0], before[0] * after[0] + before[1] * after[1]
     return math.degrees(math.atan2(cross, dot))
 
 
 def direction(shape: Floats) -> Floats:
-    """Take the direction of a line's first metres, past the stubs that rounding leaves; (2,), metres."""
+    """Take the direction of a line's first metres, past the stubs that rounding leaves.
+
+    Args:
+        shape: (n, 2) or (n, 3), metres, n >= 1.
+
+    Returns:
+        (2,), metres, from the start to the first point that is a metre or more away, or to the farthest one
+        of a smaller line; not of unit length, and zero where all points lie on one place.
+    """
     distances = np.hypot(*(shape[:, :2] - shape[0, :2]).T)
     far = int(np.argmax(distances >= min(_STUB, float(distances.max()))))
     return shape[far, :2] - shape[0, :2]
 
 
 def twisted_share(polygon: shapely.Polygon, mended: float | None = None) -> float:
-    """Measure the share of a ring's ground that it runs around more than once or the wrong way.
+    """Measure the share of a ring's ground that it runs around the wrong way.
 
     Args:
-        polygon: as drawn.
-        mended: its ground in square metres once it is mended, where that is known.
+        polygon: as drawn; its holes do not count.
+        mended: its ground in square metres once it is mended; None to mend it here.
+
+    Returns:
+        0 for a ring that does not cross itself, 1 where all of its ground cancels out or it has none; below 0
+        where it runs around the same ground twice.
     """
     ground = shapely.make_valid(polygon).area if mended is None else mended
     return float(1.0 - abs(shapely.Polygon(polygon.exterior).area) / ground) if ground > 0 else 1.0

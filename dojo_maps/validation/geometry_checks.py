@@ -34,6 +34,13 @@ def check_gap(facts: Facts, limits: Limits) -> Iterator[Finding]:
 
     A way may begin or end beside the middle of its lane, as bicycles ride at the side of a wide one: what
     counts there is the distance along the lane.
+
+    Args:
+        facts: of the map.
+        limits: `gap`, and `gap_error` from which on it is an error; metres.
+
+    Yields:
+        A finding for each torn way, at its widest gap, with the metres of that.
     """
     told = "is torn by {:.2f} m"
     for connection in facts.map.connections:
@@ -73,7 +80,15 @@ def _gap(lane: Lane, step: Floats, *, at_end: bool) -> float:
     hint="give the ends of both lanes the junction's height",
 )
 def check_z_jump(facts: Facts, limits: Limits) -> Iterator[Finding]:
-    """Find steps in the height of ways across junctions."""
+    """Find steps in the height of ways across junctions.
+
+    Args:
+        facts: of the map.
+        limits: `z_jump`, metres.
+
+    Yields:
+        A finding for each such way, at its highest step, with the metres of that.
+    """
     for connection in facts.map.connections:
         steps = [up for _, up in connection.joints]
         yield from _find_joint(facts, connection, steps, limits.z_jump, "jumps by {:.2f} m in height")
@@ -128,7 +143,17 @@ def _joint_place(facts: Facts, connection: Connection, place: int) -> Floats:
     hint="join the junctions at both ends",
 )
 def check_short_edge(facts: Facts, limits: Limits) -> Iterator[Finding]:
-    """Find roads too short to hold a car, or, before a signal, three; stubs at the map's edge are fine."""
+    """Find roads too short to hold a car, or, before a signal, three.
+
+    Stubs at the map's edge are fine, unless they lead to a signal.
+
+    Args:
+        facts: of the map; roads without a lane for cars or buses do not count.
+        limits: `road_length`, and `signal_road_length` before a signal; metres.
+
+    Yields:
+        A finding for each such road, with the length of its shortest lane for cars or buses, metres.
+    """
     for road in facts.map.roads:
         lanes = [lane for lane in facts.lanes_of(road.id) if lane.kind in CARRIAGEWAY]
         if not lanes:
@@ -158,7 +183,16 @@ def check_short_edge(facts: Facts, limits: Limits) -> Iterator[Finding]:
     hint="increase the junction's radius, or join the roads",
 )
 def check_short_connection(facts: Facts, limits: Limits) -> Iterator[Finding]:
-    """Find ways across junctions that are hardly there."""
+    """Find ways across junctions that are hardly there.
+
+    Args:
+        facts: of the map; ways without an internal lane and those out of other than cars' and buses' lanes do
+            not count.
+        limits: `connection_length`, metres.
+
+    Yields:
+        A finding for each such way, with its length without gaps, metres.
+    """
     for k in np.flatnonzero(facts.way_lengths < limits.connection_length):
         connection, length = facts.map.connections[k], float(facts.way_lengths[k])
         if connection.via and facts.lanes[connection.from_lane].kind in CARRIAGEWAY:
@@ -181,7 +215,15 @@ def check_short_connection(facts: Facts, limits: Limits) -> Iterator[Finding]:
     hint="move the node, or reset the junction's custom shape",
 )
 def check_node_offset(facts: Facts, limits: Limits) -> Iterator[Finding]:
-    """Find junctions that are drawn far from where they are said to be."""
+    """Find junctions that are drawn far from where they are said to be.
+
+    Args:
+        facts: of the map.
+        limits: `node_offset`, metres from the outline to the position.
+
+    Yields:
+        A finding for each such junction whose position lies outside its outline, with the metres between.
+    """
     junctions = [j for j in facts.map.junctions if len(j.polygon) > 0]
     if not junctions:
         return
@@ -213,7 +255,15 @@ def check_node_offset(facts: Facts, limits: Limits) -> Iterator[Finding]:
     hint="delete the crossing's custom shape, or correct its roads",
 )
 def check_crossing_off_road(facts: Facts, limits: Limits) -> Iterator[Finding]:
-    """Find crossings that cross none of the lanes of the roads they name, carried on into the junction."""
+    """Find crossings that cross none of the lanes of the roads they name, carried on into the junction.
+
+    Args:
+        facts: of the map; generated crossings do not count, nor do roads that it does not have.
+        limits: `crossing_reach`, metres by which lanes are carried on.
+
+    Yields:
+        A finding for each such crossing, with the metres to the nearest of those lanes.
+    """
     for crossing in facts.crossings.values():
         lanes = [lane for road in crossing.roads if road in facts.roads for lane in facts.lanes_of(road)]
         line = shapely.linestrings(crossing.shape[:, :2])
@@ -251,6 +301,13 @@ def check_intersecting_lefts(facts: Facts, _limits: Limits) -> Iterator[Finding]
     """Find opposite turns across traffic whose paths cross, so that neither can go while the other waits.
 
     At small crossings without signals they often do, and drivers take turns: that is a note.
+
+    Args:
+        facts: of the map; right turns count where traffic keeps left.
+        _limits: there is none to this check.
+
+    Yields:
+        A finding for each pair of roads, where the first of their turns cross.
     """
     turn = "r" if facts.map.left_hand else "l"
     by_junction: dict[str, list[Connection]] = defaultdict(list)
@@ -310,7 +367,15 @@ def _are_opposite(facts: Facts, one: Connection, other: Connection) -> bool:
     needs=Need.MESHES,
 )
 def check_mesh_health(facts: Facts, _limits: Limits) -> Iterator[Finding]:
-    """Find raised surfaces that are not closed, faces without area, and positions that are not numbers."""
+    """Find raised surfaces that are not closed, faces without area, and positions that are not numbers.
+
+    Args:
+        facts: of the map, with its meshes; without them nothing is found.
+        _limits: there is none to this check.
+
+    Yields:
+        A finding for each mesh and problem, at the first face that has it, or the mesh's first.
+    """
     for mesh in facts.meshes:
         if not np.isfinite(mesh.vertices).all():
             yield _unhealthy(facts, mesh, 0, "has positions that are not numbers")

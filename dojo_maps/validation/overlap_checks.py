@@ -34,6 +34,15 @@ def check_lane_overlap(facts: Facts, limits: Limits) -> Iterator[Finding]:
     """Find drivable lanes of different roads, or lanes that swap sides within one, on the same ground.
 
     Where two roads meet at a junction their lanes may touch: what lies within 2 m of it does not count.
+
+    Args:
+        facts: of the map.
+        limits: `overlap`, square metres of two lanes, `level_height` below which they lie on one level, and
+            `border` around junctions, metres; `overlap_error`, square metres, and `overlap_depth`, metres,
+            from which on it is an error.
+
+    Yields:
+        A finding for each pair of roads, with the square metres of all their lanes.
     """
     lanes, strips = facts.drivable, facts.road_strips
     one, other = _pairs(facts.road_tree, strips)
@@ -138,7 +147,16 @@ class _JunctionBorders:
     hint="move the sidewalk, narrow it or the lanes beside it, or enlarge the junction's radius",
 )
 def check_sidewalk_on_road(facts: Facts, limits: Limits) -> Iterator[Finding]:
-    """Find sidewalks and walking areas that lie on a carriageway."""
+    """Find sidewalks and walking areas that lie on a carriageway.
+
+    Args:
+        facts: of the map; lanes on which people may walk do not count.
+        limits: `pavement_overlap`, square metres, and `level_height` below which both lie on one level,
+            metres.
+
+    Yields:
+        A finding for each sidewalk's lane or walking area, with its square metres on all drivable lanes.
+    """
     sidewalks = [lane for lane in facts.map.lanes if lane.kind is LaneKind.SIDEWALK]
     areas = list(facts.walking_areas.values())
     pavement = np.concatenate(
@@ -187,7 +205,16 @@ def _is_open(lane: Lane) -> bool:
     hint="join the junctions in netedit, or with a join of both nodes in a node file",
 )
 def check_junction_overlap(facts: Facts, limits: Limits) -> Iterator[Finding]:
-    """Find junctions that lie on each other."""
+    """Find junctions that lie on each other.
+
+    Args:
+        facts: of the map.
+        limits: `junction_overlap`, square metres, and `level_height` below which both lie on one level,
+            metres.
+
+    Yields:
+        A finding for each pair of junctions, with the square metres that they share.
+    """
     junctions = facts.map.junctions
     polygons = facts.polygons_of([junction.polygon for junction in junctions])
     for i, j, area, at in _overlaps(facts, polygons, [j.polygon for j in junctions], limits):

@@ -31,7 +31,15 @@ _FAR = 30.0
     hint="rebuild the junction with netconvert --walkingareas, or add the missing connection",
 )
 def check_crossing_ends(facts: Facts, _limits: Limits) -> Iterator[Finding]:
-    """Find crossings that do not join two walking areas, though a way leads off them."""
+    """Find crossings that do not join two walking areas, though a way leads off them.
+
+    Args:
+        facts: of the map; generated crossings and walking areas do not count.
+        _limits: there is none to this check; 2 walking areas are its own.
+
+    Yields:
+        A finding for each such crossing, with the number of walking areas that it touches.
+    """
     touched: dict[str, set[str]] = defaultdict(set)
     for walk in facts.map.walks:
         for one, other in ((walk.from_id, walk.to_id), (walk.to_id, walk.from_id)):
@@ -60,7 +68,15 @@ def check_crossing_ends(facts: Facts, _limits: Limits) -> Iterator[Finding]:
     hint="rebuild the junction with netconvert --walkingareas",
 )
 def check_crossing_no_target(facts: Facts, _limits: Limits) -> Iterator[Finding]:
-    """Find crossings that nothing leads off."""
+    """Find crossings that nothing leads off.
+
+    Args:
+        facts: of the map; generated crossings do not count.
+        _limits: there is none to this check.
+
+    Yields:
+        A finding for each such crossing, at its end.
+    """
     left = {walk.from_id for walk in facts.map.walks}
     for crossing in facts.crossings.values():
         if crossing.id not in left:
@@ -81,7 +97,15 @@ def check_crossing_no_target(facts: Facts, _limits: Limits) -> Iterator[Finding]
     hint="add a sidewalk or a crossing that joins the part",
 )
 def check_walk_components(facts: Facts, _limits: Limits) -> Iterator[Finding]:
-    """Find sidewalks, crossings and walking areas that one cannot walk to from most others."""
+    """Find sidewalks, crossings and walking areas that one cannot walk to from most others.
+
+    Args:
+        facts: of the map; without a walking area of the network nothing is found.
+        _limits: there is none to this check.
+
+    Yields:
+        A finding for each part but the largest, with the number of its places; it names up to 20 of them.
+    """
     if not facts.walking_areas:
         return
     groups = _walk_groups(facts)
@@ -156,7 +180,15 @@ def _joins(facts: Facts) -> dict[str, set[str]]:
     hint="add a crossing, or the sidewalk that is missing",
 )
 def check_dead_end_walking_area(facts: Facts, _limits: Limits) -> Iterator[Finding]:
-    """Find walking areas that lead nowhere, unless the map ends there."""
+    """Find walking areas that lead nowhere, unless the map ends there.
+
+    Args:
+        facts: of the map; generated walking areas do not count.
+        _limits: there is none to this check; 2 ways are its own.
+
+    Yields:
+        A finding for each such walking area, with the number of ways to walk that it joins.
+    """
     joins = _joins(facts)
     for area in facts.walking_areas.values():
         if len(joins[area.id]) < 2 and facts.legs(area.junction) > 1:
@@ -179,7 +211,15 @@ def check_dead_end_walking_area(facts: Facts, _limits: Limits) -> Iterator[Findi
     hint="add the crossing in netedit, or with netconvert --crossings.guess",
 )
 def check_missing_crossing(facts: Facts, _limits: Limits) -> Iterator[Finding]:
-    """Find signalised junctions where a leg with sidewalks on both sides cannot be crossed."""
+    """Find signalised junctions where a leg with sidewalks on both sides cannot be crossed.
+
+    Args:
+        facts: of the map; generated crossings do not count, nor do junctions with fewer than three legs.
+        _limits: there is none to this check.
+
+    Yields:
+        A finding for each such junction, with the number of its legs that have none.
+    """
     crossed = {road for crossing in facts.crossings.values() for road in crossing.roads}
     for junction in facts.map.junctions:
         if not junction.kind.startswith("traffic_light") or facts.legs(junction.id) < 3:
@@ -226,6 +266,13 @@ def check_walking_area_invalid(facts: Facts, limits: Limits) -> Iterator[Finding
     """Find walking areas that cross themselves or that no one fits on.
 
     Those that only carry one path on into the next are as thin as the bend there, and are fine.
+
+    Args:
+        facts: of the map; generated walking areas do not count.
+        limits: `twisted`, a share of the ground, and `walking_area`, square metres.
+
+    Yields:
+        A finding for each such walking area, with its square metres unless it crosses itself.
     """
     joins = _joins(facts)
     areas = [
@@ -258,7 +305,15 @@ def check_walking_area_invalid(facts: Facts, limits: Limits) -> Iterator[Finding
     hint="widen the sidewalk",
 )
 def check_walkway_extent(facts: Facts, limits: Limits) -> Iterator[Finding]:
-    """Find crossings that end on pavement too shallow to wait on."""
+    """Find crossings that end on pavement too shallow to wait on.
+
+    Args:
+        facts: of the map; generated crossings and walking areas do not count.
+        limits: `waiting_depth`, metres on from a crossing's end.
+
+    Yields:
+        A finding for each such crossing, at its shallower end, with the metres there.
+    """
     polygons: dict[str, shapely.Geometry] = {}
     for area in facts.walking_areas.values():
         polygons[area.id] = facts.polygons_of([area.polygon])[0]
@@ -331,6 +386,14 @@ def check_walk_before_green(facts: Facts, _limits: Limits) -> Iterator[Finding]:
 
     Its vehicles have to wait at the stop line for all who walk, or stand on the crossing while they wait for
     others; SUMO's come to no end of it.
+
+    Args:
+        facts: of the map.
+        _limits: there is none to this check.
+
+    Yields:
+        A finding for each program and crossing, with the longest time for which one link's vehicles and
+        walkers have green together in a cycle, seconds.
     """
     for signal, program in programs_of(facts):
         for crossing, (seconds, k, w) in _walked_before(signal, program).items():

@@ -9,7 +9,16 @@ from dojo_maps.issue import Issue
 
 
 def earth_positions(issues: Sequence[Issue], projection: Projection) -> list[list[float] | None]:
-    """Give each issue its longitude and latitude, degrees; None where the network has no projection."""
+    """Give each issue its longitude and latitude.
+
+    Args:
+        issues: whose positions are asked for.
+        projection: of the network.
+
+    Returns:
+        Longitude and latitude for each issue, degrees; None where the network has no projection, or PROJ does
+        not know it or gives no finite position.
+    """
     if projection.proj is None or not issues:
         return [None] * len(issues)
     import pyproj  # noqa: PLC0415 - slow to load and needed only for findings on the earth

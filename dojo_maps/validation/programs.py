@@ -57,7 +57,15 @@ class SignalFacts:
                     yield Conflict(one=known[pair.one], other=known[pair.other], indices=indices)
 
     def letters(self, program: Program, index: int) -> str:
-        """What one letter of the state shows from phase to phase; where a state is too short, `?`."""
+        """Tell what one letter of the state shows from phase to phase.
+
+        Args:
+            program: of this signal, as in the description or in `programs`.
+            index: the letter's place in the state.
+
+        Returns:
+            A letter for each phase; where a state is too short, `?`.
+        """
         known = self._columns.get(id(program))
         if known is None:
             states = [phase.state for phase in program.phases]
@@ -67,16 +75,39 @@ class SignalFacts:
         return known[1][index] if index < len(known[1]) else "?" * len(program.phases)
 
     def elements(self, *indices: int) -> tuple[Element, ...]:
-        """Name the signal, then the ways and lanes that letters control."""
+        """Name the signal, then the ways and lanes that letters control.
+
+        Args:
+            indices: the letters' places in the state; none names the signal alone.
+
+        Returns:
+            The signal, and for each letter in their order its connections and crossings; then the lanes of
+            all connections, each once.
+        """
         ways = [way for index in dict.fromkeys(indices) for way in self.links.get(index, ())]
         return (*element("signal", self.signal.id), *name_ways(ways))
 
     def named(self, program: Program) -> str:
-        """Name one of its programs in a sentence."""
+        """Name one of its programs in a sentence.
+
+        Args:
+            program: of this signal.
+
+        Returns:
+            Words that fit after "in".
+        """
         return f"program {program.id} of the signal {self.signal.id}"
 
     def place(self, index: int) -> Points:
-        """Where those stop whom a letter controls, (3,)."""
+        """Find where those stop whom a letter controls.
+
+        Args:
+            index: the letter's place in the state.
+
+        Returns:
+            (3,), metres, map frame: the start of the first way that it controls, or `middle` where there is
+            none.
+        """
         for way in self.links.get(index, ()):
             return way.shape[0]
         return self.middle
@@ -95,7 +126,14 @@ class SignalFacts:
 
 
 def signals_of(facts: Facts) -> tuple[SignalFacts, ...]:
-    """Look up the street's signals, once per map."""
+    """Look up the street's signals, once per map.
+
+    Args:
+        facts: of the map; it keeps what is found.
+
+    Returns:
+        The signals in the map's order, those that control railways only left out.
+    """
     found: tuple[SignalFacts, ...] | None = facts.kept.get("signals")
     if found is None:
         found = facts.kept["signals"] = tuple(SignalFacts(facts, signal) for signal in facts.signals)
@@ -103,7 +141,14 @@ def signals_of(facts: Facts) -> tuple[SignalFacts, ...]:
 
 
 def programs_of(facts: Facts) -> Iterator[tuple[SignalFacts, Program]]:
-    """List every signal's programs that change, those with states of unequal length left out."""
+    """List every signal's programs that change, those with states of unequal length left out.
+
+    Args:
+        facts: of the map.
+
+    Yields:
+        Each program of more than one phase, as it is shown, after its signal.
+    """
     for signal in signals_of(facts):
         for program in signal.programs:
             if len(program.phases) > 1 and len({len(phase.state) for phase in program.phases}) == 1:
@@ -111,12 +156,27 @@ def programs_of(facts: Facts) -> Iterator[tuple[SignalFacts, Program]]:
 
 
 def way_of(facts: Facts, name: str) -> Connection | Crossing | None:
-    """Find a connection or one of the network's crossings by its id."""
+    """Find a connection or one of the network's crossings by its id.
+
+    Args:
+        facts: of the map.
+        name: the id.
+
+    Returns:
+        The connection or crossing; None where the network has neither.
+    """
     return facts.connections.get(name) or facts.crossings.get(name)
 
 
 def name_ways(ways: Iterable[Connection | Crossing]) -> tuple[Element, ...]:
-    """Name ways and, for connections, their lanes."""
+    """Name ways and, for connections, their lanes.
+
+    Args:
+        ways: connections and crossings, in any order.
+
+    Returns:
+        The ways in their order, then the lanes that the connections lead from and to, each once.
+    """
     ways = list(ways)
     lanes = [lane for way in ways if isinstance(way, Connection) for lane in (way.from_lane, way.to_lane)]
     named = [

@@ -72,7 +72,21 @@ def run_checks(
     *,
     sumo: Loading | None = None,
 ) -> Report:
-    """Run every check and write the report as JSON values; what is excluded is listed apart, not counted."""
+    """Run every check and write the report as JSON values.
+
+    Args:
+        road_map: the description.
+        meshes: its scene; None skips the checks of meshes.
+        known: what was found while reading the source.
+        profile: limits and severities.
+        exclusions: known issues, which are listed apart and not counted.
+        sumo: the network on its way into SUMO; None skips the checks that ask SUMO.
+
+    Returns:
+        The report: the map's and the profile's names, how many issues there are of each severity, every check
+        and its status, the issues with their places on the earth, and those that are excluded, with the
+        reason.
+    """
     found, states = find_issues(road_map, meshes, known, profile, CHECKS, sumo)
     issues, excluded = split_excluded(found, exclusions)
     return Report(

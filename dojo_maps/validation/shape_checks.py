@@ -31,7 +31,16 @@ _STRAIGHT = 0.9
     hint="reset the junction's shape in netedit, or delete its custom shape",
 )
 def check_junction_invalid(facts: Facts, limits: Limits) -> Iterator[Finding]:
-    """Find junctions whose outline crosses itself; nodes that only bend a road have no area and are fine."""
+    """Find junctions whose outline crosses itself; nodes that only bend a road have no area and are fine.
+
+    Args:
+        facts: of the map.
+        limits: `twisted`, a share of the ground, and `junction_lost`, square metres; beyond both it is an
+            error.
+
+    Yields:
+        A finding for each such junction, with the share of its ground that is twisted.
+    """
     junctions = [junction for junction in facts.map.junctions if len(junction.polygon) > 2]
     polygons = [shapely.Polygon(j.polygon[:, :2] - facts.origin[:2]) for j in junctions]
     shapes = np.array(polygons, dtype=object)
@@ -79,7 +88,17 @@ def _lost_ground(facts: Facts, junction: Junction, outline: shapely.Polygon) -> 
     hint="remove the point, or redraw the lane, in netedit; netconvert --geometry.min-dist thins points",
 )
 def check_lane_invalid(facts: Facts, limits: Limits) -> Iterator[Finding]:
-    """Find lanes with points on one place, lanes that cross themselves, and neighbours that swapped sides."""
+    """Find lanes with points on one place, lanes that cross themselves, and neighbours that swapped sides.
+
+    Args:
+        facts: of the map.
+        limits: `repeated_point`, metres between two points, and `drive_width_error`: half of it, metres, is
+            how far a lane has to lie on the wrong side.
+
+    Yields:
+        A finding for each lane that crosses itself, for the first repeated point of each other lane, and for
+        each pair of neighbours that swapped sides.
+    """
     lanes = facts.map.lanes
     places, owners = in_a_row([lane.shape for lane in lanes])
     steps = np.hypot(*np.diff(places[:, :2], axis=0).T)
@@ -134,7 +153,15 @@ def _swapped(facts: Facts, lanes: list[Lane], limits: Limits) -> Iterator[Findin
     hint="smooth the road's shape, or split it at a junction",
 )
 def check_kink(facts: Facts, limits: Limits) -> Iterator[Finding]:
-    """Find sharp bends inside drivable lanes."""
+    """Find sharp bends inside drivable lanes.
+
+    Args:
+        facts: of the map.
+        limits: `kink_deg`, degrees.
+
+    Yields:
+        A finding for each such lane, at its sharpest bend, with the degrees of that.
+    """
     points, angles, _, owners = _bends(facts)
     worst: dict[int, int] = {}
     for k in np.flatnonzero(np.degrees(angles) > limits.kink_deg):
@@ -162,7 +189,15 @@ def check_kink(facts: Facts, limits: Limits) -> Iterator[Finding]:
     hint="netconvert --geometry.min-radius.fix, or move the shape's last point",
 )
 def check_tight_radius(facts: Facts, limits: Limits) -> Iterator[Finding]:
-    """Find roads whose first or last bend is too tight to drive; the radius is netconvert's own measure."""
+    """Find roads whose first or last bend is too tight to drive; the radius is netconvert's own measure.
+
+    Args:
+        facts: of the map.
+        limits: `radius`, metres.
+
+    Yields:
+        A finding for each such road, at the tightest bend of its drivable lanes, with the metres of that.
+    """
     points, angles, ends, owners = _bends(facts)
     at_end = ends > 0
     with np.errstate(divide="ignore"):
@@ -219,7 +254,15 @@ def _bends(facts: Facts) -> tuple[Floats, Floats, Floats, Ints]:
     hint="correct the heights, or smooth them with netconvert --geometry.max-grade.fix",
 )
 def check_grade(facts: Facts, limits: Limits) -> Iterator[Finding]:
-    """Find drivable lanes that are too steep."""
+    """Find drivable lanes that are too steep.
+
+    Args:
+        facts: of the map; without heights nothing is found.
+        limits: `grade`, metres up per metre along.
+
+    Yields:
+        A finding for each such lane, where its steepest piece begins, with the slope of that.
+    """
     if facts.flat:
         return
     for lane in facts.drivable:
@@ -246,7 +289,16 @@ def check_grade(facts: Facts, limits: Limits) -> Iterator[Finding]:
     hint="correct the lane's width",
 )
 def check_width(facts: Facts, limits: Limits) -> Iterator[Finding]:
-    """Find lanes and crossings that are too narrow for their users, and lanes that are two in truth."""
+    """Find lanes and crossings that are too narrow for their users, and lanes that are two in truth.
+
+    Args:
+        facts: of the map; generated crossings do not count.
+        limits: the least `drive_width`, `sidewalk_width`, `cycle_width` and `crossing_width`, the largest
+            `drive_width_most`, and `drive_width_error` below which it is an error; metres.
+
+    Yields:
+        A finding for each such lane and crossing, with its width, metres.
+    """
     least = dict.fromkeys(CARRIAGEWAY, limits.drive_width)
     least |= {LaneKind.SIDEWALK: limits.sidewalk_width, LaneKind.BICYCLE: limits.cycle_width}
     for lane in facts.map.lanes:
@@ -284,7 +336,17 @@ def check_width(facts: Facts, limits: Limits) -> Iterator[Finding]:
     hint="remove the custom length unless it is meant",
 )
 def check_length_mismatch(facts: Facts, limits: Limits) -> Iterator[Finding]:
-    """Find roads that SUMO drives at another length than they are drawn with."""
+    """Find roads that SUMO drives at another length than they are drawn with.
+
+    Args:
+        facts: of the map.
+        limits: `length_difference`, metres, and `length_share`, of the length as drawn; both have to be
+            exceeded.
+
+    Yields:
+        A finding for the first such lane of each road, with its length as said and, as the limit, as drawn,
+        metres.
+    """
     seen: set[str] = set()
     for lane in facts.drivable:
         drawn = float(along(lane.shape)[-1])

@@ -27,7 +27,15 @@ GOES = "GgsoO"
     hint="write states with a letter per link, or let netconvert --tls.rebuild make them",
 )
 def check_state_length(facts: Facts, _limits: Limits) -> Iterator[Finding]:
-    """Find programs whose states have too few letters for the signal's links, or not all as many."""
+    """Find programs whose states have too few letters for the signal's links, or not all as many.
+
+    Args:
+        facts: of the map.
+        _limits: there is none to this check.
+
+    Yields:
+        A finding for each such program, with the letters of its shortest state.
+    """
     for signal in signals_of(facts):
         needed = max((link.index for link in signal.signal.links), default=-1) + 1
         for program in signal.signal.programs:
@@ -53,7 +61,15 @@ def check_state_length(facts: Facts, _limits: Limits) -> Iterator[Finding]:
     hint="remove the letters with netconvert --tls.ungroup-signals, or add the missing connection",
 )
 def check_unused_index(facts: Facts, _limits: Limits) -> Iterator[Finding]:
-    """Find letters of a state that control nothing."""
+    """Find letters of a state that control nothing.
+
+    Args:
+        facts: of the map; signals without a link do not count.
+        _limits: there is none to this check.
+
+    Yields:
+        A finding for each such program, with the number of those letters.
+    """
     for signal in signals_of(facts):
         used = {link.index for link in signal.signal.links}
         for program in signal.signal.programs:
@@ -79,7 +95,15 @@ def check_unused_index(facts: Facts, _limits: Limits) -> Iterator[Finding]:
     hint="add a phase in which the link has G or g",
 )
 def check_never_green(facts: Facts, _limits: Limits) -> Iterator[Finding]:
-    """Find links that no phase of a program lets go; a warning where another program of the signal does."""
+    """Find links that no phase of a program lets go; a warning where another program of the signal does.
+
+    Args:
+        facts: of the map.
+        _limits: there is none to this check.
+
+    Yields:
+        A finding for each such link, over all programs in which it has to stand.
+    """
     for signal in signals_of(facts):
         for index in (*signal.vehicle, *signal.walking):
             dark = [
@@ -112,7 +136,15 @@ def _programs(names: list[str]) -> str:
     hint="show red while the crossing link has green, or g if it has to yield",
 )
 def check_always_green(facts: Facts, _limits: Limits) -> Iterator[Finding]:
-    """Find protected links that never stop while links that they cross get a green, too."""
+    """Find protected links that never stop while links that they cross get a green, too.
+
+    Args:
+        facts: of the map.
+        _limits: there is none to this check.
+
+    Yields:
+        A finding for each program and link, with all links that it crosses.
+    """
     for signal, program in programs_of(facts):
         foes: dict[int, set[int]] = defaultdict(set)
         for conflict in signal.conflicts:
@@ -144,7 +176,15 @@ def check_always_green(facts: Facts, _limits: Limits) -> Iterator[Finding]:
     hint="give one of the two g, so that it yields, or a phase of its own",
 )
 def check_green_conflict(facts: Facts, limits: Limits) -> Iterator[Finding]:
-    """Find pairs of letters that show protected green at once though ways they control cross or join."""
+    """Find pairs of letters that show protected green at once though ways they control cross or join.
+
+    Args:
+        facts: of the map.
+        limits: `car_width`, metres; where the ways stay as far apart it is a warning.
+
+    Yields:
+        A finding for each program and pair of letters, with how near their ways come to each other, metres.
+    """
     for signal in signals_of(facts):
         pairs: dict[tuple[int, int], list[Conflict]] = defaultdict(list)
         for conflict in signal.conflicts:
@@ -186,7 +226,15 @@ def _distance(conflict: Conflict) -> float:
     hint="put a phase with y for these links after it",
 )
 def check_missing_yellow(facts: Facts, _limits: Limits) -> Iterator[Finding]:
-    """Find phases after which vehicles see red straight after green."""
+    """Find phases after which vehicles see red straight after green.
+
+    Args:
+        facts: of the map.
+        _limits: there is none to this check.
+
+    Yields:
+        A finding for each program and phase, with all links that lack yellow after it.
+    """
     for signal, program in programs_of(facts):
         for phase in range(len(program.phases)):
             cut = [
@@ -219,7 +267,15 @@ def _list(values: list[int]) -> str:
     hint="let both links have green together, or join the junctions",
 )
 def check_no_room(facts: Facts, limits: Limits) -> Iterator[Finding]:
-    """Find short lanes that a signal fills in phases in which it lets nobody off them."""
+    """Find short lanes that a signal fills in phases in which it lets nobody off them.
+
+    Args:
+        facts: of the map.
+        limits: `vehicle_length`, metres; lanes as long have room.
+
+    Yields:
+        A finding for each program, link and such lane that it leads to, with the lane's length, metres.
+    """
     for signal, program in programs_of(facts):
         for index, lanes in _entered(signal).items():
             filled = signal.letters(program, index)

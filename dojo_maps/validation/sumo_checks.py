@@ -45,7 +45,15 @@ _KINDS = {
     needs=Need.SUMO,
 )
 def check_refused(facts: Facts, _limits: Limits) -> Iterator[Finding]:
-    """Find why SUMO refuses the network; an error with which it loads it still is a warning."""
+    """Find why SUMO refuses the network; an error with which it loads it still is a warning.
+
+    Args:
+        facts: of the map, with SUMO's word on it, which is waited for; without it nothing is found.
+        _limits: there is none to this check.
+
+    Yields:
+        A finding for each of SUMO's errors, at the first thing that it names and the network has.
+    """
     verdict = facts.sumo.verdict if facts.sumo else None
     for words, count in verdict.errors.items() if verdict else ():
         yield _quote(facts, words, count, refused=not verdict or not verdict.accepted)
@@ -62,7 +70,16 @@ def check_refused(facts: Facts, _limits: Limits) -> Iterator[Finding]:
     needs=Need.SUMO,
 )
 def check_warned(facts: Facts, _limits: Limits) -> Iterator[Finding]:
-    """Find what SUMO warns of while it loads the network."""
+    """Find what SUMO warns of while it loads the network.
+
+    Args:
+        facts: of the map, with SUMO's word on it, which is waited for; without it nothing is found.
+        _limits: there is none to this check.
+
+    Yields:
+        A finding if SUMO has not come to an end, and one for each of its warnings but those of detectors, at
+        the first thing that it names and the network has.
+    """
     verdict = facts.sumo.verdict if facts.sumo else None
     if verdict and verdict.accepted is None:
         yield Finding(
@@ -82,7 +99,15 @@ def check_warned(facts: Facts, _limits: Limits) -> Iterator[Finding]:
     needs=Need.SUMO,
 )
 def check_no_detector(facts: Facts, _limits: Limits) -> Iterator[Finding]:
-    """Find greens of actuated programs that no vehicle can lengthen, in SUMO's words."""
+    """Find greens of actuated programs that no vehicle can lengthen, in SUMO's words.
+
+    Args:
+        facts: of the map, with SUMO's word on it, which is waited for; without it nothing is found.
+        _limits: there is none to this check.
+
+    Yields:
+        A finding for each of SUMO's warnings of a missing detector.
+    """
     yield from _quote_warnings(facts, of_detectors=True)
 
 

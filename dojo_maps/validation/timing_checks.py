@@ -28,7 +28,17 @@ _LONGEST_ALL_RED = 6.0
     hint="lengthen the yellow phase",
 )
 def check_yellow_short(facts: Facts, limits: Limits) -> Iterator[Finding]:
-    """Find yellows too short for the speed to stop from: Y = 1 s + v / (2 × 3.05 m/s²), 3 to 6 s."""
+    """Find yellows too short for the speed to stop from: Y = 1 s + v / (2 × 3.05 m/s²), 3 to 6 s.
+
+    Args:
+        facts: of the map.
+        limits: `yellow`, below which it is an error, and `yellow_tolerance`, which may be missing from what
+            the speed needs; seconds.
+
+    Yields:
+        A finding for each program and phase in which such a yellow begins, with the seconds of the link that
+        lacks most.
+    """
     for signal, program in programs_of(facts):
         short: dict[int, list[tuple[float, float, int]]] = defaultdict(list)
         for index in signal.vehicle:
@@ -52,7 +62,16 @@ def check_yellow_short(facts: Facts, limits: Limits) -> Iterator[Finding]:
 
 
 def yellow_for(signal: SignalFacts, index: int, shortest: float) -> float:
-    """Compute the yellow that a link's speed needs, in seconds."""
+    """Compute the yellow that a link's speed needs.
+
+    Args:
+        signal: the link's.
+        index: of the link.
+        shortest: seconds that it has at least.
+
+    Returns:
+        Seconds, from `shortest` to 6, for the fastest of the link's lanes.
+    """
     lanes = [way.from_lane for way in signal.links.get(index, ()) if isinstance(way, Connection)]
     speed = max((signal.facts.lanes[lane].speed for lane in lanes), default=0.0)
     return yellow_needed(speed, shortest)
@@ -68,7 +87,15 @@ def yellow_for(signal: SignalFacts, index: int, shortest: float) -> float:
     hint="put a phase with r for all after the yellow",
 )
 def check_all_red(facts: Facts, _limits: Limits) -> Iterator[Finding]:
-    """Find programs that start a green before those who left last are across: R = (way + 6 m) / v."""
+    """Find programs that start a green before those who left last are across: R = (way + 6 m) / v.
+
+    Args:
+        facts: of the map.
+        _limits: there is none to this check; 6 s at most are its own.
+
+    Yields:
+        A finding for each such program, with the seconds of the two links that lack most.
+    """
     for signal, program in programs_of(facts):
         worst: tuple[float, float, Conflict] | None = None
         for conflict in signal.conflicts:
@@ -142,7 +169,16 @@ def _time_until(program: Program, letters: str, phase: int) -> float | None:
     hint="end the walkers' green earlier, or lengthen the phase after it",
 )
 def check_crossing_clearance(facts: Facts, limits: Limits) -> Iterator[Finding]:
-    """Find crossings whose red leaves too little time to walk across before the next vehicles' green."""
+    """Find crossings whose red leaves too little time to walk across before the next vehicles' green.
+
+    Args:
+        facts: of the map.
+        limits: `walking_speed`, m/s, and `clearance_tolerance`, seconds; where more is missing it is an
+            error.
+
+    Yields:
+        A finding for each program, link and crossing, with the shortest time that it leaves, seconds.
+    """
     for signal, program in programs_of(facts):
         foes: dict[str, dict[int, None]] = defaultdict(dict)
         for conflict in signal.conflicts:
@@ -188,7 +224,15 @@ def _crossing_first(signal: SignalFacts, index: int, crossing: str) -> tuple[Ele
     hint="lengthen the phase",
 )
 def check_walk_min(facts: Facts, limits: Limits) -> Iterator[Finding]:
-    """Find greens for walkers that are too short to notice and start."""
+    """Find greens for walkers that are too short to notice and start.
+
+    Args:
+        facts: of the map.
+        limits: `walk`, and `walk_error` below which it is an error; seconds.
+
+    Yields:
+        A finding for each program and link, with its shortest green, seconds.
+    """
     for signal, program in programs_of(facts):
         for index in signal.walking:
             letters = signal.letters(program, index)
@@ -216,7 +260,16 @@ def check_walk_min(facts: Facts, limits: Limits) -> Iterator[Finding]:
     hint="give the turn a phase of its own",
 )
 def check_minor_green_fast(facts: Facts, limits: Limits) -> Iterator[Finding]:
-    """Find turns across traffic that have to yield on roads where that is too fast to judge."""
+    """Find turns across traffic that have to yield on roads where that is too fast to judge.
+
+    Args:
+        facts: of the map; right turns count where traffic keeps left.
+        limits: `minor_speed`, m/s.
+
+    Yields:
+        A finding for each program and link, with the speed limit of the first lane that it comes from too
+        fast, m/s.
+    """
     turn = "r" if facts.map.left_hand else "l"
     for signal, program in programs_of(facts):
         for index in signal.vehicle:
@@ -247,7 +300,15 @@ def check_minor_green_fast(facts: Facts, limits: Limits) -> Iterator[Finding]:
     hint="shorten or lengthen the green phases",
 )
 def check_cycle(facts: Facts, limits: Limits) -> Iterator[Finding]:
-    """Find fixed programs with very long or very short cycles."""
+    """Find fixed programs with very long or very short cycles.
+
+    Args:
+        facts: of the map.
+        limits: `cycle_least` and `cycle_most`, seconds.
+
+    Yields:
+        A finding for each such program, with its cycle, seconds.
+    """
     for signal, program in programs_of(facts):
         cycle = sum(phase.duration for phase in program.phases)
         if program.kind == "static" and not limits.cycle_least <= cycle <= limits.cycle_most:
@@ -270,7 +331,15 @@ def check_cycle(facts: Facts, limits: Limits) -> Iterator[Finding]:
     hint="lengthen the link's green",
 )
 def check_green_fraction(facts: Facts, limits: Limits) -> Iterator[Finding]:
-    """Find links that get hardly any of the cycle."""
+    """Find links that get hardly any of the cycle.
+
+    Args:
+        facts: of the map; programs of rings do not count, nor do links that never get green.
+        limits: `green_share`, of the cycle.
+
+    Yields:
+        A finding for each program and link, with its share of the cycle.
+    """
     for signal, program in programs_of(facts):
         if program.rings:
             continue  # How often each pair comes up is for the detectors to say.

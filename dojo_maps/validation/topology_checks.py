@@ -31,6 +31,13 @@ def check_lane_dead_end(facts: Facts, _limits: Limits) -> Iterator[Finding]:
     A lane that its users can leave only by changing lanes is a trap at a junction, a warning where the road
     only loses a lane, as at the end of a ramp. Where the road has no way on at all, that is another check's
     finding; where nothing goes on for its vehicles, the map ends.
+
+    Args:
+        facts: of the map.
+        _limits: there is none to this check.
+
+    Yields:
+        A finding for each such lane, at its end.
     """
     for lane in facts.drivable:
         road = facts.roads[lane.road]
@@ -65,6 +72,13 @@ def check_lane_no_entry(facts: Facts, _limits: Limits) -> Iterator[Finding]:
     """Find drivable lanes that no way leads into though other roads come to where their road begins.
 
     Where one road only comes, and all of its lanes lead on, the lane opens there, as turn lanes do.
+
+    Args:
+        facts: of the map.
+        _limits: there is none to this check.
+
+    Yields:
+        A finding for each such lane, at its start.
     """
     for lane in facts.drivable:
         road = facts.roads[lane.road]
@@ -90,7 +104,15 @@ def check_lane_no_entry(facts: Facts, _limits: Limits) -> Iterator[Finding]:
     hint="add connections at the road's end",
 )
 def check_edge_not_connected(facts: Facts, _limits: Limits) -> Iterator[Finding]:
-    """Find roads without a way on at a junction that other roads leave."""
+    """Find roads without a way on at a junction that other roads leave.
+
+    Args:
+        facts: of the map; roads without a lane for cars or buses do not count.
+        _limits: there is none to this check.
+
+    Yields:
+        A finding for each such road, at its end.
+    """
     for road in facts.map.roads:
         lanes = _drivable_lanes(facts, road)
         if lanes and not _road_goes_on(facts, road) and _onward(facts, road):
@@ -111,7 +133,15 @@ def check_edge_not_connected(facts: Facts, _limits: Limits) -> Iterator[Finding]
     hint="add the missing connections at the road's end",
 )
 def check_uturn_only(facts: Facts, _limits: Limits) -> Iterator[Finding]:
-    """Find roads that can only be turned back on though other roads leave their end."""
+    """Find roads that can only be turned back on though other roads leave their end.
+
+    Args:
+        facts: of the map; only lanes for cars or buses count.
+        _limits: there is none to this check.
+
+    Yields:
+        A finding for each such road, at its end.
+    """
     for road in facts.map.roads:
         lanes = _drivable_lanes(facts, road)
         ways = [c for lane in lanes for c in facts.leaving.get(lane.id, ())]
@@ -168,7 +198,15 @@ def _coming_from_elsewhere(facts: Facts, road: Road, classes: set[str]) -> list[
     hint="join the part, or drop it with netconvert --keep-edges.components 1",
 )
 def check_components(facts: Facts, _limits: Limits) -> Iterator[Finding]:
-    """Find parts of the road network for cars that no way joins with the largest part."""
+    """Find parts of the road network for cars that no way joins with the largest part.
+
+    Args:
+        facts: of the map.
+        _limits: there is none to this check.
+
+    Yields:
+        A finding for each part but the largest, with the number of its roads; it names up to 20 of them.
+    """
     groups = _groups(facts)
     for group in groups[1:]:
         first = facts.roads[group[0]]
@@ -219,7 +257,15 @@ def _lets_cars(facts: Facts, lane: str) -> bool:
     hint="connect the road, or remove it from the signal",
 )
 def check_unreachable_edge_in_tls(facts: Facts, _limits: Limits) -> Iterator[Finding]:
-    """Find roads between two junctions of one signal that no way leads into."""
+    """Find roads between two junctions of one signal that no way leads into.
+
+    Args:
+        facts: of the map.
+        _limits: there is none to this check.
+
+    Yields:
+        A finding for each signal and road, at the road's start.
+    """
     for signal in facts.signals:
         inside = set(signal.junctions)
         for road in dict.fromkeys(
@@ -245,7 +291,15 @@ def check_unreachable_edge_in_tls(facts: Facts, _limits: Limits) -> Iterator[Fin
     hint="give both lanes one length, or rebuild the network with netconvert",
 )
 def check_unequal_lengths(facts: Facts, limits: Limits) -> Iterator[Finding]:
-    """Find lanes whose length differs from that of the opposite lane on their ground or beside them."""
+    """Find lanes whose length differs from that of the opposite lane on their ground or beside them.
+
+    Args:
+        facts: of the map.
+        limits: `pair_length`, metres by which they may differ.
+
+    Yields:
+        A finding for each pair of lanes, with the metres by which they differ.
+    """
     pairs = [(lane.id, lane.opposite) for lane in facts.map.lanes if lane.opposite in facts.lanes]
     for road in facts.map.roads:
         other = facts.roads.get(road.bidi or "")
@@ -275,7 +329,15 @@ def check_unequal_lengths(facts: Facts, limits: Limits) -> Iterator[Finding]:
     hint="correct the name or remove what names it, then rebuild the network with netconvert",
 )
 def check_dangling_reference(facts: Facts, _limits: Limits) -> Iterator[Finding]:
-    """Find roads that name junctions, and crossings that name roads, which are not there."""
+    """Find roads that name junctions, and crossings that name roads, which are not there.
+
+    Args:
+        facts: of the map; generated crossings do not count.
+        _limits: there is none to this check.
+
+    Yields:
+        A finding for each name of what is not there.
+    """
     for road in facts.map.roads:
         for junction, at in ((road.from_junction, 0), (road.to_junction, -1)):
             if junction not in facts.junctions:

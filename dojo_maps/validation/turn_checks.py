@@ -30,6 +30,13 @@ def check_missing_turn(facts: Facts, limits: Limits) -> Iterator[Finding]:
 
     Only the straight way is expected: turns are forbidden at many junctions, and a network does not say so. A
     straight way that another road takes, of the two that lie closest, is not missing either.
+
+    Args:
+        facts: of the map.
+        limits: `straight_deg`, degrees of turn up to which a road goes straight on.
+
+    Yields:
+        A finding for each such road, with the degrees of turn to the road that it should lead to.
     """
     for junction in facts.map.junctions:
         if junction.kind == "dead_end" or junction.kind.startswith("rail"):
@@ -76,6 +83,14 @@ def check_wrong_way(facts: Facts, limits: Limits) -> Iterator[Finding]:
     """Find ways that meet a lane at its other end, and straight ways that turn back.
 
     A hairpin is no wrong way: its path bends round and meets the lane where it begins.
+
+    Args:
+        facts: of the map.
+        limits: `turn_back_deg`, degrees of turn beyond which a straight way turns back, and `gap_error`,
+            metres up to which a way meets its lane.
+
+    Yields:
+        A finding for each such way; of its lanes the one at fault is named first.
     """
     for connection in facts.map.connections:
         one, other = facts.lanes[connection.from_lane], facts.lanes[connection.to_lane]
@@ -122,7 +137,15 @@ def _is_nearer(place: Floats, wrong: Floats, right: Floats, limits: Limits) -> b
     hint="correct the permissions of the lanes, or connect the lane beside",
 )
 def check_lane_type_mix(facts: Facts, _limits: Limits) -> Iterator[Finding]:
-    """Find ways that no vehicle may use at both ends, and roads for cars joined for others only."""
+    """Find ways that no vehicle may use at both ends, and roads for cars joined for others only.
+
+    Args:
+        facts: of the map.
+        _limits: there is none to this check.
+
+    Yields:
+        An error for each such way, and a warning for each such pair of roads.
+    """
     for connection in facts.map.connections:
         one, other = facts.lanes[connection.from_lane], facts.lanes[connection.to_lane]
         if one.allow and other.allow and not set(one.allow) & set(other.allow):
@@ -166,7 +189,16 @@ def _excludes_cars(facts: Facts, one: str, other: str, connections: list[Connect
     hint="correct the connection, or the shape of the road it runs over",
 )
 def check_median_cross(facts: Facts, limits: Limits) -> Iterator[Finding]:
-    """Find ways across junctions that run over a road they do not join; who turns back has to."""
+    """Find ways across junctions that run over a road they do not join; who turns back has to.
+
+    Args:
+        facts: of the map.
+        limits: `path_on_road`, metres of a way on one lane, and `level_height`, metres below which both lie
+            on one level.
+
+    Yields:
+        A finding for each way and road, with the metres on the first of the road's lanes that is found.
+    """
     ways = [
         c
         for c in facts.map.connections
@@ -220,6 +252,13 @@ def check_waits_in_path(facts: Facts, limits: Limits) -> Iterator[Finding]:
     """Find turns whose vehicles wait inside the junction for other vehicles, in the way of those.
 
     Such as who turns across the opposite traffic. Who is parted by a signal meets nobody.
+
+    Args:
+        facts: of the map.
+        limits: `car`, the width of a car, and `in_path`, how far it may stand in the way of others; metres.
+
+    Yields:
+        A finding for each such way, with the metres by which its vehicles stand in the way.
     """
     states = {
         signal.id: [phase.state for program in signal.programs for phase in program.phases]

@@ -24,7 +24,18 @@ class Container:
         self._data = bytearray()
 
     def add(self, values: NDArray[Any]) -> list[Any]:
-        """Add an array of any shape; returns its type, its first byte and its number of values."""
+        """Add an array.
+
+        Args:
+            values: of any shape, of 8, 16 or 32 bit integers or 32 bit floats.
+
+        Returns:
+            What stands for it in the JSON value: its type, its first byte among all arrays, and its number of
+            values.
+
+        Raises:
+            TypeError: its values are of another type.
+        """
         kind = values.dtype.name
         if kind not in _TYPES:
             raise TypeError(f"an array of {kind}, expected one of {sorted(_TYPES)}")
@@ -34,7 +45,18 @@ class Container:
         return [kind, start, values.size]
 
     def packed(self, value: Any) -> str:
-        """Pack a JSON value and all arrays: zlib's format in base64."""
+        """Pack a JSON value and all arrays.
+
+        Args:
+            value: with what `add` gave in the places of the arrays.
+
+        Returns:
+            zlib's format in base64: the length of the JSON text in four bytes, the text, the arrays;
+            little-endian.
+
+        Raises:
+            ValueError: the value holds a number that is not finite.
+        """
         text = json.dumps(value, ensure_ascii=False, separators=(",", ":"), allow_nan=False).encode()
         text += b" " * (-len(text) % _ALIGNED)
         whole = struct.pack("<I", len(text)) + text + bytes(self._data)

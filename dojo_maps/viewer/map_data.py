@@ -20,6 +20,11 @@ def describe_map(road_map: RoadMap, report: Mapping[str, Any] | None) -> dict[st
     Args:
         road_map: the map.
         report: its report.json, if there is one; what in it is not as it should be is left out.
+
+    Returns:
+        JSON values by the map's lists, with a row for each thing. In the rows of lanes, crossings and
+        connections lanes, roads and signals stand by their places in their lists, -1 for none. Widths and
+        shapes are whole centimetres, shapes around the map's origin; speeds are km/h, other lengths metres.
     """
     shift = np.array([*road_map.origin, 0.0])
     roads = {road.id: k for k, road in enumerate(road_map.roads)}

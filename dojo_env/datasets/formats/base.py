@@ -36,17 +36,46 @@ class Format(Protocol):
             sequence: name of the camera's pictures of an episode.
             frame: place in it, from 1.
             number: of the picture in the data set, from 1.
+
+        Returns:
+            The path of the picture, and that of its depths.
         """
         ...
 
     def write_part(self, pictures: Sequence[PictureLabels], settings: "DatasetSettings") -> Mapping[str, str]:
-        """Write files of a part's own; returns their texts by path, from the data set's folder on."""
+        """Write files of a part's own.
+
+        Args:
+            pictures: the labels of all pictures of the part, at least one, in the order of their numbers.
+            settings: of the data set.
+
+        Returns:
+            Their texts by path, from the data set's folder on.
+
+        Raises:
+            ConfigError: the format cannot say what there is to say of a picture.
+        """
         return {}
 
     def write_lines(self, pictures: Sequence[PictureLabels]) -> Mapping[str, list[str]]:
-        """Write lines for files of the whole, by a name of the format's choice."""
+        """Write lines for files of the whole.
+
+        Args:
+            pictures: the labels of all pictures of the part, at least one, in the order of their numbers.
+
+        Returns:
+            Lines without line ends, by a name of the format's choice, under which `finish` finds them.
+        """
         return {}
 
     def finish(self, settings: "DatasetSettings", lines: Lines) -> Iterable[tuple[str, Iterable[str]]]:
-        """Write files of the whole; yields the path of each, and its text piece by piece."""
+        """Write files of the whole.
+
+        Args:
+            settings: of the data set.
+            lines: gives what `write_lines` made under a name, of all parts in their order.
+
+        Returns:
+            The path of each file, from the data set's folder on, and its text piece by piece.
+        """
         return ()

@@ -35,6 +35,10 @@ def train(
         folder: where all of it goes.
         resume: go on from the folder's checkpoint.
         tell: takes lines of how far it is.
+
+    Raises:
+        ConfigError: the folder holds another run, or the checkpoint is another's.
+        SimulationError: SUMO stopped in a validation.
     """
     check_folder(training, folder, read_training, resume=resume)
     known: dict[str, Any] = read_checkpoint(folder / CHECKPOINT) if resume else {"steps": 0}
@@ -87,7 +91,17 @@ def _tell_runners(algorithm: Algorithm, before: int, tell: Callable[[str], None]
 
 
 def save_checkpoint(learner: Learner, path: Path, known: dict[str, Any]) -> None:
-    """Write what the next update depends on, replay and the runners' random states aside."""
+    """Write what the next update depends on, replay and the runners' random states aside.
+
+    Args:
+        learner: RLlib's, with the network and what optimises it.
+        path: of the file, which is replaced whole.
+        known: the run's `steps`, and under `known` what its `Curve` knows.
+
+    Raises:
+        UsageError: the path is a folder, or lies in none.
+        WriteError: the disk is full, or the folder cannot be written.
+    """
     optimizers = [optimizer.state_dict() for _, optimizer in learner.get_optimizers_for_module()]
     save_tensors(
         {"module": learner.module[DEFAULT_MODULE_ID].state_dict(), "optimizers": optimizers, **known}, path
@@ -97,8 +111,14 @@ def save_checkpoint(learner: Learner, path: Path, known: dict[str, Any]) -> None
 def read_checkpoint(path: Path) -> dict[str, Any]:
     """Read a checkpoint of a cluster's run.
 
+    Args:
+        path: of the file that `save_checkpoint` wrote.
+
+    Returns:
+        The network's state under `module`, that of the `optimizers`, and what `save_checkpoint` was told.
+
     Raises:
-        RunFileError: it is none.
+        RunFileError: the file is missing or damaged, or is no such checkpoint.
     """
     state = load_tensors(path)
     if not isinstance(state, dict) or not {"module", "optimizers", "steps"} <= state.keys():
@@ -110,6 +130,11 @@ def read_checkpoint(path: Path) -> dict[str, Any]:
 
 def restore(algorithm: Algorithm, state: dict[str, Any], path: Path) -> None:
     """Put learner and runners where they were.
+
+    Args:
+        algorithm: built with the same settings; it is changed in place.
+        state: what `read_checkpoint` gave.
+        path: of the file, for errors.
 
     Raises:
         RunFileError: the checkpoint is another run's.

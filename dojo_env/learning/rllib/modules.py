@@ -34,7 +34,15 @@ class PPOModule(TorchRLModule, ValueFunctionAPI):
         return {Columns.ACTION_DIST_INPUTS: self.net.action_net(latent)}
 
     def compute_values(self, batch: dict[str, Any], embeddings: Any = None) -> torch.Tensor:  # noqa: ARG002
-        """Tell (n) values."""
+        """Tell what states are worth.
+
+        Args:
+            batch: n observations, under `Columns.OBS`.
+            embeddings: have no effect: the network reads the observations again.
+
+        Returns:
+            (n,) values.
+        """
         return self.net.predict_values(batch[Columns.OBS]).squeeze(-1)
 
 
@@ -71,11 +79,25 @@ class DQNModule(DefaultDQNTorchRLModule):
         return [(self.net, self._target)]
 
     def compute_q_values(self, batch: dict[str, Any]) -> dict[str, Any]:
-        """Tell (n, actions) values."""
+        """Tell what actions are worth.
+
+        Args:
+            batch: n observations, under `Columns.OBS`.
+
+        Returns:
+            (n, actions) values, under `QF_PREDS`.
+        """
         return {QF_PREDS: self.net(batch[Columns.OBS])}
 
     def forward_target(self, batch: dict[str, Any]) -> dict[str, Any]:
-        """Tell the same by the network as it was some time ago."""
+        """Tell what actions are worth by the network as it was some time ago.
+
+        Args:
+            batch: n observations, under `Columns.OBS`.
+
+        Returns:
+            (n, actions) values, under `QF_PREDS`.
+        """
         return {QF_PREDS: self._target(batch[Columns.OBS])}
 
 

@@ -18,7 +18,15 @@ _PACKET = 4
 
 
 def build_config(training: Training, *, done: int) -> AlgorithmConfig:
-    """Describe a run that goes on after so many steps."""
+    """Describe a run that goes on after so many steps.
+
+    Args:
+        training: the run's settings, of PPO or DQN.
+        done: steps of all environments together; learning rate, exploration and seeds go on from there.
+
+    Returns:
+        What builds RLlib's algorithm; `ENVIRONMENT` is to be registered before.
+    """
     config, exploration = (_describe_ppo if training.algorithm == "ppo" else _describe_dqn)(training, done)
     return (
         config.environment(ENVIRONMENT, env_config={"training": training, "done": done},

@@ -69,6 +69,9 @@ def draw_case(
         seed: of the episode.
         seconds: the shortest and the longest episode.
         scales: of the demand, the least and the most.
+
+    Returns:
+        The episode; it lasts whole minutes.
     """
     weights = np.sqrt([len(signals) for _, signals in junctions])
     scenario, signals = junctions[int(draw.choice(len(junctions), p=weights / weights.sum()))]

@@ -49,7 +49,14 @@ class UsualCosts:
         self.known = dict(known or {})
 
     def note(self, track: Trajectory) -> float:
-        """Take an episode's into account; returns the junction's usual cost."""
+        """Take an episode's costs into account.
+
+        Args:
+            track: the decisions at one junction.
+
+        Returns:
+            What a decision time now usually costs at that junction, always above 0.
+        """
         now = float(track.costs.sum() / max(track.spans.sum(), 1)) + 1.0
         before = self.known.get(track.junction, now)
         self.known[track.junction] = _MEMORY * before + (1 - _MEMORY) * now
@@ -57,7 +64,16 @@ class UsualCosts:
 
 
 def build_batch(network: PhaseNet, tracks: Sequence[Trajectory], usual: UsualCosts) -> Batch:
-    """Put a round's decisions together, with their advantages."""
+    """Put a round's decisions together, with their advantages.
+
+    Args:
+        network: says what states are worth; it stays as it is.
+        tracks: one per signal and episode, at least one.
+        usual: takes the costs of each into account.
+
+    Returns:
+        The decisions in the order of `tracks`, padded to the most phases.
+    """
     most = max(track.phases.shape[1] for track in tracks)
     parts: list[dict[str, Any]] = []
     for track in tracks:

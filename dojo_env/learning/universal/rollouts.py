@@ -142,7 +142,18 @@ def _run(case: Case, weights: Mapping[str, Array]) -> list[Trajectory]:
 
 
 def measure_cost(signal: str, instant: Instant) -> float:
-    """Measure what a decision time costs: who stands, for how long, and who waits on foot."""
+    """Measure what a decision time costs: who stands, for how long, and who waits on foot.
+
+    Args:
+        signal: its id.
+        instant: the decision at which that time ends.
+
+    Returns:
+        The cost, in vehicles that stand within 150 m.
+
+    Raises:
+        StaleInstantError: SUMO has moved on before it was measured.
+    """
     return (
         float(sum(instant.approach(signal).halting))
         + WAITING * instant.signals[signal].lanes.total_waiting

@@ -87,8 +87,14 @@ class UniversalTraining:
 def list_junctions(scenarios: Sequence[str]) -> list[tuple[str, tuple[str, ...]]]:
     """List each scenario's signals at which there is something to decide, and say what is odd about others.
 
+    Args:
+        scenarios: names or paths.
+
+    Returns:
+        Each scenario as it was named, and the ids of its signals with at least two phases.
+
     Raises:
-        ConfigError: a scenario has none.
+        ConfigError: there is no such scenario, or it has no such signal.
     """
     found = []
     for name in scenarios:
@@ -104,7 +110,14 @@ def list_junctions(scenarios: Sequence[str]) -> list[tuple[str, tuple[str, ...]]
 
 
 def count_junctions(junctions: Sequence[tuple[str, Sequence[str]]]) -> str:
-    """Say how many junctions of how many scenarios `list_junctions` has found."""
+    """Say how many junctions of how many scenarios `list_junctions` has found.
+
+    Args:
+        junctions: scenarios, and the ids of each one's signals.
+
+    Returns:
+        Words such as `5 junctions of 2 scenarios`.
+    """
     count = counted(sum(len(signals) for _, signals in junctions), "junction")
     return f"{count} of {counted(len(junctions), 'scenario')}"
 
@@ -112,8 +125,14 @@ def count_junctions(junctions: Sequence[tuple[str, Sequence[str]]]) -> str:
 def read_settings(path: Path) -> UniversalTraining:
     """Read a run's settings.
 
+    Args:
+        path: of `training.json` in the run's folder.
+
+    Returns:
+        The settings.
+
     Raises:
-        RunFileError: it is none of this kind.
+        RunFileError: the file is missing or damaged, or is none of this kind.
     """
     value = read_json(path, error=RunFileError)
     if not isinstance(value, dict) or value.get("kind") != _KIND:
@@ -125,5 +144,14 @@ def read_settings(path: Path) -> UniversalTraining:
 
 
 def write_settings(training: UniversalTraining, path: Path) -> None:
-    """Write a run's settings, and the versions of what it ran on."""
+    """Write a run's settings, and the versions of what it ran on.
+
+    Args:
+        training: the settings.
+        path: of the file, which is replaced whole.
+
+    Raises:
+        UsageError: the path is a folder, or lies in none.
+        WriteError: the folder cannot be written.
+    """
     write_json(path, {"kind": _KIND, "training": dataclasses.asdict(training), "versions": list_versions()})

@@ -267,6 +267,9 @@ def read_start(name: str) -> Weights:
     Args:
         name: `learned`, a file, or a run's folder.
 
+    Returns:
+        The weights of its scores.
+
     Raises:
         PolicyError: the file holds none.
     """
@@ -275,6 +278,15 @@ def read_start(name: str) -> Weights:
 
 
 def write_weights(weights: Weights, path: Path) -> None:
-    """Write a policy's weights, as `controllers.phase_competition` reads them."""
+    """Write a policy's weights, as `controllers.phase_competition` reads them.
+
+    Args:
+        weights: arrays by the names in `phase_competition.WEIGHTS`.
+        path: of the file, which is replaced whole; it ends in `.npz`.
+
+    Raises:
+        UsageError: the path is a folder, or lies in none.
+        WriteError: the folder cannot be written.
+    """
     with replaced(path) as fresh:
         np.savez(fresh, allow_pickle=False, **dict(weights))

@@ -101,6 +101,9 @@ def draw_case(junctions: Sequence[tuple[str, Sequence[str]]], *, seed: int, seco
         seed: of the episode; it decides everything.
         seconds: simulated.
         looks: how often it is looked.
+
+    Returns:
+        The episode, with one to three signals that are looked at.
     """
     draw = np.random.default_rng(seed)
     scenario, signals = junctions[int(draw.integers(len(junctions)))]
@@ -121,7 +124,14 @@ def draw_case(junctions: Sequence[tuple[str, Sequence[str]]], *, seed: int, seco
 
 
 def draw_conditions(draw: np.random.Generator) -> Conditions:
-    """Draw any hour and weather; each of the things that spoil pictures now and then."""
+    """Draw any hour and weather; each of the things that spoil pictures now and then.
+
+    Args:
+        draw: numbers; the same generator gives others the next time.
+
+    Returns:
+        Light, weather and lenses of an episode.
+    """
     spoilt: dict[str, Any] = {
         name: float(draw.uniform(low, high)) for name, share, low, high in _WEATHER if draw.random() < share
     }
@@ -138,6 +148,9 @@ def take_examples(case: Case) -> Examples:
 
     Args:
         case: the episode.
+
+    Returns:
+        The strips of all looks at its signals, and what is on them.
 
     Raises:
         SimulationError: SUMO stopped.

@@ -55,6 +55,15 @@ class VisionTraining:
 
 
 def write_settings(training: VisionTraining, path: Path) -> None:
-    """Write a run's settings, and the versions of what it ran on."""
+    """Write a run's settings, and the versions of what it ran on.
+
+    Args:
+        training: the settings.
+        path: of the file, which is replaced whole.
+
+    Raises:
+        UsageError: the path is a folder, or lies in none.
+        WriteError: the folder cannot be written.
+    """
     value = {"kind": "vision", "training": dataclasses.asdict(training), "versions": list_versions()}
     write_json(path, value)

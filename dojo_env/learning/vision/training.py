@@ -47,7 +47,7 @@ def train(
 
     Raises:
         ConfigError: a scenario cannot be learned from.
-        SimulationError: no episode came to its end.
+        SimulationError: fewer than two episodes came to their end.
     """
     prepare_process()
     examples = collect_examples(training, run_all, tell)
@@ -61,7 +61,20 @@ def train(
 def collect_examples(
     training: VisionTraining, run_all: Mapper, tell: Callable[[str], None]
 ) -> list[Examples]:
-    """Take all pictures; the same whoever simulates."""
+    """Take all pictures; the same whoever simulates.
+
+    Args:
+        training: the run's settings.
+        run_all: simulates.
+        tell: takes lines of how far it is, and of episodes that are left out.
+
+    Returns:
+        An item per episode that came to its end, in the order in which they were drawn.
+
+    Raises:
+        ConfigError: a scenario cannot be learned from.
+        SimulationError: fewer than two episodes came to their end.
+    """
     junctions = list_junctions(training.scenarios)
     tell(count_junctions(junctions))
     first = _FIRST_SEED + training.seed * _SEEDS_PER_RUN
@@ -97,8 +110,14 @@ def fit(
 ) -> tuple[LaneNet, list[list[float]]]:
     """Train on most episodes, and judge on the others after each epoch.
 
+    Args:
+        training: the run's settings.
+        examples: an item per episode. Every eighth is kept back to judge on; of fewer than eight, the last
+            one is learned from and judged on, too.
+        tell: takes lines of how far it is.
+
     Returns:
-        The network, and for each epoch the vehicles of a strip and the figures of `judge`.
+        The network, and for each epoch its number, from 1, and the figures of `judge`.
     """
     torch.manual_seed(training.seed)
     draw = np.random.default_rng(training.seed)
@@ -216,6 +235,15 @@ def judge(weights: Mapping[str, NDArray[np.float32]], examples: Iterable[Example
 
 
 def write_weights(weights: Mapping[str, NDArray[np.float32]], path: Path) -> None:
-    """Write a network's weights, as `sensors.lane_network` reads them."""
+    """Write a network's weights, as `sensors.lane_network` reads them.
+
+    Args:
+        weights: arrays by name, as `LaneNet.export` gives them.
+        path: of the file, which is replaced whole; it ends in `.npz`.
+
+    Raises:
+        UsageError: the path is a folder, or lies in none.
+        WriteError: the folder cannot be written.
+    """
     with replaced(path) as fresh:
         np.savez(fresh, allow_pickle=False, **dict(weights))

@@ -63,8 +63,12 @@ def build_network(
         country: whose rules hold; None for the one that the extract lies in.
         raster: elevations of the ground.
 
+    Returns:
+        The network, what it was built from, and what was wrong on the way.
+
     Raises:
-        SourceError: the extract has no roads that make a network, or the raster lies elsewhere.
+        SourceError: the extract has no roads that make a network, or too many on one place, or the raster
+            lies elsewhere.
         NetconvertError: netconvert fails on it whatever is left out.
         ToolMissingError: netconvert is not installed.
     """

@@ -193,11 +193,25 @@ class SumoEnvironment(gymnasium.Env[Any, Any]):
         return self.action_spaces(self.ts_ids[0])
 
     def observation_spaces(self, ts_id: str) -> spaces.Space[Any]:
-        """Tell the space of a signal's observations."""
+        """Tell the space of a signal's observations.
+
+        Args:
+            ts_id: id of one of `ts_ids`.
+
+        Returns:
+            The space.
+        """
         return self.traffic_signals[ts_id].observation_space
 
     def action_spaces(self, ts_id: str) -> spaces.Discrete:
-        """Tell the space of a signal's actions."""
+        """Tell the space of a signal's actions.
+
+        Args:
+            ts_id: id of one of `ts_ids`.
+
+        Returns:
+            A number for each green phase.
+        """
         return self.traffic_signals[ts_id].action_space
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> Any:
@@ -209,6 +223,10 @@ class SumoEnvironment(gymnasium.Env[Any, Any]):
 
         Returns:
             Observations by signal; or, with `single_agent`, the observation and the figures.
+
+        Raises:
+            ConfigError: `sumo_seed` is neither a whole number nor "random".
+            SimulationError: SUMO refuses the input.
         """
         super().reset(seed=seed, options=options)
         self._save_episode()
@@ -242,6 +260,11 @@ class SumoEnvironment(gymnasium.Env[Any, Any]):
         Returns:
             Observations and rewards by signal, a dict with what is done (`__all__`), and figures; or, with
             `single_agent`, Gymnasium's five.
+
+        Raises:
+            EpisodeOverError: no episode is running.
+            ConfigError: a phase is none of its signal's; nothing has happened then.
+            SimulationError: SUMO stopped; `reset` begins anew.
         """
         if action is not None and not self.fixed_ts:
             self._apply_actions(action)
@@ -254,7 +277,12 @@ class SumoEnvironment(gymnasium.Env[Any, Any]):
         return observations, rewards, dones, info
 
     def ask(self, signal: str, phase: int) -> None:
-        """Note what a signal is to do in the next interval."""
+        """Note what a signal is to do in the next interval.
+
+        Args:
+            signal: one of `ts_ids`.
+            phase: number of a green phase; where there is none of that number, the next `step` is refused.
+        """
         self._asked[signal] = phase
 
     def render(self) -> Any:
@@ -265,7 +293,16 @@ class SumoEnvironment(gymnasium.Env[Any, Any]):
         return cv2.resize(picture, self.virtual_display, interpolation=cv2.INTER_AREA)
 
     def save_csv(self, out_csv_name: str | None, episode: int) -> None:
-        """Write the episode, a row per decision, as `{out_csv_name}_conn{label}_ep{episode}.csv`."""
+        """Write the episode, a row per decision, as `{out_csv_name}_conn{label}_ep{episode}.csv`.
+
+        Args:
+            out_csv_name: the beginning of the file's path, whose folders are made; None writes nothing.
+            episode: the number in the file's name; what is written is always the present episode.
+
+        Raises:
+            UsageError: a folder has the file's name, or a file is in a folder's way.
+            WriteError: the file cannot be written.
+        """
         if out_csv_name is not None and self.metrics:
             head = list(self.metrics[0])
             rows = [[row[name] for name in head] for row in self.metrics]
@@ -273,7 +310,15 @@ class SumoEnvironment(gymnasium.Env[Any, Any]):
             write_table(path, head, rows, overwrite=True, parents=True)
 
     def encode(self, state: Any, ts_id: str) -> tuple[int, ...]:
-        """Make a default observation a key of a table: phase, flag, and the shares in tenths."""
+        """Make a default observation a key of a table.
+
+        Args:
+            state: what `DefaultObservationFunction` has seen, (phases + 1 + 2 lanes,).
+            ts_id: the signal that it is of.
+
+        Returns:
+            The green phase, the flag as 0 or 1, and each density and then each queue in tenths, 0 to 9.
+        """
         phases = self.traffic_signals[ts_id].num_green_phases
         shares = (self._discretize_density(share) for share in state[phases + 1 :])
         return (int(state[:phases].argmax()), int(state[phases]), *shares)

@@ -42,22 +42,55 @@ class SumoEnvironmentPZ(AECEnv, EzPickle):  # type: ignore[misc]
         self._begin()
 
     def observation_space(self, agent: str) -> spaces.Space[Any]:
-        """Tell the space of an agent's observations."""
+        """Tell the space of an agent's observations.
+
+        Args:
+            agent: id of a signal.
+
+        Returns:
+            The space, the same object at each call.
+        """
         return self.observation_spaces[agent]
 
     def action_space(self, agent: str) -> spaces.Discrete:
-        """Tell the space of an agent's actions."""
+        """Tell the space of an agent's actions.
+
+        Args:
+            agent: id of a signal.
+
+        Returns:
+            A number for each green phase; the same object at each call.
+        """
         return self.action_spaces[agent]
 
     def reset(self, seed: int | None = None, options: dict[str, Any] | None = None) -> None:
-        """Begin an episode."""
+        """Begin an episode.
+
+        Args:
+            seed: of this episode, and of those after it that are given none.
+            options: nothing heeds them.
+
+        Raises:
+            ConfigError: `sumo_seed` is neither a whole number nor "random".
+            SimulationError: SUMO refuses the input.
+        """
         self.env.reset(seed=seed, options=options)
         self.agents = list(self.possible_agents)
         self._begin()
         self._tell()
 
     def step(self, action: Any) -> None:
-        """Act for the agent whose turn it is; after the last one, simulate until the next decision."""
+        """Act for the agent whose turn it is; after the last one, simulate until the next decision.
+
+        Args:
+            action: number of a green phase; None, and nothing else, for an agent whose episode is over.
+
+        Raises:
+            EpisodeOverError: no episode is running.
+            ConfigError: an agent asks for a phase that its signal has not; raised at the last agent's turn.
+            SimulationError: SUMO stopped; `reset` begins anew.
+            ValueError: an action is given for an agent whose episode is over.
+        """
         agent = self.agent_selection
         if self.terminations[agent] or self.truncations[agent]:
             self._was_dead_step(action)
@@ -77,7 +110,14 @@ class SumoEnvironmentPZ(AECEnv, EzPickle):  # type: ignore[misc]
         self._accumulate_rewards()
 
     def observe(self, agent: str) -> Any:
-        """Tell what an agent has seen last."""
+        """Tell what an agent has seen last.
+
+        Args:
+            agent: id of a signal.
+
+        Returns:
+            Its observation of the last decision; None before the first reset.
+        """
         return self.env.observations[agent]
 
     def render(self) -> Any:
@@ -85,7 +125,16 @@ class SumoEnvironmentPZ(AECEnv, EzPickle):  # type: ignore[misc]
         return self.env.render()
 
     def save_csv(self, out_csv_name: str | None, episode: int) -> None:
-        """Write the episode's figures as `SumoEnvironment` does."""
+        """Write the episode's figures as `SumoEnvironment` does.
+
+        Args:
+            out_csv_name: the beginning of the file's path, whose folders are made; None writes nothing.
+            episode: the number in the file's name.
+
+        Raises:
+            UsageError: a folder has the file's name, or a file is in a folder's way.
+            WriteError: the file cannot be written.
+        """
         self.env.save_csv(out_csv_name, episode)
 
     def close(self) -> None:

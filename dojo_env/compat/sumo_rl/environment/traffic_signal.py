@@ -95,6 +95,9 @@ class TrafficSignal:
     def register_reward_fn(cls, fn: Reward) -> None:
         """Give a reward function a name, its own.
 
+        Args:
+            fn: takes a `TrafficSignal` and gives a number; its `__name__` is what `reward_fn` may be then.
+
         Raises:
             KeyError: there is one of that name.
         """
@@ -138,12 +141,20 @@ class TrafficSignal:
         return cast("float", self.env.sim_step)
 
     def set_next_phase(self, new_phase: int) -> None:
-        """Ask for a phase; what comes before the minimum green is held."""
+        """Ask for a phase; before the minimum green and its yellow are over, nothing happens.
+
+        Args:
+            new_phase: number of a green phase; the one that is green, or on its way, changes nothing.
+        """
         if self.may_change and int(new_phase) != self._phase:
             self.env.ask(self.id, int(new_phase))
 
     def note_decision(self, began: float) -> None:
-        """Look at what the signal has done in an interval that began at this time."""
+        """Look at what the signal has done in an interval.
+
+        Args:
+            began: when the interval did, simulated seconds.
+        """
         view = self._view
         if view.phase != self._phase:
             self._phase, self._changed_at = view.phase, began

@@ -19,7 +19,16 @@ class EpsilonGreedy:
         self.epsilon = initial_epsilon
 
     def choose(self, q_table: Mapping[Hashable, Sequence[float]], state: Hashable, action_space: Any) -> Any:
-        """Choose an action in a state; chance is NumPy's global one, as SUMO-RL has it."""
+        """Choose an action in a state; chance is NumPy's global one, as SUMO-RL has it.
+
+        Args:
+            q_table: by state, a value for each action.
+            state: a key of the table.
+            action_space: Gymnasium's, from which any action is drawn.
+
+        Returns:
+            The action's number.
+        """
         explores = np.random.rand() < self.epsilon  # noqa: NPY002
         self.epsilon = max(self.epsilon * self.decay, self.min_epsilon)
         return int(action_space.sample()) if explores else int(np.argmax(q_table[state]))

@@ -5,7 +5,14 @@ from dojo_maps.sources.osm.network.osm_network import OsmNetwork
 
 
 def tell_driving_side(network: OsmNetwork) -> Issue:
-    """Say which side traffic keeps to, and why; with what speaks for the other side it is a warning."""
+    """Say which side traffic keeps to, and why.
+
+    Args:
+        network: as it was built.
+
+    Returns:
+        A note; a warning where something speaks for the other side.
+    """
     country = network.layout.graph.country
     side = "left" if country.left_hand else "right"
     doubt = f", but {country.doubted}" if country.doubted else ""
@@ -19,7 +26,14 @@ def tell_driving_side(network: OsmNetwork) -> Issue:
 
 
 def tell_ground(network: OsmNetwork) -> Issue:
-    """Say where the heights of streets are from."""
+    """Say where the heights of streets are from.
+
+    Args:
+        network: as it was built.
+
+    Returns:
+        A note, also where streets are flat.
+    """
     ground = network.layout.ground
     if ground is None:
         return _note(

@@ -9,7 +9,14 @@ from dojo_maps.sources.osm.network.outline_trimming import MappedGround
 
 
 def check_junction_ground(network: OsmNetwork) -> list[Issue]:
-    """Measure the ground of each junction that is more than 6 m from the mapped carriageways and tracks."""
+    """Measure the ground of each junction that is more than 6 m from the mapped carriageways and tracks.
+
+    Args:
+        network: as it was built.
+
+    Returns:
+        A warning for each junction with too much of it.
+    """
     graph = network.layout.graph
     most = graph.rules.completeness.junction_void
     mapped = MappedGround(graph)

@@ -38,7 +38,12 @@ class Left:
     place: tuple[float, float] = field(default=(0.0, 0.0))
 
     def add(self, way: int, lost: shapely.Geometry) -> None:
-        """Count what of a way was not built."""
+        """Count what of a way was not built.
+
+        Args:
+            way: its id.
+            lost: the part of its line that was not built, metres.
+        """
         self.metres += lost.length
         self.ways += 1
         if lost.length > self.longest:
@@ -48,7 +53,14 @@ class Left:
 
 
 def share_of(share: Share) -> dict[str, Any]:
-    """Give a share as the report has it."""
+    """Give a share as the report has it.
+
+    Args:
+        share: how many are kept, of how many.
+
+    Returns:
+        `kept`, `of` and `share`, which is None where there was nothing to keep.
+    """
     kept, total = share
     return {"kept": kept, "of": total, "share": round(kept / total, 4) if total else None}
 
@@ -65,7 +77,22 @@ def loss(  # noqa: PLR0913
     measured: float | None = None,
     limit: float | None = None,
 ) -> Issue:
-    """Report something of the extract that the network lacks."""
+    """Report something of the extract that the network lacks.
+
+    Args:
+        check: dotted id of the check.
+        what: is lacking, in words; the message goes on with a link to the element.
+        osm: the element that it is mapped by: node, way or relation, and its id.
+        place: x and y, metres, map frame.
+        hint: what to do about it.
+        near: the network's own element there, named first; None for none.
+        severity: how much it matters.
+        measured: the value found; None for none.
+        limit: the value expected; None for none.
+
+    Returns:
+        The issue, on the ground.
+    """
     kind, element = osm
     elements = [near] if near else []
     return Issue(
@@ -81,7 +108,14 @@ def loss(  # noqa: PLR0913
 
 
 def check_crossings(network: OsmNetwork) -> tuple[Share, list[Issue]]:
-    """Look for a built crossing within 10 m of each mapped one."""
+    """Look for a built crossing within 10 m of each mapped one.
+
+    Args:
+        network: as it was built.
+
+    Returns:
+        How many have one, of how many; and a warning for each that has none.
+    """
     built = [shapely.LineString(c.shape[:, :2]) for c in network.road_map.crossings]
     tree, within = shapely.STRtree(built), network.layout.rules.completeness.crossing_found
     why = {id(crossing): reason for crossing, reason in network.layout.lost}
@@ -106,7 +140,14 @@ def check_crossings(network: OsmNetwork) -> tuple[Share, list[Issue]]:
 
 
 def tell_guesses(network: OsmNetwork) -> list[Issue]:
-    """Name the junctions whose crossings nobody has mapped."""
+    """Name the junctions whose crossings nobody has mapped.
+
+    Args:
+        network: as it was built.
+
+    Returns:
+        A note for each junction, with the number of crossings guessed.
+    """
     graph = network.layout.graph
     return [
         loss(
@@ -122,7 +163,16 @@ def tell_guesses(network: OsmNetwork) -> list[Issue]:
 def tell_unread_conditions(
     data: OsmData, network: OsmNetwork, unread: Sequence[UnreadCondition]
 ) -> tuple[Issue, ...]:
-    """Name the conditions of tags that are not understood, each with the first element that has it."""
+    """Name the conditions of tags that are not understood, each with the first element that has it.
+
+    Args:
+        data: the extract, with or without its conditions.
+        network: as it was built from it.
+        unread: the conditions, as `apply_conditions` found them.
+
+    Returns:
+        A note for each; none for a condition whose first element is nowhere on the map.
+    """
     places = network.layout.graph.places
     issues = []
     for condition in unread:
@@ -148,7 +198,15 @@ def tell_unread_conditions(
 
 
 def check_signals(network: OsmNetwork) -> tuple[Share, list[Issue]]:
-    """Look for exactly one controller at each signalised junction, and one near each other signal."""
+    """Look for exactly one controller at each signalised junction, and one near each other signal.
+
+    Args:
+        network: as it was built.
+
+    Returns:
+        How many signals are as they should be, of how many, junctions that share a controller counted once;
+        and a warning for each other.
+    """
     junctions, graph = network.layout.junctions, network.layout.graph
     control = {junction: signal.id for signal in network.road_map.signals for junction in signal.junctions}
     groups: dict[int, list[int]] = defaultdict(list)
@@ -184,7 +242,14 @@ def check_signals(network: OsmNetwork) -> tuple[Share, list[Issue]]:
 
 
 def check_turn_lanes(network: OsmNetwork) -> tuple[Share, list[Issue]]:
-    """Compare the arrows painted on approaches with where their lanes lead, for turns that exist."""
+    """Compare the arrows painted on approaches with where their lanes lead, for turns that exist.
+
+    Args:
+        network: as it was built.
+
+    Returns:
+        How many approaches lead as painted, of those with arrows and a choice; and a note for each other.
+    """
     index = MapIndex(network.road_map)
     roads, leaving = index.roads, index.leaving
     lane_road = {lane.id: lane.road for lane in network.road_map.lanes}
@@ -223,7 +288,15 @@ def check_turn_lanes(network: OsmNetwork) -> tuple[Share, list[Issue]]:
 
 
 def check_restrictions(network: OsmNetwork) -> tuple[Share, list[Issue]]:
-    """Look for connections that a turn restriction forbids."""
+    """Look for connections that a turn restriction forbids.
+
+    Args:
+        network: as it was built.
+
+    Returns:
+        How many restrictions are kept, of those between two ways that are built, without a way between; and a
+        warning for each other.
+    """
     sections = network.plain.sections
     by_first, by_last = defaultdict(set), defaultdict(set)
     for edge, section in sections.items():

@@ -26,6 +26,10 @@ _TRACKS = ("tram", "light_rail", "rail", "subway", "narrow_gauge")
 def measure_road_length(data: OsmData, network: OsmNetwork) -> tuple[dict[str, Any], list[Issue]]:
     """Measure the mapped roads against the built ones.
 
+    Args:
+        data: the extract.
+        network: as it was built from it.
+
     Returns:
         Metres kept, of how many, by the tag `highway`, and metres by kind of what is not imported at all;
         and an issue for each kind of which something was not built.

@@ -33,6 +33,10 @@ from dojo_maps.wording import counted
 def score_network(data: OsmData, network: OsmNetwork) -> tuple[dict[str, Any], tuple[Issue, ...]]:
     """Measure a network against its source.
 
+    Args:
+        data: the extract.
+        network: as it was built from it.
+
     Returns:
         The figures as JSON values, and the losses.
     """

@@ -25,6 +25,10 @@ _NAMES = {TRAM: "tram", RAIL: "rail", CYCLEWAY: "cycleway"}
 def measure_tracks(data: OsmData, network: OsmNetwork) -> tuple[dict[str, Any], list[Issue]]:
     """Measure the mapped tracks against the built ones, and the lanes that roads are tagged with.
 
+    Args:
+        data: the extract.
+        network: as it was built from it.
+
     Returns:
         Metres kept, of how many, by kind; and an issue for each kind of track that lacks some.
     """

@@ -14,7 +14,14 @@ _NO, _YES = ("no", "private"), ("yes", "permissive", "designated", "destination"
 
 
 def is_closed(tags: Tags) -> bool:
-    """Tell whether a node stops cars: by what stands there, and what it says of access."""
+    """Tell whether a node stops cars: by what stands there, and what it says of access.
+
+    Args:
+        tags: of the node.
+
+    Returns:
+        Whether it does; not at a gate that does not say so.
+    """
     kind = tags.get("barrier", "")
     said = next((tags[key] for key in _ACCESS if key in tags), None)
     if kind in _CLOSED:

@@ -9,7 +9,15 @@ from dojo_maps.sources.osm.graph.road_graph import RoadGraph, Section
 
 
 def add_centre_turn_lanes(graph: RoadGraph) -> RoadGraph:
-    """Give the streets of a graph that have a lane in their middle a turn lane before each junction."""
+    """Give the streets of a graph that have a lane in their middle a turn lane before each junction.
+
+    Args:
+        graph: the roads.
+
+    Returns:
+        The graph with these lanes; a street with room for them is split where they begin, in a shorter one
+        a single lane runs all along.
+    """
     ends = graph.ends()
     for _, section in sorted(graph.sections.items()):
         busy = [len(ends[vertex]) > 2 for vertex in (section.start, section.end)]

@@ -16,7 +16,14 @@ class EdgeId(NamedTuple):
 
     @classmethod
     def read(cls, name: str) -> "EdgeId":
-        """Read the name that SUMO knows an edge by; a minus stands for the way back."""
+        """Read the name that SUMO knows an edge by; a minus stands for the way back.
+
+        Args:
+            name: the edge's id in the network.
+
+        Returns:
+            The section and the direction.
+        """
         return cls(name.removeprefix("-"), not name.startswith("-"))
 
     def __str__(self) -> str:

@@ -12,6 +12,10 @@ def known_runs(data: OsmData, ways: Iterable[int]) -> tuple[list[tuple[int, tupl
 
     Nodes of a way that lie on one place are one, for all ways: the one that most ways run through.
 
+    Args:
+        data: the extract.
+        ways: ids of ways in it.
+
     Returns:
         Each way with each of its unbroken runs of two nodes or more, and the nodes that are missing.
     """

@@ -50,7 +50,16 @@ def project_nodes(
 def place_nodes(
     projection: Projection, data: OsmData, nodes: Sequence[int]
 ) -> dict[int, tuple[float, float]]:
-    """Lay more nodes of an extract into the plane, metres."""
+    """Lay more nodes of an extract into the plane, metres.
+
+    Args:
+        projection: of the map, as `project_nodes` chose it.
+        data: the extract.
+        nodes: ids of nodes in it.
+
+    Returns:
+        By node, x and y, metres, map frame.
+    """
     lon = np.array([data.nodes[node].lon for node in nodes])
     lat = np.array([data.nodes[node].lat for node in nodes])
     return _moved(projection, nodes, *_projected(projection.proj)(lon, lat))
@@ -67,7 +76,16 @@ def _moved(
 
 
 def way_line(projection: Projection, data: OsmData, way: OsmWay) -> shapely.LineString | None:
-    """Lay any way of the extract into the plane, None where fewer than two nodes are there."""
+    """Lay any way of the extract into the plane.
+
+    Args:
+        projection: of the map.
+        data: the extract.
+        way: any; nodes that the extract lacks are passed over.
+
+    Returns:
+        The line, metres, map frame; None where fewer than two nodes are there.
+    """
     nodes = [data.nodes[node] for node in way.nodes if node in data.nodes]
     if len(nodes) < 2:
         return None

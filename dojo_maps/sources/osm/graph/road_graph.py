@@ -53,7 +53,14 @@ class Section:
         return self.nodes[-1]
 
     def lanes_towards(self, *, end: bool) -> tuple[LaneTags, ...]:
-        """Give the lanes that lead to its end, or to its start."""
+        """Give the lanes that lead to its end, or to its start.
+
+        Args:
+            end: to its end.
+
+        Returns:
+            The lanes, outermost first; none where nobody drives that way.
+        """
         return self.road.forward if end else self.road.backward
 
     def flipped(self) -> "Section":
@@ -144,11 +151,25 @@ class RoadGraph:
         return list_ends(self.sections)
 
     def line(self, section: Section) -> Floats:
-        """Give a section's centre line, (n, 2) metres."""
+        """Give a section's centre line, (n, 2) metres.
+
+        Args:
+            section: a road or a track, on nodes of this graph.
+
+        Returns:
+            (n, 2), metres, map frame, in the order of its nodes.
+        """
         return np.array([self.places[node] for node in section.nodes])
 
     def length(self, section: Section) -> float:
-        """Measure a section, metres."""
+        """Measure a section, metres.
+
+        Args:
+            section: a road or a track, on nodes of this graph.
+
+        Returns:
+            Metres along its line.
+        """
         return float(along(self.line(section))[-1])
 
     def positions(self) -> dict[int, list[tuple[str, int]]]:
@@ -195,6 +216,9 @@ class RoadGraph:
 
         Args:
             cuts: of each section that is split, some of its nodes.
+
+        Returns:
+            The graph with the pieces in place of these sections, named as `split` names them.
         """
         found = {}
         for name, nodes in cuts.items():
@@ -207,6 +231,10 @@ class RoadGraph:
 
         Args:
             cuts: of each section that is split, places in its nodes, ascending.
+
+        Returns:
+            The graph with the pieces in place of these sections; to a section's id the first adds `a`, the
+            second `ba`, and so on, the last only as many `b` as there are cuts.
         """
         sections = dict(self.sections)
         for name, places in cuts.items():
@@ -220,7 +248,14 @@ class RoadGraph:
 
 
 def list_ends(sections: Mapping[str, Section]) -> dict[int, list[str]]:
-    """List the sections at each vertex, a loop twice."""
+    """List the sections at each vertex, a loop twice.
+
+    Args:
+        sections: by id.
+
+    Returns:
+        Their ids, by vertex.
+    """
     found: dict[int, list[str]] = defaultdict(list)
     for section in sections.values():
         found[section.start].append(section.id)
@@ -229,5 +264,12 @@ def list_ends(sections: Mapping[str, Section]) -> dict[int, list[str]]:
 
 
 def free_number(places: Iterable[int]) -> int:
-    """Number a node that OpenStreetMap does not have: below 0, and below all that there are."""
+    """Number a node that OpenStreetMap does not have: below 0, and below all that there are.
+
+    Args:
+        places: the numbers of the nodes that there are.
+
+    Returns:
+        The number.
+    """
     return min(0, *places) - 1

@@ -17,7 +17,14 @@ from dojo_maps.sources.osm.graph.road_graph import RoadGraph, Section
 
 
 def recognise_rings(graph: RoadGraph) -> RoadGraph:
-    """Take one-way roads that close to a circle, in the sense of traffic, for an untagged roundabout."""
+    """Take one-way roads that close to a circle, in the sense of traffic, for an untagged roundabout.
+
+    Args:
+        graph: the roads.
+
+    Returns:
+        The graph with these roads marked as parts of a roundabout.
+    """
     leaving: dict[int, list[Section]] = defaultdict(list)
     for _, section in sorted(graph.sections.items()):
         if section.road.oneway and not section.road.roundabout and section.start != section.end:
@@ -68,6 +75,12 @@ def widen_rings(graph: RoadGraph) -> RoadGraph:
     """Move the nodes of roundabouts outward where their arms lie too close together.
 
     The two lines of an arm with a splitter island are one arm.
+
+    Args:
+        graph: the roads.
+
+    Returns:
+        The graph with the nodes of these rings, and those of their arms near them, in other places.
     """
     ends, rules = graph.ends(), graph.rules.roundabouts
     for ring in find_rings(graph):
@@ -99,7 +112,14 @@ def widen_rings(graph: RoadGraph) -> RoadGraph:
 
 
 def find_rings(graph: RoadGraph) -> list[list[Section]]:
-    """Find the roundabouts that close: sections that lead from each to the next, back to the first."""
+    """Find the roundabouts that close.
+
+    Args:
+        graph: the roads.
+
+    Returns:
+        The sections of each, which lead from one to the next, and back to the first.
+    """
     leaving: dict[int, list[Section]] = defaultdict(list)
     for _, section in sorted(graph.sections.items()):
         if section.road.roundabout and section.start != section.end:

@@ -20,6 +20,9 @@ def cut_sections(runs: Iterable[Run], roads: Mapping[int, RoadTags]) -> list[Sec
     Args:
         runs: ways with the nodes that they run through.
         roads: what the ways are.
+
+    Returns:
+        The sections, run by run; their ids are the way's, with a number after `#`.
     """
     runs = list(runs)
     uses: dict[int, int] = defaultdict(int)
@@ -52,6 +55,9 @@ def cut_sections(runs: Iterable[Run], roads: Mapping[int, RoadTags]) -> list[Sec
 def drop_doubles(sections: Iterable[Section]) -> tuple[dict[str, Section], list[int]]:
     """Keep one of the sections drawn over the same nodes; one-ways against each other make a two-way road.
 
+    Args:
+        sections: those on different levels are not on the same nodes.
+
     Returns:
         The sections that are kept, by id; and a way of each one that is not.
     """
@@ -77,6 +83,9 @@ def join_sections(sections: Mapping[str, Section], places: Places, rules: Sectio
         sections: by id.
         places: where nodes lie, metres.
         rules: from which length on sections keep lanes of their own.
+
+    Returns:
+        The sections that there are then, by id; a joined one has that of its first part.
     """
     joined = dict(sections)
     while _join(joined, places, rules):

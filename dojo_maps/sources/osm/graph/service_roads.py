@@ -15,6 +15,9 @@ def find_signalised_service_roads(data: OsmData, roads: Collection[int]) -> froz
     Args:
         data: the extract.
         roads: the ways that are built anyway.
+
+    Returns:
+        Ids of the ways.
     """
     on_roads = {node for way in roads for node in data.ways[way].nodes}
     signals = {node for node, found in data.nodes.items() if found.tags.get("highway") == "traffic_signals"}

@@ -7,12 +7,15 @@ _SIDES = ("forward", "backward")
 
 
 def sign_direction(graph: RoadGraph, section: Section, node: int) -> int:
-    """Give 1 for traffic along a section, -1 for traffic against it, 0 where nothing says which.
+    """Tell which traffic a signal or a sign on a road is for.
 
     Args:
         graph: the roads; tags speak of the direction of the way.
         section: the road.
         node: one of its nodes, with the sign.
+
+    Returns:
+        1 for traffic along the section, -1 for traffic against it, 0 where nothing says which.
     """
     if section.road.oneway:
         return 1

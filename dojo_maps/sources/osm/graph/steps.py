@@ -33,8 +33,12 @@ def build_graph(
         rules: the limits to go by, in this stage and in those after it.
         country: whose rules hold; None for the one that the extract lies in.
 
+    Returns:
+        The roads, and the tracks on the same nodes.
+
     Raises:
-        SourceError: it has no roads, they spread too far to be one map, or they or tracks lie on each other.
+        SourceError: it has no roads, they spread too far to be one map, or they or tracks lie on each other,
+            or cross at far more places without a common node than streets do.
     """
     country = country or read_country(data)
     roads, not_kept = _read_roads(data, rules.lanes, country)

@@ -58,7 +58,14 @@ class Streets:
         self._strips = shapely.STRtree(shapely.buffer(self._lines, halves, cap_style="flat"))
 
     def parts(self, track: Section) -> list[StreetPart]:
-        """List the parts of a track that run in a street, in its direction."""
+        """List the parts of a track that run in a street, in its direction.
+
+        Args:
+            track: a section on nodes of the graph.
+
+        Returns:
+            The parts, from its start on; none of a track that is not a tram's.
+        """
         if track.road.kind != TRAM:
             return []
         line = shapely.LineString(self._graph.line(track))

@@ -22,6 +22,10 @@ def find_encounters(graph: RoadGraph, tracks: Iterable[Section]) -> Encounters:
     Args:
         graph: the roads.
         tracks: on the same nodes.
+
+    Returns:
+        By track and the number of its node, each road there with the metres along it; without nodes that are
+        on no road.
     """
     tracks = list(tracks)
     names = sorted(graph.sections)

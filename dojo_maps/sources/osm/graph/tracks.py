@@ -32,8 +32,17 @@ def add_tracks(data: OsmData, graph: RoadGraph, path: Path | str) -> RoadGraph:
 
     Trains are built where their track meets a road on the ground.
 
+    Args:
+        data: the extract.
+        graph: its roads.
+        path: named in errors.
+
+    Returns:
+        The graph with its tracks, and with the lanes that trams share; the same one where no track is near.
+
     Raises:
-        SourceError: tracks lie on each other.
+        SourceError: tracks lie on each other, or cross at far more places without a common node than streets
+            do.
     """
     tags = _read_tracks(data, graph)
     runs, _ = known_runs(data, tags)
@@ -59,7 +68,14 @@ def add_tracks(data: OsmData, graph: RoadGraph, path: Path | str) -> RoadGraph:
 
 
 def neighbourhood(graph: RoadGraph) -> shapely.Polygon:
-    """Outline the box around the roads within which tracks are built."""
+    """Outline the box around the roads within which tracks are built.
+
+    Args:
+        graph: the roads.
+
+    Returns:
+        A rectangle, metres, map frame, wider than the roads by `beyond_roads` of the rules for tracks.
+    """
     at = np.array([graph.places[node] for section in graph.sections.values() for node in section.nodes])
     far = graph.rules.tracks.beyond_roads
     return shapely.box(*(at.min(axis=0) - far), *(at.max(axis=0) + far))

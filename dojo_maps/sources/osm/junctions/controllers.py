@@ -14,6 +14,9 @@ from dojo_maps.sources.osm.junctions.mapped_crossings import MappedCrossing
 def assign_signals(graph: RoadGraph) -> tuple[dict[int, list[int]], list[int]]:
     """Find the vertex that each signal node is for.
 
+    Args:
+        graph: the roads.
+
     Returns:
         The signal nodes of each vertex; and those with no vertex near, which are stray.
     """
@@ -53,6 +56,9 @@ def signals_of_junctions(
         of: the junction of each vertex.
         assigned: the signal nodes of each vertex.
         crossings: where people cross.
+
+    Returns:
+        OSM nodes by junction; without junctions that have no signals.
     """
     ends = graph.ends()
     signals: dict[int, list[int]] = {}
@@ -74,7 +80,15 @@ def signals_of_junctions(
 
 
 def share_controllers(graph: RoadGraph, junctions: Junctions) -> Junctions:
-    """Give one controller to signalised junctions with little room between them."""
+    """Give one controller to signalised junctions with little room between them.
+
+    Args:
+        graph: the roads.
+        junctions: with their signals.
+
+    Returns:
+        The junctions with a controller for each that has signals, named by the lowest of those that share it.
+    """
     rules = graph.rules.signals
     groups = Groups(
         {junction: graph.places[junction] for junction in junctions.signals}, rules.widest_controller

@@ -22,6 +22,9 @@ def extend_ends(graph: RoadGraph, crossings: list[MappedCrossing], signals: Sequ
         graph: the roads.
         crossings: where people cross.
         signals: the nodes of those before the border.
+
+    Returns:
+        The graph with another node at the end of each of these roads.
     """
     ends = [(vertex, at[0]) for vertex, at in sorted(graph.ends().items()) if len(at) == 1]
     for vertex, name in ends:

@@ -46,13 +46,29 @@ class Groups:
         self._boxes = {key: (x, y, x, y) for key, (x, y) in places.items()}
 
     def find(self, key: int) -> int:
-        """Name the group of a thing."""
+        """Name the group of a thing.
+
+        Args:
+            key: of the thing.
+
+        Returns:
+            The lowest key in its group.
+        """
         while self._owner[key] != key:
             key = self._owner[key]
         return key
 
     def join(self, one: int, other: int, widest: float = 0.0) -> bool:
-        """Join two groups unless the whole would be too wide; tell whether they are one now."""
+        """Join two groups unless the whole would be too wide.
+
+        Args:
+            one: key of a thing in the first group.
+            other: key of a thing in the second.
+            widest: metres across the whole's bounding box, where it may have more than the groups' limit.
+
+        Returns:
+            Whether they are one group now.
+        """
         one, other = self.find(one), self.find(other)
         if one == other:
             return True
@@ -93,7 +109,15 @@ def group_vertices(
 
 
 def around_road(graph: RoadGraph, section: Section) -> shapely.Geometry:
-    """Give a road's carriageway and the ground near it, all that may be a junction's beside it."""
+    """Give a road's carriageway and the ground near it, all that may be a junction's beside it.
+
+    Args:
+        graph: that has the section's nodes.
+        section: a road or a track.
+
+    Returns:
+        A polygon, metres, map frame.
+    """
     return shapely.LineString(graph.line(section)).buffer(
         section.road.drives / 2 + graph.rules.junctions.beside_road
     )
@@ -129,7 +153,16 @@ def _reach(
 
 
 def joins_carriageways(graph: RoadGraph, ends: dict[int, list[str]], section: Section) -> bool:
-    """Tell whether a section leads over the median of a divided road."""
+    """Tell whether a section leads over the median of a divided road.
+
+    Args:
+        graph: the roads.
+        ends: ids of the sections at each vertex, as `RoadGraph.ends` lists them.
+        section: the road.
+
+    Returns:
+        Whether two other roads or more at each of its ends are one-way.
+    """
     return all(
         sum(graph.sections[name].road.oneway for name in ends[vertex] if name != section.id) >= 2
         for vertex in (section.start, section.end)

@@ -49,6 +49,9 @@ def add_lone_vertices(graph: RoadGraph, lone: Iterable[int]) -> RoadGraph:
     Args:
         graph: the roads.
         lone: nodes of the signals.
+
+    Returns:
+        The graph with the sections split there.
     """
     positions, least = graph.positions(), graph.rules.crossings.least_beyond_border
     cuts: dict[str, list[int]] = {}

@@ -10,7 +10,15 @@ from dojo_maps.sources.osm.junctions.grouping import Junctions
 
 
 def is_inner(graph: RoadGraph, section: Section) -> bool:
-    """Tell whether a section between vertices of one junction vanishes in it."""
+    """Tell whether a section between vertices of one junction vanishes in it.
+
+    Args:
+        graph: the roads.
+        section: begins and ends at the same junction.
+
+    Returns:
+        Whether it does: it is short, or lies nearly on itself.
+    """
     rules, length = graph.rules.junctions, graph.length(section)
     apart = math.dist(graph.places[section.start], graph.places[section.end])
     if section.road.roundabout:
@@ -21,7 +29,15 @@ def is_inner(graph: RoadGraph, section: Section) -> bool:
 
 
 def split_loops(graph: RoadGraph, junctions: Junctions) -> RoadGraph:
-    """Split roads that lead back to their junction and stay; the same graph where there is none."""
+    """Split roads that lead back to their junction and stay.
+
+    Args:
+        graph: the roads.
+        junctions: which of its vertices are one.
+
+    Returns:
+        The graph with two pieces in place of each; the same object where there is none.
+    """
     cuts: dict[str, list[int]] = {}
     sections, places = dict(graph.sections), dict(graph.places)
     for name, section in sorted(graph.sections.items()):

@@ -39,7 +39,15 @@ class MappedCrossing:
 
 
 def find_crossings(graph: RoadGraph) -> list[MappedCrossing]:
-    """Find each crossing of a road, once for each section that it crosses, in the order of sections."""
+    """Find each crossing of a road, once for each section that it crosses, in the order of sections.
+
+    Args:
+        graph: the roads, and the ways of people.
+
+    Returns:
+        The crossings, by section and the metres along it; of two that are nearly on one place, the one with
+        signals is kept, else the first.
+    """
     ways = [footway for footway in graph.footways if is_crossing_way(footway.tags)]
     found = _at_nodes(graph, {node: way for way in ways for node in way.nodes})
     found += _across(graph, ways, {crossing.node for crossing in found})

@@ -10,7 +10,15 @@ from dojo_maps.sources.osm.junctions.mapped_crossings import MappedCrossing
 
 
 def over_both_carriageways(graph: RoadGraph, crossings: list[MappedCrossing]) -> list[tuple[int, int]]:
-    """Pair the crossings between junctions that lead over both carriageways of a divided road."""
+    """Pair the crossings between junctions that lead over both carriageways of a divided road.
+
+    Args:
+        graph: the roads.
+        crossings: of it; those count that lie at a vertex where one one-way road goes on as another.
+
+    Returns:
+        The two vertices of each pair.
+    """
     ends, rules = graph.ends(), graph.rules.junctions
     alone = []
     for crossing in crossings:
@@ -27,7 +35,16 @@ def over_both_carriageways(graph: RoadGraph, crossings: list[MappedCrossing]) ->
 
 
 def split_between(graph: RoadGraph, junctions: Junctions, crossings: list[MappedCrossing]) -> RoadGraph:
-    """Split sections at crossings too far from both ends."""
+    """Split sections at crossings too far from both ends.
+
+    Args:
+        graph: the roads.
+        junctions: which of its vertices are one.
+        crossings: of the graph.
+
+    Returns:
+        The graph with a vertex at each of these crossings.
+    """
     by_section: dict[str, list[MappedCrossing]] = defaultdict(list)
     for crossing in crossings:
         by_section[crossing.section].append(crossing)

@@ -33,7 +33,14 @@ class JunctionPlan:
 
 
 def add_midblock_vertices(graph: RoadGraph) -> RoadGraph:
-    """Give crossings and signals that lie between junctions a vertex of their own."""
+    """Give crossings and signals that lie between junctions a vertex of their own.
+
+    Args:
+        graph: the roads.
+
+    Returns:
+        The graph with these vertices; roads that end at a crossing or a signal go on a little.
+    """
     crossings = find_crossings(graph)
     assigned, stray = assign_signals(graph)
     lone = find_lone_signals(graph, stray, assigned, crossings)
@@ -53,6 +60,9 @@ def plan_junctions(
         graph: the roads, with a vertex at each crossing between junctions.
         joined: vertices to join besides, because a section between them came out too short before.
         moved: crossings to move for the same reason, by node: towards which node, and how far.
+
+    Returns:
+        The plan; in its graph roads that lead back to their junction are split, and the crossings are moved.
     """
     crossings = find_crossings(graph)
     joined = [*joined, *over_both_carriageways(graph, crossings)]

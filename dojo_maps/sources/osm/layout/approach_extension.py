@@ -25,6 +25,12 @@ def extend_approaches(layout: Layout) -> Layout:
     """Lead roads on to the crossings ahead of them that would find no place near.
 
     Where lanes are mapped one by one, the first of a crossing's pieces is enough.
+
+    Args:
+        layout: with no crossing in its place yet.
+
+    Returns:
+        The layout with longer roads, their vertices moved; the rest as it was.
     """
     trial = host_crossings(layout)
     ends, arms = trial.graph.ends(), trial.arms()

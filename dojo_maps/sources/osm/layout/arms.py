@@ -75,16 +75,37 @@ class Layout:
         return self.graph.rules
 
     def height(self, vertex: int) -> float:
-        """Give the height of a vertex, metres."""
+        """Give the height of a vertex, metres.
+
+        Args:
+            vertex: of a junction.
+
+        Returns:
+            Metres above the lowest place of the ground; above the ground itself where that is flat.
+        """
         return self.heights.get(vertex, 0.0) + (self.ground.vertices[vertex] if self.ground else 0.0)
 
     def trimmed(self, name: str) -> Floats:
-        """Give a section's line, drawn back at its ends."""
+        """Give a section's line, drawn back at its ends.
+
+        Args:
+            name: the section's id.
+
+        Returns:
+            (n, 2), metres, map frame, in the order of its nodes.
+        """
         cuts = [self.cuts.get(Arm(name, at_end), 0.0) for at_end in (False, True)]
         return trim(self.graph.line(self.graph.sections[name]), *cuts)
 
     def junction(self, arm: Arm) -> int:
-        """Name the junction that an arm ends at."""
+        """Name the junction that an arm ends at.
+
+        Args:
+            arm: of any junction.
+
+        Returns:
+            The junction's lowest vertex.
+        """
         section = self.graph.sections[arm.section]
         return self.junctions.of[section.end if arm.at_end else section.start]
 
@@ -98,36 +119,90 @@ class Layout:
         return dict(found)
 
     def arriving(self, arm: Arm) -> tuple[LaneTags, ...]:
-        """Give the lanes that lead into the junction of an arm."""
+        """Give the lanes that lead into the junction of an arm.
+
+        Args:
+            arm: of any junction.
+
+        Returns:
+            The lanes, outermost first; none where all traffic leaves.
+        """
         return self.graph.sections[arm.section].lanes_towards(end=arm.at_end)
 
     def leaving(self, arm: Arm) -> tuple[LaneTags, ...]:
-        """Give the lanes that lead out of the junction of an arm."""
+        """Give the lanes that lead out of the junction of an arm.
+
+        Args:
+            arm: of any junction.
+
+        Returns:
+            The lanes, outermost first; none where all traffic arrives.
+        """
         return self.graph.sections[arm.section].lanes_towards(end=not arm.at_end)
 
     def walk(self, edge: EdgeId) -> float:
-        """Measure the sidewalk at the outer side of an edge, metres."""
+        """Measure the sidewalk at the outer side of an edge, metres.
+
+        Args:
+            edge: of a section that is built, and whose sidewalks are laid.
+
+        Returns:
+            Metres across; 0 where there is none.
+        """
         left, right = self.sidewalks[edge.section]
         return left if self.graph.left_hand == edge.forward else right
 
     def half(self, name: str) -> float:
-        """Measure half the width of a section's lanes."""
+        """Measure half the width of a section's lanes.
+
+        Args:
+            name: the section's id.
+
+        Returns:
+            Metres, of the lanes of both directions.
+        """
         return self.graph.sections[name].road.drives / 2
 
     def room(self, arm: Arm, cuts: Mapping[Arm, float], *, left: float) -> float:
-        """Measure how far an arm may be drawn back, beside other cuts, so that so much of it is left."""
+        """Measure how far an arm may be drawn back, beside other cuts, so that so much of it is left.
+
+        Args:
+            arm: of any junction.
+            cuts: metres by which arms are drawn back; at the other end of the road, if it has none there,
+                what a road loses at a junction anyway.
+            left: metres of the road to keep.
+
+        Returns:
+            Metres; below 0 where the road is too short already.
+        """
         length = self.graph.length(self.graph.sections[arm.section])
         return length - cuts.get(Arm(arm.section, not arm.at_end), self.rules.crossings.corner) - left
 
 
 def outward(graph: RoadGraph, arm: Arm) -> Floats:
-    """Give the line of an arm's road from its vertex on."""
+    """Give the line of an arm's road from its vertex on.
+
+    Args:
+        graph: that has the road.
+        arm: of a junction.
+
+    Returns:
+        (n, 2), metres, map frame, its vertex first.
+    """
     line = graph.line(graph.sections[arm.section])
     return line[::-1] if arm.at_end else line
 
 
 def ray(graph: RoadGraph, arm: Arm) -> tuple[Floats, Floats]:
-    """Give an arm's vertex and the unit vector away from it, along its first 20 m."""
+    """Give an arm's vertex and the unit vector away from it, along its first 20 m.
+
+    Args:
+        graph: that has the road.
+        arm: of a junction.
+
+    Returns:
+        (2,) metres, map frame; and (2,), to the place 20 m ahead, or to the road's end.
+    """
     line = outward(graph, arm)
     lengths = along(line)
     ahead = np.array([np.interp(min(20.0, float(lengths[-1])), lengths, values) for values in line.T])
@@ -136,7 +211,17 @@ def ray(graph: RoadGraph, arm: Arm) -> tuple[Floats, Floats]:
 
 
 def trim(line: Floats, start: float, end: float) -> Floats:
-    """Draw a line back at its ends, as far as a metre of it is left."""
+    """Draw a line back at its ends, as far as a metre of it is left.
+
+    Args:
+        line: (n, 2), or (n, 3) with heights; metres, n >= 2.
+        start: metres along it to draw its start back.
+        end: metres along it to draw its end back.
+
+    Returns:
+        As many columns, with new ends; both are drawn back less, in proportion, where too little would be
+        left.
+    """
     lengths = along(line)
     total = float(lengths[-1])
     if start + end > max(total - 1.0, 0.0):
@@ -148,9 +233,16 @@ def trim(line: Floats, start: float, end: float) -> Floats:
 
 
 def divider(layout: Layout, section: Section) -> Floats:
-    """Find the line between the two directions, drawn back where a crossing lies at an end.
+    """Find the line between the two directions, drawn back at both ends as their arms are.
 
     The way is taken for the middle of the carriageway, unless its placement says otherwise.
+
+    Args:
+        layout: with its cuts, asides, heights and ground.
+        section: of it.
+
+    Returns:
+        (n, 3), metres, map frame, along the section.
     """
     line = np.column_stack(
         [layout.graph.line(section), [layout.heights.get(node, 0.0) for node in section.nodes]]
@@ -165,7 +257,15 @@ def divider(layout: Layout, section: Section) -> Floats:
 
 
 def shift(line: Floats, distance: float) -> Floats:
-    """Move a line to its left, corners mitred."""
+    """Move a line to its left, corners mitred.
+
+    Args:
+        line: (n, 2), or (n, 3) with heights, which stay; metres, n >= 2.
+        distance: metres, negative to the right.
+
+    Returns:
+        As many rows and columns; the same object for a distance of 0.
+    """
     if not distance:
         return line
     step = np.diff(line[:, :2], axis=0)

@@ -20,7 +20,14 @@ _TRIED = 6
 
 
 def space_carriageways(layout: Layout) -> Layout:
-    """Narrow the lanes of roads that lie on each other, and move them apart where that is not enough."""
+    """Narrow the lanes of roads that lie on each other, and move them apart where that is not enough.
+
+    Args:
+        layout: with its roads drawn back.
+
+    Returns:
+        The layout with these widths of lanes, and with what it takes added to its asides.
+    """
     rules = layout.rules.spacing
     names = [name for name in sorted(layout.graph.sections) if name not in layout.inner]
     lines = {
@@ -95,7 +102,15 @@ def _room(
 
 
 def side_by_side(layout: Layout, arms: Sequence[Arm]) -> list[list[Arm]]:
-    """Group a junction's arms: those with no room for an island between them are crossed as one."""
+    """Group a junction's arms: those with no room for an island between them are crossed as one.
+
+    Args:
+        layout: with its roads drawn back.
+        arms: of one junction.
+
+    Returns:
+        Each arm in one group, many of them alone.
+    """
     groups = [[arm] for arm in arms]
     for arm, other in itertools.combinations(arms, 2):
         if not _touch(layout, arm, other):

@@ -10,7 +10,15 @@ from dojo_maps.sources.osm.layout.arms import Arm, Layout, ray
 
 
 def host_crossings(layout: Layout) -> Layout:
-    """Give each crossing the arm nearest to it, nearest crossings first."""
+    """Give each crossing the arm nearest to it, nearest crossings first.
+
+    Args:
+        layout: whose cuts and hosted crossings, if it has some, are forgotten.
+
+    Returns:
+        The layout with the crossing at each arm, cuts that draw its road back to there, and the crossings
+        with no place.
+    """
     graph, rules = layout.graph, layout.rules.crossings
     hosted: dict[Arm, MappedCrossing] = {}
     cuts: dict[Arm, float] = {}
@@ -42,7 +50,14 @@ def host_crossings(layout: Layout) -> Layout:
 
 
 def align_carriageways(layout: Layout) -> Layout:
-    """Draw both carriageways of an arm back to one line; netconvert would pull the one to the other."""
+    """Draw both carriageways of an arm back to one line; netconvert would pull the one to the other.
+
+    Args:
+        layout: with its crossings at their arms.
+
+    Returns:
+        The layout with more cuts.
+    """
     graph, rules, cuts = layout.graph, layout.rules, dict(layout.cuts)
     for arms in layout.arms().values():
         rays = {arm: ray(graph, arm) for arm in arms}

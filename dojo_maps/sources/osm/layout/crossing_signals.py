@@ -14,6 +14,12 @@ def add_crossing_signals(layout: Layout) -> Layout:
 
     Where roads meet beside the crossing, they stop for it as well; near junctions share a controller. A
     junction that nothing drives through has no signals.
+
+    Args:
+        layout: with its crossings at their arms.
+
+    Returns:
+        The layout with the signals and controllers of its junctions.
     """
     graph, junctions = layout.graph, layout.junctions
     degree = {vertex: len(at) for vertex, at in graph.ends().items()}

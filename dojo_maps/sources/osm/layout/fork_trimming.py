@@ -20,6 +20,12 @@ def trim_forks(layout: Layout) -> Layout:
     """Draw back the arms of each junction to where they lie beside each other, no crossing from its place.
 
     A roundabout's ring stays as it is: it is enough to draw the other road back.
+
+    Args:
+        layout: with its crossings at their arms.
+
+    Returns:
+        The layout with larger cuts, as far as its roads are long enough.
     """
     cuts, rules = dict(layout.cuts), layout.rules.forks
     for arms in layout.arms().values():

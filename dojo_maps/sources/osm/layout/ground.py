@@ -32,14 +32,31 @@ class Ground:
     steepest: float
 
     def at(self, graph: RoadGraph, name: str, place: tuple[float, float]) -> float:
-        """Give the height of the ground under a section's nearest place."""
+        """Give the height of the ground under a section's nearest place.
+
+        Args:
+            graph: that has the section.
+            name: the section's id.
+            place: x and y, metres, map frame.
+
+        Returns:
+            Metres above the lowest place; 0 for a section without a profile.
+        """
         if name not in self.profiles:
             return 0.0
         line = shapely.LineString(graph.line(graph.sections[name]))
         return float(np.interp(line.project(shapely.Point(place)), *self.profiles[name]))
 
     def split(self, name: str, metres: float) -> "Ground":
-        """Part the profile of a section that is split in two, so many metres along it."""
+        """Part the profile of a section that is split in two, so many metres along it.
+
+        Args:
+            name: the section's id; its pieces are named by `a` and `b` after it.
+            metres: along it, from its start.
+
+        Returns:
+            The ground with the profiles of both pieces besides.
+        """
         at, heights = self.profiles[name]
         here, first = float(np.interp(metres, at, heights)), at < metres
         parts = {
@@ -49,7 +66,15 @@ class Ground:
         return replace(self, profiles={**self.profiles, **parts})
 
     def under(self, name: str, line: Floats) -> Floats:
-        """Lift a section's line, (n, 3), by the ground under it; it gets more places where that bends."""
+        """Lift a section's line by the ground under it; it gets more places where that bends.
+
+        Args:
+            name: the id of a section with a profile.
+            line: (n, 3), metres, along the section; heights above the ground.
+
+        Returns:
+            (m, 3), metres, m >= n; heights above the lowest place of the ground.
+        """
         at, heights = self.profiles[name]
         lengths = along(line[:, :2])
         apart = np.abs(at[:, None] - lengths).min(axis=1)

@@ -62,7 +62,15 @@ def compute_heights(
 
 
 def clear_by_nature(graph: RoadGraph, ground: Ground) -> set[str]:
-    """Find the bridges and tunnels that need no ramps: the ground leads them clear of all that they pass."""
+    """Find the bridges and tunnels that need no ramps: the ground leads them clear of all that they pass.
+
+    Args:
+        graph: the roads, or roads and tracks.
+        ground: under them.
+
+    Returns:
+        Ids of sections.
+    """
     layers = {name: section.road.layer for name, section in graph.sections.items()}
     natural = {name for name, layer in layers.items() if layer}
     for one, other, place in _passing(graph, layers.keys(), natural):

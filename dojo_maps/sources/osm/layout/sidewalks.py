@@ -18,6 +18,9 @@ def lay_sidewalks(layout: Layout, paved: AbstractSet[str]) -> Layout:
     Args:
         layout: with its heights.
         paved: sections with pavement on both sides whatever is mapped, because crossings lead there.
+
+    Returns:
+        The layout with its sidewalks.
     """
     walks, rules = _Sidewalks(layout.graph), layout.rules.sidewalks
     found = {}
@@ -29,7 +32,15 @@ def lay_sidewalks(layout: Layout, paved: AbstractSet[str]) -> Layout:
 
 
 def pave(layout: Layout, paved: AbstractSet[str]) -> Layout:
-    """Give sections pavement on both sides where they have no sidewalk, because crossings lead there."""
+    """Give sections pavement on both sides where they have no sidewalk, because crossings lead there.
+
+    Args:
+        layout: with its sidewalks.
+        paved: ids of sections; those that are not built are passed over.
+
+    Returns:
+        The layout with this pavement among its sidewalks.
+    """
     least = layout.rules.sidewalks.island_width
     more = {
         name: (max(left, least), max(right, least))

@@ -27,6 +27,9 @@ def lay_out(
         paved: sections with pavement on both sides whatever is mapped, because crossings lead there.
         raster: elevations of the ground.
 
+    Returns:
+        The layout; its tracks, where there are some, are cut, but not settled.
+
     Raises:
         SourceError: the raster lies elsewhere.
     """

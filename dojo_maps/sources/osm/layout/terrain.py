@@ -185,7 +185,15 @@ class _Reader:
 
 
 def read_incline(text: str, steepest: float) -> float | None:
-    """Read the tag incline, as `5%` or `-3°`, into metres up for each metre ahead; None for other words."""
+    """Read the tag incline, such as `5%` or `-3°`.
+
+    Args:
+        text: its value.
+        steepest: metres up or down for each metre ahead, beyond which it is not believed.
+
+    Returns:
+        Metres up for each metre ahead, negative down; None for other words, and for what is not believed.
+    """
     match = _INCLINE.fullmatch(text)
     if match is None:
         return None

@@ -22,6 +22,9 @@ def find_links(layout: Layout, tracks: TrackLayout) -> list[TrackLink]:
     Args:
         layout: of the roads.
         tracks: with all but their links.
+
+    Returns:
+        The ways across junctions, each once, in order.
     """
     return sorted(set(_Links(layout, tracks).all()))
 

@@ -19,7 +19,15 @@ Parts = Mapping[str, Sequence[StreetPart]]
 
 
 def meet_roads(layout: Layout) -> Layout:
-    """Cut tracks where they meet roads and each other, and draw the roads back for them."""
+    """Cut tracks where they meet roads and each other, and draw the roads back for them.
+
+    Args:
+        layout: with its crossings at their arms.
+
+    Returns:
+        The layout with its tracks, these cuts, and signals where tracks cross; the same object where it has
+        none.
+    """
     if not layout.graph.tracks:
         return layout
     parts = _shared_parts(layout)

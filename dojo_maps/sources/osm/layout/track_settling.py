@@ -35,6 +35,9 @@ def settle_tracks(
         outlines: of the roads' junctions, as built without tracks, (n, 3) metres.
         closed: junctions that tracks lead over without a link.
         absorbed: tracks to make part of the junction at one of their ends.
+
+    Returns:
+        The layout with all of its tracks told; the same object where it has none.
     """
     if layout.tracks is None:
         return layout

@@ -139,6 +139,9 @@ def not_converged(known: Corrections, wanted: Corrections, graph: RoadGraph, *, 
         wanted: those that it needs.
         graph: the roads as they were built.
         attempts: how many were made.
+
+    Returns:
+        A warning at one of the nodes, with the number of all.
     """
     nodes = {node for pair in wanted.joined if pair not in known.joined for node in pair}
     nodes |= wanted.moved.keys() - known.moved.keys()

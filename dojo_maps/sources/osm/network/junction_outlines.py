@@ -20,6 +20,12 @@ def mend_outlines(data: bytes) -> bytes:
     """Give each junction of a network an outline that does not cross itself.
 
     An outline keeps the ground on both sides of where it crossed; nothing but the ground is changed.
+
+    Args:
+        data: the network, as netconvert writes it.
+
+    Returns:
+        The network with these outlines.
     """
     return replace_outlines(data, lambda _, corners: untwist(corners))
 
@@ -30,6 +36,9 @@ def replace_outlines(data: bytes, outline: Callable[[str, Floats], Floats | None
     Args:
         data: the network.
         outline: gives the new corners for a junction's id and its old ones, (n, 3) metres; None to keep them.
+
+    Returns:
+        The network with these outlines.
     """
 
     def replaced(found: re.Match[str]) -> str:

@@ -10,7 +10,15 @@ from dojo_maps.geometry.pieces import lane_strips
 
 
 def strips(road_map: RoadMap, kinds: Iterable[str]) -> dict[str, shapely.Geometry]:
-    """Outline each road's lanes of some kinds."""
+    """Outline each road's lanes of some kinds.
+
+    Args:
+        road_map: the network.
+        kinds: of lanes, as `Lane.kind` has them.
+
+    Returns:
+        Their ground by the road's id, metres, map frame; without roads that have no such lane.
+    """
     lanes = [lane for lane in road_map.lanes if lane.kind in kinds]
     roads: dict[str, list[shapely.Geometry]] = defaultdict(list)
     for lane, strip in zip(lanes, lane_strips(lanes), strict=True):

@@ -48,6 +48,9 @@ def convert_plain(folder: Path, path: Path, *, left_hand: bool, timeout: float) 
         left_hand: traffic keeps left.
         timeout: seconds that one run may take.
 
+    Returns:
+        The network without netconvert's header, its warnings, and what was left out.
+
     Raises:
         SourceError: netconvert builds nothing.
         NetconvertError: it fails whatever is left out.

@@ -28,7 +28,14 @@ class MappedGround:
         self._tree = shapely.STRtree(self._roads)
 
     def beyond(self, ground: shapely.Geometry) -> shapely.Geometry:
-        """Give the part of some ground that is far from every mapped road."""
+        """Give the part of some ground that is far from every mapped road.
+
+        Args:
+            ground: valid, metres, map frame.
+
+        Returns:
+            Ground of any shape, empty where none is far.
+        """
         near = [self._roads[k] for k in sorted(self._tree.query(ground))]
         return ground.difference(shapely.union_all(near))
 

@@ -18,7 +18,16 @@ from dojo_maps.sources.osm.rules import NetworkRules
 
 
 def lying_on_neighbours(road_map: RoadMap, layout: Layout, plain: Plain) -> list[tuple[int, int]]:
-    """Find the ends of short sections that still lie on another road of their junction when built."""
+    """Find the ends of short sections that still lie on another road of their junction when built.
+
+    Args:
+        road_map: the network as built.
+        layout: what it was built from.
+        plain: what was written of that.
+
+    Returns:
+        The two vertices of each such section, the lower first.
+    """
     graph, rules = layout.graph, layout.rules.network
     found = set()
     for one, other in _overlapping(road_map, rules):

@@ -12,7 +12,14 @@ _NAME = re.compile(rb'"(:[^"]*_w\d+)"')
 
 
 def clear_rails(network: bytes) -> bytes:
-    """Take people off the tracks of trams in a network of netconvert's; they cross them at junctions."""
+    """Take people off the tracks of trams in a network of netconvert's; they cross them at junctions.
+
+    Args:
+        network: the file's bytes.
+
+    Returns:
+        The network with nobody there but trams; the same object where it has no rails.
+    """
     rails = set(_RAIL_EDGE.findall(network))
     if not rails:
         return network

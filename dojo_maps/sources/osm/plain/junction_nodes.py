@@ -12,7 +12,17 @@ from dojo_maps.sources.osm.plain.track_edges import TrackEdges
 def write_nodes(
     layout: Layout, arms: Mapping[int, list[Arm]], rights: RightOfWay, tracks: TrackEdges
 ) -> list[str]:
-    """Write the roads' junctions; those that tracks lead into have types and outlines of their own."""
+    """Write the roads' junctions; those that tracks lead into have types and outlines of their own.
+
+    Args:
+        layout: what to build.
+        arms: of each junction, as `Layout.arms` lists them.
+        rights: who gives way there.
+        tracks: of the layout.
+
+    Returns:
+        A line of XML for each junction, in the order of their numbers.
+    """
     members = layout.junctions.members()
     entered, level_crossings = tracks.junctions, tracks.rail_crossings()
     outlines = layout.tracks.outlines if layout.tracks is not None else {}

@@ -16,7 +16,16 @@ STRAIGHT = 42.0
 
 
 def arrow_targets(turn: str, angles: Sequence[float], *, left_hand: bool) -> int | None:
-    """Find the movement that an arrow is for, by its number; None where none fits."""
+    """Find the movement that an arrow is for.
+
+    Args:
+        turn: the arrow, as a value of the tag `turn:lanes`.
+        angles: of the road's movements, degrees, positive to the inner side.
+        left_hand: traffic keeps left, so that right is the inner side.
+
+    Returns:
+        The number of the movement; None where none fits.
+    """
     wanted = _ARROWS.get(turn)
     if wanted is None:
         return None

@@ -44,7 +44,18 @@ class Movements:
             self._restrictions.setdefault(restriction.source, []).append(restriction)
 
     def at(self, junction: int, arms: Sequence[Arm]) -> list[Movement]:
-        """List the movements of a junction, outermost turn of each road first."""
+        """List the movements of a junction, outermost turn of each road first.
+
+        Args:
+            junction: its lowest vertex.
+            arms: all that it has.
+
+        Returns:
+            The movements, road by road; none of a road that no traffic arrives through.
+
+        Raises:
+            SourceError: more paths lead across it than can be followed.
+        """
         found: list[Movement] = []
         for arm in arms:
             if self._layout.arriving(arm):

@@ -64,6 +64,12 @@ def write_plain(layout: Layout, restrictions: Sequence[Restriction], folder: Pat
         layout: what to build.
         restrictions: turns that are forbidden.
         folder: where the files go.
+
+    Returns:
+        What was written, and what of the layout it came from.
+
+    Raises:
+        SourceError: more paths lead across a junction than can be followed.
     """
     arms = layout.arms()
     rights = RightOfWay(layout)

@@ -13,6 +13,10 @@ from dojo_maps.sources.osm.read.track_tags import RAIL
 def rail_crossings(layout: Layout, tracks: TrackLayout) -> Iterator[tuple[int, list[str]]]:
     """Find the tracks that part the pavements of a junction, those side by side together.
 
+    Args:
+        layout: with its sidewalks.
+        tracks: of it, settled.
+
     Yields:
         The junction, and the tracks that end there.
     """
@@ -40,7 +44,16 @@ def rail_crossings(layout: Layout, tracks: TrackLayout) -> Iterator[tuple[int, l
 
 
 def crossing_line(layout: Layout, junction: int, names: list[str]) -> str:
-    """Write a crossing; people let trains go first where no signal tells them to."""
+    """Write a crossing; people let trains go first where no signal tells them to.
+
+    Args:
+        layout: with its controllers.
+        junction: that the crossing belongs to.
+        names: of the edges that it leads over.
+
+    Returns:
+        A line of XML.
+    """
     return (
         f'<crossing node="{junction}" edges="{" ".join(sorted(names))}" '
         f'width="{layout.rules.crossings.width:.2f}" '

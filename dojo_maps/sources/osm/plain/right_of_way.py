@@ -41,7 +41,15 @@ class RightOfWay:
             self._read_junction(vertex)
 
     def kind(self, junction: int, arms: Sequence[Arm]) -> str:
-        """Name the type that netconvert gives a junction without signals."""
+        """Name the type that netconvert gives a junction without signals.
+
+        Args:
+            junction: its lowest vertex.
+            arms: all that it has.
+
+        Returns:
+            `allway_stop`, `priority_stop`, `priority`, `right_before_left` or `left_before_right`.
+        """
         arriving = [arm for arm in arms if self._arrives(arm)]
         if junction in self._mini:
             # Who circulates comes from the side that traffic does not keep to.
@@ -59,7 +67,15 @@ class RightOfWay:
         return self._first_from(right=rule is not EqualRoads.LEFT_FIRST)
 
     def sign(self, arm: Arm, arms: Sequence[Arm]) -> str | None:
-        """Name the sign of an approach: its own, or that of the minor roads of a junction."""
+        """Name the sign of an approach: its own, or that of the minor roads of a junction.
+
+        Args:
+            arm: that the approach arrives through.
+            arms: all of its junction.
+
+        Returns:
+            `stop` or `give_way`; None for no sign.
+        """
         junction = self._layout.junction(arm)
         if arm in self._signs or junction not in self._minor:
             return self._signs.get(arm)
@@ -67,7 +83,15 @@ class RightOfWay:
         return self._minor[junction] if self._rank(arm) < max(ranks) else None
 
     def priority(self, arm: Arm, arms: Sequence[Arm]) -> int:
-        """Give the priority of the road that arrives through an arm, for netconvert."""
+        """Give the priority of the road that arrives through an arm, for netconvert.
+
+        Args:
+            arm: that it arrives through.
+            arms: all of its junction.
+
+        Returns:
+            The higher, the more it goes first; the lowest there is for a road with a sign.
+        """
         if self.sign(arm, arms):
             return _SIGNED
         return _PRIORITY_ROAD if self._is_priority_road(arm) else self._rank(arm)

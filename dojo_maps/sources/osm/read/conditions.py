@@ -52,6 +52,12 @@ class UnreadCondition:
 def read_moment(text: str) -> Moment:
     """Read a moment such as `Mo 08:00`.
 
+    Args:
+        text: a weekday in two letters, then hours from 0 to 23 and minutes.
+
+    Returns:
+        The moment of the week.
+
     Raises:
         UsageError: it is none.
     """
@@ -92,7 +98,15 @@ def apply_conditions(data: OsmData, moment: Moment) -> tuple[OsmData, list[Unrea
 
 
 def holds(condition: str, moment: Moment) -> bool | None:
-    """Tell whether a condition holds at a moment; None where it is not understood."""
+    """Tell whether a condition holds at a moment.
+
+    Args:
+        condition: what a tag has behind its `@`, with or without brackets.
+        moment: of the week.
+
+    Returns:
+        Whether it does; None where it is not understood.
+    """
     text = condition.strip().removeprefix("(").removesuffix(")").strip()
     if text == "24/7":
         return True

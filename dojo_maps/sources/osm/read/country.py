@@ -92,7 +92,14 @@ class Country:
         return _EQUAL_ROADS.get(self.code, EqualRoads.ROAD_THAT_ENDS)
 
     def default_speed(self, kind: str) -> float:
-        """Give the limit, m/s, of an urban road without a sign."""
+        """Give the limit, m/s, of an urban road without a sign.
+
+        Args:
+            kind: of the road, by the tag `highway`.
+
+        Returns:
+            m/s; that of 50 km/h for a kind without a limit of its own.
+        """
         if kind in ("primary", "secondary", "tertiary", "unclassified", "residential"):
             if self.code in _AMERICAN:
                 return (25 if kind == "residential" else 35) * _MPH
@@ -107,6 +114,9 @@ def read_country(data: OsmData, drive: str | None = None) -> Country:
     Args:
         data: the extract.
         drive: left or right, where a user names the side.
+
+    Returns:
+        The country's rules; its code is empty where the extract lies in none, or has no nodes.
     """
     code = country_at(*_centre_of(data)) if data.nodes else ""
     lawful = code in _LEFT_HAND
@@ -130,7 +140,14 @@ def read_country(data: OsmData, drive: str | None = None) -> Country:
 
 
 def read_speed(text: str) -> float | None:
-    """Read a maxspeed tag into m/s; None where it is not a number."""
+    """Read a maxspeed tag.
+
+    Args:
+        text: its value: km/h, or with `mph`; of several the first; or a zone such as `DE:urban`.
+
+    Returns:
+        m/s; None where it is no speed, or one below 1 m/s or above 60 m/s.
+    """
     words = text.split(";", maxsplit=1)[0].replace("mph", " mph").split()
     try:
         value = float(words[0])
@@ -151,7 +168,14 @@ def _centre_of(data: OsmData) -> tuple[float, float]:
 
 
 def is_roundabout(tags: Tags) -> bool:
-    """Tell whether a way is part of a roundabout, by its tags."""
+    """Tell whether a way is part of a roundabout, by its tags.
+
+    Args:
+        tags: of the way.
+
+    Returns:
+        Whether it is; `junction=circular` is one, too.
+    """
     return tags.get("junction") in ("roundabout", "circular")
 
 

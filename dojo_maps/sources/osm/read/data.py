@@ -69,7 +69,15 @@ class OsmData:
 
 
 def link_to(kind: str, element: int) -> str:
-    """Give the page of an element on openstreetmap.org."""
+    """Give the page of an element on openstreetmap.org.
+
+    Args:
+        kind: node, way or relation.
+        element: its id.
+
+    Returns:
+        The address of the page.
+    """
     return f"https://www.openstreetmap.org/{kind}/{element}"
 
 
@@ -86,8 +94,14 @@ class Elements:
     def add_node(self, node: int, lon: float, lat: float, tags: Tags) -> None:
         """Add a node; one of the same id before it is forgotten.
 
+        Args:
+            node: its id.
+            lon: degrees east, WGS 84.
+            lat: degrees north.
+            tags: of the node; empty for none.
+
         Raises:
-            SourceError: it lies nowhere on the earth, or there are too many.
+            SourceError: it lies nowhere on the earth, or there are too many elements.
         """
         if not (math.isfinite(lon) and math.isfinite(lat) and abs(lon) <= 180 and abs(lat) <= 90):
             raise SourceError(
@@ -99,7 +113,12 @@ class Elements:
         self.nodes[node] = OsmNode(lon=lon, lat=lat, tags=tags)
 
     def add_way(self, way: int, nodes: Iterable[int], tags: Tags) -> None:
-        """Add a way.
+        """Add a way; one of the same id before it is forgotten.
+
+        Args:
+            way: its id.
+            nodes: ids in the way's order; they need not be known.
+            tags: of the way; empty for none.
 
         Raises:
             SourceError: it has too many nodes, or there are too many elements.
@@ -108,7 +127,12 @@ class Elements:
         self.ways[way] = OsmWay(nodes=self._bounded(nodes, f"way {way}"), tags=tags)
 
     def add_relation(self, relation: int, members: Iterable[OsmMember], tags: Tags) -> None:
-        """Add a relation.
+        """Add a relation; one of the same id before it is forgotten.
+
+        Args:
+            relation: its id.
+            members: in the relation's order; they need not be known.
+            tags: of the relation; empty for none.
 
         Raises:
             SourceError: it has too many members, or there are too many elements.

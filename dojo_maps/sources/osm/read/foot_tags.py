@@ -9,24 +9,52 @@ _MARKED = ("traffic_signals", "uncontrolled", "marked", "zebra", "island")
 
 
 def is_crossing_node(tags: Tags) -> bool:
-    """Tell whether people cross a road at a node of it."""
+    """Tell whether people cross a road at a node of it.
+
+    Args:
+        tags: of the node.
+
+    Returns:
+        Whether they do; not where it says `crossing=no`, nor at a railway.
+    """
     named = tags.get("highway") == "crossing" or tags.get("crossing", "no") != "no"
     named = named or tags.get("traffic_signals") in _FOR_WALKERS
     return named and tags.get("crossing") != "no" and "railway" not in tags
 
 
 def is_crossing_way(tags: Tags) -> bool:
-    """Tell whether a way leads people over a road."""
+    """Tell whether a way leads people over a road.
+
+    Args:
+        tags: of the way.
+
+    Returns:
+        Whether it does; not where it says `crossing=no`.
+    """
     return "crossing" in (tags.get("footway"), tags.get("path")) and tags.get("crossing") != "no"
 
 
 def is_sidewalk(tags: Tags) -> bool:
-    """Tell whether a way is a separately mapped sidewalk."""
+    """Tell whether a way is a separately mapped sidewalk.
+
+    Args:
+        tags: of the way.
+
+    Returns:
+        Whether it is, as a footway or as a path.
+    """
     return tags.get("footway") == "sidewalk" or tags.get("path") == "sidewalk"
 
 
 def is_signalised_crossing(tags: Tags) -> bool:
-    """Tell whether those who cross have lights."""
+    """Tell whether those who cross have lights.
+
+    Args:
+        tags: of the crossing, a node or a way.
+
+    Returns:
+        Whether they have, as far as the tags say.
+    """
     return (
         "traffic_signals" in (tags.get("crossing"), tags.get("highway"))
         or tags.get("crossing:signals") == "yes"
@@ -34,7 +62,14 @@ def is_signalised_crossing(tags: Tags) -> bool:
 
 
 def is_marked_crossing(tags: Tags) -> bool:
-    """Tell whether a crossing is painted, so that traffic gives way; it is where nothing is said."""
+    """Tell whether a crossing is painted, so that traffic gives way; it is where nothing is said.
+
+    Args:
+        tags: of the crossing, a node or a way.
+
+    Returns:
+        Whether it is.
+    """
     marks = tags.get("crossing:markings")
     if marks not in (None, "no"):
         return True

@@ -94,6 +94,9 @@ def read_lanes(tags: Tags, direction: int, *, bus_only: bool, left_hand: bool) -
         direction: of general traffic: 1 along the way, -1 against it, 0 both.
         bus_only: nobody else may use the road.
         left_hand: traffic keeps left.
+
+    Returns:
+        The lanes of both directions, and what the tags say that they do not show.
     """
     counts = _lane_counts(tags, direction)
     unkept = _unkept(tags, direction)

@@ -8,7 +8,14 @@ _FOOT = 0.3048
 
 
 def read_length(text: str) -> float | None:
-    """Read a length into metres: `12`, `12.5 m`, `40 ft`, `10'6"`; None where it is none."""
+    """Read a length: `12`, `12.5 m`, `40 ft`, `10'6"`.
+
+    Args:
+        text: a tag's value.
+
+    Returns:
+        Metres; None where the text is no length, as an empty one.
+    """
     if feet := _FEET.fullmatch(text):
         return (float(feet[1]) + float(feet[2]) / 12) * _FOOT
     match = _LENGTH.fullmatch(text)

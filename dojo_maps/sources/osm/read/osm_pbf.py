@@ -12,8 +12,12 @@ from dojo_maps.sources.osm.read.data import ELEMENTS, Elements, OsmMember
 def read_pbf(path: Path, elements: Elements) -> None:
     """Read elements out of a PBF file; deleted ones are left out.
 
+    Args:
+        path: of the file.
+        elements: what is read is added to them.
+
     Raises:
-        SourceError: it is broken.
+        SourceError: the file is missing, too large or broken, or `elements` refuses what it holds.
         ToolMissingError: the package osmium is not installed.
     """
     try:

@@ -11,8 +11,14 @@ from dojo_maps.sources.osm.read.data import ELEMENTS, Elements, OsmMember, Tags
 def read_xml(data: bytes, path: Path, elements: Elements) -> None:
     """Read elements out of XML; deleted ones are left out.
 
+    Args:
+        data: the file's bytes, unpacked.
+        path: named in errors.
+        elements: what is read is added to them.
+
     Raises:
-        SourceError: it is broken, unsafe, or no OpenStreetMap data.
+        SourceError: it is broken, cut off, unsafe, or no OpenStreetMap data, or `elements` refuses what it
+            holds.
     """
     events = _Events(elements)
     parse_xml(data, path, root="osm", kind="OSM file", start=events.start, end=events.end)

@@ -13,7 +13,14 @@ _HEAD = 4096
 
 
 def is_overpass_json(path: Path) -> bool:
-    """Tell by the beginning of a file whether Overpass wrote it."""
+    """Tell by the beginning of a file whether Overpass wrote it.
+
+    Args:
+        path: of the file, which is not packed.
+
+    Returns:
+        Whether it did; False for a file that cannot be read.
+    """
     try:
         with opened(path) as file:
             head = file.read(_HEAD)
@@ -25,8 +32,13 @@ def is_overpass_json(path: Path) -> bool:
 def read_overpass_json(data: bytes, path: Path, elements: Elements) -> None:
     """Read elements out of an answer of Overpass.
 
+    Args:
+        data: the file's bytes, unpacked.
+        path: named in errors.
+        elements: what is read is added to them.
+
     Raises:
-        SourceError: it is broken or cut off, or no such answer.
+        SourceError: it is broken or cut off, or no such answer, or `elements` refuses what it holds.
     """
     answer = parse_json(data, path)
     if not isinstance(answer, dict) or not isinstance(answer.get("elements"), list):

@@ -14,7 +14,15 @@ _WIDEST = 6.0
 
 
 def parking_width(tags: Tags, side: str) -> float:
-    """Give the metres of a road's `left` or `right` side on which cars park; 0 for none."""
+    """Give the width of the cars that park along one side of a road.
+
+    Args:
+        tags: of the way.
+        side: `left` or `right`, seen along the way.
+
+    Returns:
+        Metres of the carriageway, or of bays beside it, that they take; 0 for none.
+    """
     place = _first(tags, (f"parking:{side}", "parking:both"))
     if place is not None:
         said = read_length(_first(tags, (f"parking:{side}:width", "parking:both:width")) or "")

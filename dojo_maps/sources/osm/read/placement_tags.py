@@ -21,7 +21,7 @@ def read_placement(
     *,
     left_hand: bool,
 ) -> float:
-    """Give the metres by which the carriageway's middle lies to the left of its way; 0 where nothing is said.
+    """Give the metres by which the carriageway's middle lies to the left of its way.
 
     Args:
         tags: of the way.
@@ -29,6 +29,9 @@ def read_placement(
         backward: lanes against it, outermost first.
         width: of a lane without a width of its own, metres.
         left_hand: traffic keeps left.
+
+    Returns:
+        Metres, negative to the right; 0 where the tags say nothing that fits the lanes.
     """
     alone = not (forward and backward)
     for sign, side, lanes, others in ((-1, "forward", forward, backward), (1, "backward", backward, forward)):

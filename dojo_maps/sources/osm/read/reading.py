@@ -16,7 +16,14 @@ SUFFIXES = (
 
 
 def is_osm(path: Path | str) -> bool:
-    """Tell by a file's name whether it holds OpenStreetMap data; of other JSON, by how it begins."""
+    """Tell by a file's name whether it holds OpenStreetMap data; of other JSON, by how it begins.
+
+    Args:
+        path: of the file; only one whose name ends in .json, and not in .osm.json, is opened.
+
+    Returns:
+        Whether it does; False for JSON that cannot be read.
+    """
     name = str(path).lower()
     return name.endswith(SUFFIXES) or (name.endswith(".json") and is_overpass_json(Path(path)))
 

@@ -21,7 +21,15 @@ class Restriction:
 
 
 def read_restrictions(data: OsmData) -> tuple[list[Restriction], list[int]]:
-    """Read the turn restrictions for cars; the ids of those that cannot be used come second."""
+    """Read the turn restrictions for cars, except those that hold at some times only.
+
+    Args:
+        data: the extract.
+
+    Returns:
+        The restrictions, one for each pair of ways from and to; and the ids of the relations that cannot be
+        used, for they lack a member or name one of the wrong type.
+    """
     found, broken = [], []
     for relation, record in data.relations.items():
         tags = record.tags
@@ -53,7 +61,14 @@ def read_restrictions(data: OsmData) -> tuple[list[Restriction], list[int]]:
 
 
 def find_conditional(data: OsmData) -> dict[int, int]:
-    """Find the turn restrictions that hold at some times only, with the node that they are at."""
+    """Find the turn restrictions that hold at some times only, with the node that they are at.
+
+    Args:
+        data: the extract.
+
+    Returns:
+        The node between the ways, by the relation's id; without relations that have no such node.
+    """
     found = {}
     for relation, record in data.relations.items():
         said = {key: value for key, value in record.tags.items() if key.startswith("restriction")}

@@ -24,7 +24,14 @@ _NO = ("no", "private", "use_sidepath", "dismount")
 
 
 def track_kind(tags: Tags) -> str | None:
-    """Name the kind of a track as SUMO's types of edges do; None for a way that is none."""
+    """Name the kind of a track as SUMO's types of edges do.
+
+    Args:
+        tags: of the way.
+
+    Returns:
+        `railway.tram`, `railway.rail` or `highway.cycleway`; None for a way that is no track.
+    """
     if tags.get("area") == "yes":
         return None
     if "railway" in tags and tags["railway"] in _RAILWAYS:
@@ -37,10 +44,16 @@ def track_kind(tags: Tags) -> str | None:
 
 
 def read_track(tags: Tags) -> RoadTags | None:
-    """Read a track's tags; None for a way that is none.
+    """Read a track's tags.
 
     A track with no word on its direction is two-way. Both directions of a cycle track lie side by side, those
     of rails on the same ground.
+
+    Args:
+        tags: of the way.
+
+    Returns:
+        The track as a road with one lane in each direction that it is driven in; None for a way that is none.
     """
     kind = track_kind(tags)
     if kind is None:
@@ -62,7 +75,14 @@ def read_track(tags: Tags) -> RoadTags | None:
 
 
 def is_crossing_track(tags: Tags) -> bool:
-    """Tell whether a cycle track leads over a road, and no farther."""
+    """Tell whether a cycle track leads over a road, and no farther.
+
+    Args:
+        tags: of its way.
+
+    Returns:
+        Whether it does.
+    """
     return "crossing" in (tags.get("cycleway"), tags.get("path"), tags.get("footway"))
 
 

@@ -66,7 +66,14 @@ class RoadTags:
         return self.across(self.forward) + self.across(self.backward)
 
     def across(self, lanes: tuple[LaneTags, ...]) -> float:
-        """Measure some lanes together, metres."""
+        """Measure some lanes together, metres.
+
+        Args:
+            lanes: some of the road's; those with no width of their own are as wide as the road says.
+
+        Returns:
+            Metres across; 0 for no lanes.
+        """
         return sum(lane.width or self.width for lane in lanes)
 
 
@@ -113,11 +120,15 @@ def read_road(
 
 
 def why_not_a_road(tags: Tags, *, service: bool = False) -> str | None:
-    """Tell why a way is not built: its access, or an empty text for its kind; None for a road that is.
+    """Tell why a way is not built.
 
     Args:
         tags: of the way.
         service: service roads are built, too.
+
+    Returns:
+        The tag that keeps traffic out, such as `access=private`; an empty text where ways of its kind are not
+        built; None for a road that is.
     """
     kind = tags.get("highway")
     named = kind in KINDS and (service or kind != "service")
@@ -135,6 +146,9 @@ def may_have_sidewalk(road: RoadTags, fastest: float) -> bool:
     Args:
         road: what it is.
         fastest: metres a second up to which it may have them.
+
+    Returns:
+        Whether it may; roundabouts, motorways, trunk, service and bus roads may not.
     """
     return road.kind in _SIDEWALK_KINDS and road.speed <= fastest and not road.roundabout
 
@@ -186,7 +200,14 @@ def _lane_width(tags: Tags, lanes: tuple[LaneTags, ...], rules: LaneRules) -> fl
 
 
 def read_layer(tags: Tags) -> int:
-    """Give the level of a bridge, a tunnel, or of a passage through a building that names one."""
+    """Give the level of a bridge, a tunnel, or of a passage through a building that names one.
+
+    Args:
+        tags: of the way.
+
+    Returns:
+        Levels above the ground, from -5 to 5; 0 for what lies on it.
+    """
     bridge, tunnel = (tags.get(key, "no") for key in ("bridge", "tunnel"))
     if bridge == tunnel == "no":
         return 0

@@ -56,7 +56,15 @@ class _Change:
 
 
 def program_signals(data: bytes, road_map: RoadMap) -> bytes:
-    """Replace the programs of a network as netconvert writes it."""
+    """Replace the programs of a network as netconvert writes it.
+
+    Args:
+        data: the network.
+        road_map: what it holds.
+
+    Returns:
+        The network with other phases in its programs.
+    """
     text = data.decode("utf-8")
     for signal in road_map.signals:
         phases = compute_program(read_links(road_map, signal))
@@ -68,7 +76,15 @@ def program_signals(data: bytes, road_map: RoadMap) -> bytes:
 
 
 def compute_program(links: dict[int, SignalLink]) -> list[PhaseRow]:
-    """Compute the phases of a signal: green, green without walkers, yellow and all-red of each stage."""
+    """Compute the phases of a signal: green, green without walkers, yellow and all-red of each stage.
+
+    Args:
+        links: of the signal, by index, one at least, as `read_links` collects them.
+
+    Returns:
+        The seconds of each phase, and a letter for each index up to the highest, `r` where it has no link;
+        one phase of green where a single stage serves all.
+    """
     stages = build_stages(links)
     if len(stages) < 2:
         size = max(links) + 1

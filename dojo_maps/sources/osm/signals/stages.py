@@ -72,7 +72,15 @@ class Stage:
 
 
 def read_links(road_map: RoadMap, signal: Signal) -> dict[int, SignalLink]:
-    """Collect the links of a signal by index."""
+    """Collect the links of a signal by index.
+
+    Args:
+        road_map: the network.
+        signal: of it.
+
+    Returns:
+        The links of vehicles and of those who walk, by index, ascending.
+    """
     connections = [c for c in road_map.connections if c.signal == signal.id and c.link_index is not None]
     crossings = [c for c in road_map.crossings if c.signal == signal.id and c.link_index is not None]
     index = {connection.id: connection.link_index for connection in connections}
@@ -153,7 +161,14 @@ def _with(link: SignalLink, foes: dict[int, set[int]], yields: dict[int, set[int
 
 
 def build_stages(links: dict[int, SignalLink]) -> list[Stage]:
-    """Divide a signal's links into stages; every link has green in one of them at least."""
+    """Divide a signal's links into stages; every link has green in one of them at least.
+
+    Args:
+        links: of the signal, by index.
+
+    Returns:
+        The stages; `stage_order` decides which follows which.
+    """
     groups = _groups(links)
     whole = {group: _with_fed(links, groups, group) for group in groups}
     fed = {other for group in groups for other in groups if other < whole[group] and other != group}
@@ -246,7 +261,15 @@ def _with_walkers_stage(
 
 
 def letters_of(links: dict[int, SignalLink], stage: Stage) -> dict[int, str]:
-    """Give the letter of each link that has green: g where it must let others of the stage go first."""
+    """Give the letter of each link that has green: g where it must let others of the stage go first.
+
+    Args:
+        links: of the signal, by index.
+        stage: of them.
+
+    Returns:
+        `G` or `g` by index, ascending; without links that are red.
+    """
     green = stage.vehicles | stage.walks
     letters: dict[int, str] = {}
     for k in sorted(green):

@@ -37,19 +37,38 @@ class MapShapes:
         self._index = {node: index for index, node in enumerate(nodes) if np.isfinite(places[index]).all()}
 
     def place(self, node: int) -> Floats | None:
-        """Find a node: (2,) metres, None where the extract lacks it."""
+        """Find a node.
+
+        Args:
+            node: its id.
+
+        Returns:
+            (2,), metres, map frame; None where the extract lacks it, or the projection has no place for it.
+        """
         index = self._index.get(node)
         return None if index is None else self._places[index]
 
     def line(self, way: OsmWay) -> Floats:
-        """Follow a way through the nodes that the extract has: (n, 2) metres."""
+        """Follow a way through the nodes that the extract has.
+
+        Args:
+            way: any; nodes without a place are passed over.
+
+        Returns:
+            (n, 2), metres, map frame; n may be 0.
+        """
         return self._places[[self._index[node] for node in way.nodes if node in self._index]]
 
     def area(self, kind: str, element: int) -> shapely.Geometry | None:
         """Put the area of a closed way or of a multipolygon's members together.
 
+        Args:
+            kind: way or relation.
+            element: its id, which the extract must have.
+
         Returns:
-            A polygon or multipolygon; None where the rings are not whole or cannot be told apart.
+            A multipolygon, metres, map frame; None where the rings are not whole, cannot be told apart, or
+            would take long to untangle.
         """
         rings = list(self._rings(kind, element))
         corners = sum(len(ring) for ring in rings)
@@ -77,13 +96,28 @@ class MapShapes:
 
 
 def areas_of(shape: shapely.Geometry) -> shapely.Geometry:
-    """Keep what a shape has of areas, valid and on the raster; operations leave lines and points."""
+    """Keep what a shape has of areas, valid and on the raster; operations leave lines and points.
+
+    Args:
+        shape: any, metres.
+
+    Returns:
+        A multipolygon with corners on whole millimetres; empty where the shape has hardly any area.
+    """
     valid = shapely.set_precision(shapely.make_valid(shape), _GRID)
     return shapely.multipolygons(flat_polygons(np.array([valid]))[0])
 
 
 def polygons_of(shape: shapely.Geometry, *, larger_than: float) -> list[shapely.Polygon]:
-    """List the polygons of a shape that are larger than some square metres, in a fixed order."""
+    """List the polygons of a shape that are larger than some square metres, in a fixed order.
+
+    Args:
+        shape: a polygon or multipolygon, metres.
+        larger_than: square metres.
+
+    Returns:
+        The polygons, largest first.
+    """
     kept = [part for part in shapely.get_parts(shape) if part.area > larger_than]
     return sorted(kept, key=lambda part: (-round(part.area, 3), part.bounds))
 

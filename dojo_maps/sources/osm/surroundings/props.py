@@ -197,6 +197,9 @@ def building_height(
         tags: of the building.
         rules: how high floors are.
         usual: floors of a building of no known kind.
+
+    Returns:
+        Metres, within the bounds of the rules.
     """
     height = read_length(tags.get("height") or tags.get("building:height") or "")
     if height is None:
@@ -208,7 +211,15 @@ def building_height(
 
 
 def tree_height(tags: Tags, rules: SurroundingRules = RULES.surroundings) -> float:
-    """Tell a tree's height, metres."""
+    """Tell a tree's height, metres.
+
+    Args:
+        tags: of the tree, or of the row that it stands in.
+        rules: how high trees are.
+
+    Returns:
+        Metres, within the bounds of the rules.
+    """
     return min(
         max(read_length(tags.get("height", "")) or rules.tree, rules.smallest_tree), rules.tallest_tree
     )
