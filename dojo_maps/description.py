@@ -323,6 +323,11 @@ class Signal:
     programs: tuple[Program, ...]
     heads: tuple[SignalHead, ...] = ()
 
+    @property
+    def program(self) -> Program | None:
+        """The program that SUMO runs: the last one."""
+        return self.programs[-1] if self.programs else None
+
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class StopLine:

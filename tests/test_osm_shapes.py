@@ -15,6 +15,7 @@ from dojo_maps.conversion import convert
 from dojo_maps.sources.netconvert import NetconvertResult, run_netconvert
 from dojo_maps.sources.osm import read_osm
 from dojo_maps.sources.osm.graph.road_graph import RoadGraph
+from dojo_maps.sources.osm.graph.roundabouts import find_rings
 from dojo_maps.sources.osm.graph.steps import build_graph
 from dojo_maps.sources.osm.layout.heights import compute_heights
 from dojo_maps.sources.osm.network import netconvert_run
@@ -56,6 +57,22 @@ def test_small_roundabout_keeps_its_ring(left_hand: bool, tmp_path: Path) -> Non
     ring = [road.id for road in bundle.road_map.roads if road.id.startswith("1001#")]
     assert len(ring) == 4
     assert report["osm"]["crossings"] == {"kept": 4, "of": 4, "share": 1.0}
+
+
+@pytest.mark.parametrize("leads_in", [False, True])
+def test_arm_tagged_as_roundabout_is_no_part_of_the_ring(leads_in: bool, tmp_path: Path) -> None:
+    d = Drawing()
+    arm = [(60.0, 0.0), (10.0, 0.0)]
+    d.way(*(arm if leads_in else arm[::-1]), highway="tertiary", junction="roundabout")
+    ring = [
+        (round(10 * math.cos(k * math.pi / 8), 3), round(10 * math.sin(k * math.pi / 8), 3))
+        for k in range(16)
+    ]
+    d.way(*ring, ring[0], highway="tertiary", junction="roundabout")
+    for x, y in ring[4::4]:
+        d.way((x * 12, y * 12), (x, y), **STREET)
+    (found,) = find_rings(graph_of(d, tmp_path))
+    assert [section.ways[0] for section in found] == [1002] * 4
 
 
 @pytest.mark.parametrize("degrees", [4.0, 8.0, 16.0])

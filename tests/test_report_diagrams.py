@@ -95,6 +95,8 @@ def test_find_rows_leaves_out_signals_that_are_not_coordinated(eight):
     )
     signals = tuple(replace(s, programs=(other,)) for s in eight.road_map.signals)
     assert find_rows(replace(eight.road_map, signals=signals)) == []
+    signals = tuple(replace(s, programs=(*s.programs, other)) for s in eight.road_map.signals)
+    assert find_rows(replace(eight.road_map, signals=signals)) == [], "of two programs, SUMO runs the last"
 
 
 def test_the_report_holds_the_diagrams(eight):

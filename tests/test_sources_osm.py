@@ -183,6 +183,7 @@ BAD_ANSWERS = {
     "no kind": {"elements": [{"id": 1}]},
     "no id": {"elements": [{"type": "node", "lat": 1, "lon": 1}]},
     "no place": {"elements": [{"type": "node", "id": 1, "lat": "1", "lon": 1}]},
+    "endless number": {"elements": [{"type": "node", "id": 1, "lat": 1, "lon": 10**400}]},
     "half a geometry": {"elements": [{"type": "way", "id": 1, "nodes": [1, 2], "geometry": [None]}]},
     "tags": {"elements": [{"type": "node", "id": 1, "lat": 1, "lon": 1, "tags": {"a": []}}]},
     "cut off": {"elements": [], "remark": "runtime error: Query timed out"},

@@ -149,6 +149,7 @@ def test_junction_invalid_is_an_error_where_its_ways_lose_ground(grid: RoadMap) 
         (square, []),
         (corner, ["warning"]),
         ([square[k] for k in (0, 2, 1, 3)], ["error"]),
+        (square * 2, ["warning"]),
     ):
         polygon = points(np.array([(*place, z) for place in ring]))
         drawn = tuple(replace(j, polygon=polygon) if j is junction else j for j in grid.junctions)

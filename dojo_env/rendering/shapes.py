@@ -260,31 +260,6 @@ def lights(tail: float, half: float, front: tuple[float, float], rear: tuple[flo
     return faces
 
 
-def screen(bottom: float, top: float, half: float, low: float, high: float) -> list[Face]:
-    """A windscreen just ahead of the body behind it.
-
-    Args:
-        bottom: x of the body at the lower edge, metres.
-        top: x of the body at the upper edge, metres.
-        half: of its width, metres.
-        low: height of the lower edge, metres.
-        high: height of the upper edge, metres.
-
-    Returns:
-        One pane, three centimetres ahead.
-    """
-    out = 0.03
-    return [
-        (
-            np.array(
-                [(bottom + out, -half, low), (bottom + out, half, low), (top + out, half, high),
-                 (top + out, -half, high)]
-            ),
-            Part.GLASS,
-        )
-    ]  # fmt: skip
-
-
 def windows(nose: float, tail: float, half: float, low: float, high: float) -> list[Face]:
     """Lay a band of glass against both sides.
 

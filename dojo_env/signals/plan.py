@@ -118,7 +118,7 @@ def build_plan(road_map: RoadMap, signal: Signal, config: SignalConfig) -> Signa
     conflicts = read_conflicts(road_map, signal, count)
     walked = np.zeros(count, dtype=bool)
     walked[[link.index for link in signal.links if link.kind is LinkKind.PEDESTRIAN]] = True
-    program = signal.programs[-1] if signal.programs else None
+    program = signal.program
     own = [] if config.phases == "computed" or program is None else _program_phases(program, walked)
     wanted = own or _computed_phases(conflicts, links, walked, count)
     crossings = walked.copy()

@@ -93,9 +93,9 @@ class Capacities:
         }
         self._places = walks | {link.id: (link.signal, link.link_index) for link in self._links.values()}
         programs = self._programs = {
-            signal.id: signal.programs[0]
+            signal.id: signal.program
             for signal in road_map.signals
-            if signal.programs and signal.programs[0].phases
+            if signal.program is not None and signal.program.phases
         }
         self._signalled = {
             link.id: self._read(link, programs[link.signal], link.link_index)

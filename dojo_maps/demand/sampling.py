@@ -67,7 +67,7 @@ def sample_trips(road_map: RoadMap, counts: Sequence[Count], *, seed: int) -> tu
         return tuple(Trip(depart=t, roads=roads, vehicle_class=name) for t, roads in _read(folder / _CHOSEN))
 
 
-def model_counts(counts: Iterable[Count], trips: Iterable[Trip]) -> list[int]:
+def model_counts(counts: Sequence[Count], trips: Iterable[Trip]) -> list[int]:
     """Tell for each count how many trips that depart in its interval pass its place.
 
     Args:
@@ -78,7 +78,6 @@ def model_counts(counts: Iterable[Count], trips: Iterable[Trip]) -> list[int]:
     Returns:
         Vehicles or people, in the order of the counts.
     """
-    trips = tuple(trips)
     times = sorted({time for count in counts for time in (count.begin, count.end)})
     passed: Counter[tuple[_Roads, str, float]] = Counter()
     for trip in trips:

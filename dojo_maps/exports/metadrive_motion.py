@@ -4,16 +4,16 @@ MetaDrive's environment loads a scenario only with an ego car in it. It is a gui
 along lanes at their speed limit, heeds no signal, and stops where its way ends.
 """
 
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from dojo_maps.description import Connection, Program, RoadMap
+from dojo_maps.description import Connection, Phase, Program, RoadMap
 from dojo_maps.errors import ExportError
 from dojo_maps.exports.metadrive_features import Feature
 from dojo_maps.geometry.polylines import Floats, along
+from dojo_maps.signals.programs import following
 
 STEP = 0.1
 """MetaDrive's step, seconds."""
@@ -43,10 +43,9 @@ def choose_times(road_map: RoadMap) -> Floats:
     Returns:
         (n,), seconds, from 0 on, `STEP` apart.
     """
-    cycles = [
-        sum(phase.duration for phase in _active(s.programs).phases) for s in road_map.signals if s.programs
-    ]
-    duration = float(np.clip(max(cycles, default=0.0), _SHORTEST, _LONGEST))
+    cycles = [_list_cycle(signal.program) for signal in road_map.signals if signal.program is not None]
+    seconds = (sum(phase.duration for phase in cycle) for cycle in cycles)
+    duration = float(np.clip(max(seconds, default=0.0), _SHORTEST, _LONGEST))
     return np.arange(round(duration / STEP), dtype=np.float64) * STEP
 
 
@@ -65,7 +64,7 @@ def build_signal_states(
     Returns:
         MetaDrive's `dynamic_map_states`, by connection; positions in metres around the map's origin.
     """
-    programs = {signal.id: _active(signal.programs) for signal in road_map.signals if signal.programs}
+    programs = {s.id: s.program for s in road_map.signals if s.program is not None}
     places = {line.lane: line.shape.mean(axis=0) for line in road_map.stop_lines}
     ends = {lane.id: lane.shape[-1] for lane in road_map.lanes}
     origin = np.array([*road_map.origin, 0.0])
@@ -90,21 +89,27 @@ def build_signal_states(
     return states
 
 
-def _active(programs: Sequence[Program]) -> Program:
-    """Take the program that SUMO runs: the last one loaded."""
-    return programs[-1]
+def _list_cycle(program: Program) -> list[Phase]:
+    """List a program's phases as they follow each other; none where traffic alone decides, as under NEMA."""
+    places: list[int] = []
+    place = 0
+    while program.phases and not program.rings and place not in places:
+        places.append(place)
+        place = following(program, place)[0]
+    return [program.phases[place] for place in places]
 
 
 def _lights(program: Program | None, connection: Connection, times: Floats) -> list[str]:
     if program is None or connection.link_index is None:
         return [_UNKNOWN] * len(times)
-    ends = np.cumsum([phase.duration for phase in program.phases])
+    cycle = _list_cycle(program)
+    ends = np.cumsum([phase.duration for phase in cycle])
     if len(ends) == 0 or ends[-1] <= 0:
         return [_UNKNOWN] * len(times)
     # A hair ahead, so that an instant which is a phase's end in all but rounding belongs to the next phase.
     within = (times - program.offset + 1e-6) % ends[-1]
     phases = np.minimum(np.searchsorted(ends, within, side="right"), len(ends) - 1)
-    letters = [phase.state[connection.link_index : connection.link_index + 1] for phase in program.phases]
+    letters = [phase.state[connection.link_index : connection.link_index + 1] for phase in cycle]
     return [LIGHTS.get(letters[phase], _UNKNOWN) for phase in phases]
 
 

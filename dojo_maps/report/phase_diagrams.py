@@ -19,7 +19,7 @@ _GO, _YIELD, _WALK = "#0f9d58", "#86d3a8", "#0b6bcb"
 
 
 def draw_phases(road_map: RoadMap, signal: Signal) -> str | None:
-    """Draw the phases with green of a signal's first program.
+    """Draw the phases with green of the program that SUMO runs at a signal.
 
     Args:
         road_map: the map.
@@ -29,13 +29,13 @@ def draw_phases(road_map: RoadMap, signal: Signal) -> str | None:
         An SVG element, or None where the signal has no program or no way that it controls.
     """
     ways = list(_ways(road_map, signal))
-    if not signal.programs or not ways:
+    if signal.program is None or not ways:
         return None
-    phases = [(k, phase) for k, phase in enumerate(signal.programs[0].phases) if _is_stage(phase)]
+    phases = [(k, phase) for k, phase in enumerate(signal.program.phases) if _is_stage(phase)]
     phases = phases[:_MOST_PHASES]
     if not phases:
         return None
-    kind = signal.programs[0].kind
+    kind = signal.program.kind
     frame = _Frame(np.concatenate([line for _, _, line in ways]))
     street = "".join(_street(road_map, signal, frame))
     cells = "".join(

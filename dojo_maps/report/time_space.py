@@ -43,13 +43,13 @@ def find_rows(road_map: RoadMap) -> list[tuple[str, list[Stop]]]:
     """Find the longest rows of coordinated signals.
 
     Args:
-        road_map: whose signals' first programs count.
+        road_map: whose signals' programs count, of several the one that SUMO runs.
 
     Returns:
         At most 12 rows, those of most signals first: the first road's name, or its id where it has none, and
         the stops in driving order, two or more.
     """
-    programs = {s.id: s.programs[0] for s in road_map.signals if s.programs}
+    programs = {s.id: s.program for s in road_map.signals if s.program is not None}
     walker = _Walker(road_map, programs)
     rows = [row for start in road_map.connections if len(row := list(walker.follow(start))) > 1]
     rows.sort(key=lambda row: (-len(row), -row[-1][1].metres))
@@ -118,14 +118,14 @@ def draw_row(road_map: RoadMap, name: str, stops: list[Stop]) -> str:
     """Draw a row's time-space diagram: seconds to the right, two cycles of them, metres up.
 
     Args:
-        road_map: whose signals' first programs are drawn.
+        road_map: whose signals' programs are drawn, of several the one that SUMO runs.
         name: of the first road, for those who cannot see the picture.
         stops: a row of `find_rows`.
 
     Returns:
         An SVG element.
     """
-    programs = {s.id: s.programs[0] for s in road_map.signals if s.programs}
+    programs = {s.id: s.program for s in road_map.signals if s.program is not None}
     cycle = _cycle(programs[stops[0].signal])
     gaps = [max(_LEAST_GAP, _METRE * (b.metres - a.metres)) for a, b in pairwise(stops)]
     height = sum(gaps) + 60

@@ -156,7 +156,7 @@ def _detector_time(old: NetTree, logic: Element) -> Decimal:
         passing = float(parameters.get("passing-time", _PASSING_TIME))
         fastest = max((float(old.lanes(road)[lane].get("speed", "0")) for road, lane in lanes), default=0.0)
         return Decimal(max(1, math.ceil((gap * fastest / _CAR_SPACE - 0.5) * passing)))
-    except (ValueError, OverflowError):
+    except (ValueError, OverflowError, LookupError):
         return Decimal("Infinity")
 
 

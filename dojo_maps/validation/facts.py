@@ -229,18 +229,18 @@ def direction(shape: Floats) -> Floats:
 
 
 def twisted_share(polygon: shapely.Polygon, mended: float | None = None) -> float:
-    """Measure the share of a ring's ground that it runs around the wrong way.
+    """Measure the share of a ring's ground that it runs around the wrong way, or again.
 
     Args:
         polygon: as drawn; its holes do not count.
         mended: its ground in square metres once it is mended; None to mend it here.
 
     Returns:
-        0 for a ring that does not cross itself, 1 where all of its ground cancels out or it has none; below 0
-        where it runs around the same ground twice.
+        0 for a ring that does not cross itself, 1 where all of its ground cancels out, is run around
+        twice, or is none.
     """
     ground = shapely.make_valid(polygon).area if mended is None else mended
-    return float(1.0 - abs(shapely.Polygon(polygon.exterior).area) / ground) if ground > 0 else 1.0
+    return min(abs(1.0 - shapely.Polygon(polygon.exterior).area / ground), 1.0) if ground > 0 else 1.0
 
 
 def _mended(shapes: Shapes) -> Shapes:

@@ -31,20 +31,22 @@ def recognise_rings(graph: RoadGraph) -> RoadGraph:
             leaving[section.start].append(section)
     sections = dict(graph.sections)
     for section in [section for parts in leaving.values() for section in parts]:
-        ring = _turn_back(graph, leaving, section)
+        ring = _turn_back(graph, leaving, section, graph.rules.roundabouts.most_parts)
         if ring and _is_circle(graph, ring):
             for part in ring:
                 sections[part.id] = replace(part, road=replace(part.road, roundabout=True))
     return replace(graph, sections=sections)
 
 
-def _turn_back(graph: RoadGraph, leaving: dict[int, list[Section]], first: Section) -> list[Section]:
-    """Follow one-way roads, always to the inner side, until they lead back to the first; empty if never."""
+def _turn_back(
+    graph: RoadGraph, leaving: dict[int, list[Section]], first: Section, most: int
+) -> list[Section]:
+    """Follow at most so many one-way roads to the inner side until they lead back; empty if they never do."""
     side = -1 if graph.left_hand else 1
     ring = [first]
     while ring[-1].end != first.start:
         onward = leaving[ring[-1].end]
-        if not onward or len(ring) == graph.rules.roundabouts.most_parts:
+        if not onward or len(ring) == most:
             return []
         arriving = graph.line(ring[-1])[-2:]
         ring.append(max(onward, key=lambda s: (side * _turn(arriving, graph.line(s)[:2]), s.id)))
@@ -112,7 +114,7 @@ def widen_rings(graph: RoadGraph) -> RoadGraph:
 
 
 def find_rings(graph: RoadGraph) -> list[list[Section]]:
-    """Find the roundabouts that close.
+    """Find the roundabouts that close; arms that are tagged as parts of one do not belong to it.
 
     Args:
         graph: the roads.
@@ -124,16 +126,13 @@ def find_rings(graph: RoadGraph) -> list[list[Section]]:
     for _, section in sorted(graph.sections.items()):
         if section.road.roundabout and section.start != section.end:
             leaving[section.start].append(section)
-    rings, seen = [], set()
-    for start in sorted(leaving):
-        ring: list[Section] = []
-        here = start
-        while here not in seen and len(leaving[here]) == 1:
-            seen.add(here)
-            ring.append(leaving[here][0])
-            here = ring[-1].end
-        if ring and here == start:
-            rings.append(ring)
+    sections = [section for start in sorted(leaving) for section in leaving[start]]
+    rings, taken = [], set[str]()
+    for section in sections:
+        if section.id not in taken:
+            ring = _turn_back(graph, leaving, section, len(sections))
+            taken.update(part.id for part in ring)
+            rings += [ring] if ring else []
     return rings
 
 

@@ -10,6 +10,8 @@ from dojo_maps.sources.osm.read.data import ELEMENTS, Elements, OsmMember, Tags
 
 _MARKS = (b'"osm3s"', b'"elements"')
 _HEAD = 4096
+_FULL_CIRCLE = 360.0
+"""Degrees; whole numbers may have any number of digits."""
 
 
 def is_overpass_json(path: Path) -> bool:
@@ -81,7 +83,8 @@ class _Element:
 
     def _add_node(self, elements: Elements, node: int, place: dict[str, Any], tags: Tags) -> None:
         lon, lat = place.get("lon"), place.get("lat")
-        if not all(isinstance(each, int | float) and not isinstance(each, bool) for each in (lon, lat)):
+        numbers = all(isinstance(each, int | float) and not isinstance(each, bool) for each in (lon, lat))
+        if not numbers or max(abs(lon), abs(lat)) > _FULL_CIRCLE:  # type: ignore[arg-type]
             raise self._error(f"node {node} has lon={str(lon)[:40]}, lat={str(lat)[:40]}, expected degrees")
         elements.add_node(node, float(lon), float(lat), tags)  # type: ignore[arg-type]
 
