@@ -1,12 +1,13 @@
 """Who gives way in an imported network: roundabouts, signs, and junctions with neither."""
 
 import math
+from collections.abc import Callable
 from pathlib import Path
 
 import libsumo
 import pytest
 import sumolib
-from osm_drawings import HELSINKI, LONDON, SIGNAL, SYDNEY, Drawing
+from osm_drawings import HELSINKI, LONDON, SIGNAL, SYDNEY, Drawing, cross, dog_leg, dual_carriageways
 
 from dojo_maps.bundle import Bundle
 from dojo_maps.conversion import ConvertOptions, convert
@@ -274,3 +275,22 @@ def test_crossings_are_guessed_at_signals_only_and_told(tmp_path: Path) -> None:
     _, report = convert(str(crossroads(**SIGNAL).write(tmp_path / "b.osm")), tmp_path / "b.dojo")
     (told,) = [issue for issue in report["issues"] if issue["check"] == "osm.guessed_crossing"]
     assert told["measured"] == 4
+
+
+@pytest.mark.parametrize("drawing", [cross, dual_carriageways, dog_leg])
+def test_no_two_ways_into_one_lane_at_a_signal_wait_for_each_other(
+    drawing: Callable[[], Drawing], tmp_path: Path
+) -> None:
+    road_map = built(drawing(), tmp_path).road_map
+    targets = {connection.id: connection.to_lane for connection in road_map.connections}
+    waiting = 0
+    for junction in road_map.junctions:
+        ways = junction.right_of_way
+        for one, way in enumerate(ways):
+            for other in way.response:
+                if junction.kind == "traffic_light" and targets.get(way.link) == targets.get(
+                    ways[other].link, ""
+                ):
+                    waiting += 1
+                    assert one not in ways[other].response
+    assert waiting > 3
