@@ -252,6 +252,25 @@ def test_connect_lanes_takes_an_arrow_back_for_no_turn_to_the_outer_side() -> No
     assert (1, 1, 0) in connect_lanes(lanes, [[PLAIN] * 2, [PLAIN]], [90, 183], left_hand=False)
 
 
+@pytest.mark.parametrize(
+    ("turns", "angles"),
+    [
+        ((("left",), ("reverse", "left")), [-90, 50, 77]),
+        ((("through",), ("through",), ("left",)), [0, 50, 77]),
+        ((("right",), ("right",), ("through",)), [-77, -50, 0]),
+    ],
+)
+def test_connect_lanes_crosses_no_lane_of_the_road_where_an_arrow_is_missing(
+    turns: tuple[tuple[str, ...], ...], angles: list[float]
+) -> None:
+    """One lane less has an arrow than there are ways to go."""
+    lanes = [LaneTags(turns=turn) for turn in turns]
+    found = connect_lanes(lanes, [[PLAIN] * 2] * 3, angles, left_hand=False)
+    assert {movement for _, movement, _ in found} == {0, 1, 2}
+    ways = {lane: {movement for number, movement, _ in found if number == lane} for lane in range(len(lanes))}
+    assert all(max(ways[lane]) <= min(ways[lane + 1]) for lane in range(len(lanes) - 1))
+
+
 def test_connect_lanes_splits_a_road_that_ends() -> None:
     found = connect_lanes([PLAIN] * 2, [[PLAIN], [PLAIN]], [-90, 90], left_hand=False)
     assert found == [(0, 0, 0), (1, 1, 0)]

@@ -3,7 +3,7 @@
 Lanes are numbered from the outermost; angles are in degrees, positive to the inner side of the road.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
 from dojo_maps.sources.osm.read.lane_tags import LaneTags
 
@@ -144,10 +144,25 @@ def _painted(
         return None
     main = min(range(len(angles)), key=lambda k: (abs(angles[k]), k))
     chosen = {number: movements or {main} for number, movements in chosen.items()}
-    for movement in range(len(angles)):
+    for movement, angle in enumerate(angles):
         if not any(movement in movements for movements in chosen.values()):
-            chosen[0 if angles[movement] < angles[main] else len(lanes) - 1].add(movement)
+            outer = angle < angles[main]
+            beside = _lane_beside(chosen, movement, outer=outer)
+            chosen[beside if beside is not None else 0 if outer else len(lanes) - 1].add(movement)
     return chosen
+
+
+def _lane_beside(chosen: Mapping[int, set[int]], movement: int, *, outer: bool) -> int | None:
+    """Find the lane from which a movement crosses no other on its way to its side; None where all will do.
+
+    Args:
+        chosen: the movements of each lane so far, both from the outside.
+        movement: has no lane yet.
+        outer: it turns to the outer side of the main one, or else to the inner side.
+    """
+    if outer:
+        return max((lane for lane, known in chosen.items() if any(k < movement for k in known)), default=None)
+    return min((lane for lane, known in chosen.items() if any(k > movement for k in known)), default=None)
 
 
 def _expected(lanes: Sequence[LaneTags], angles: Sequence[float]) -> dict[int, set[int]]:
@@ -167,7 +182,8 @@ def _expected(lanes: Sequence[LaneTags], angles: Sequence[float]) -> dict[int, s
     for movement, angle in enumerate(angles):
         if not any(movement in movements for movements in chosen.values()):
             outer = angle < angles[main] or (angle == angles[main] and movement < main)
-            chosen[cars[0] if outer else cars[-1]].add(movement)
+            beside = _lane_beside({number: chosen[number] for number in cars}, movement, outer=outer)
+            chosen[beside if beside is not None else cars[0] if outer else cars[-1]].add(movement)
     for number in range(cars[0]):
         chosen[number] |= {movement for movement in chosen[cars[0]] if angles[movement] < -STRAIGHT}
     return chosen
