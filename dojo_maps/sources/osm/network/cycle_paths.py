@@ -3,7 +3,6 @@
 netconvert leads them straight from track to track, over all lanes of a wide junction.
 """
 
-import re
 from collections.abc import Iterator
 
 import numpy as np
@@ -16,10 +15,9 @@ from dojo_maps.index import MapIndex
 from dojo_maps.sources.osm.graph.road_graph import RoadGraph
 from dojo_maps.sources.osm.layout.arms import Layout
 from dojo_maps.sources.osm.layout.track_layout import TrackLink
-from dojo_maps.sources.osm.network.net_shapes import write_shape
+from dojo_maps.sources.osm.network.net_shapes import replace_internal_lanes
 from dojo_maps.sources.osm.read.track_tags import CYCLEWAY
 
-_LANE = re.compile(r'(<lane id="(:[^"]*)"[^>]*? length=")[^"]*("[^>]*? shape=")[^"]*(")')
 _CORNER = 0.5
 """Metres from a lane's end within which a track's corner is left out."""
 
@@ -35,15 +33,8 @@ def follow_tracks(data: bytes, road_map: RoadMap, layout: Layout) -> bytes:
     Returns:
         The network with other shapes and lengths of internal lanes.
     """
-    changed = dict(_paths(road_map, layout))
-
-    def replaced(found: re.Match[str]) -> str:
-        path = changed.get(found[2])
-        if path is None:
-            return found[0]
-        return f"{found[1]}{along(path)[-1]:.2f}{found[3]}{write_shape(path)}{found[4]}"
-
-    return _LANE.sub(replaced, data.decode("utf-8")).encode("utf-8") if changed else data
+    courses = {lane: (float(along(path)[-1]), path) for lane, path in _paths(road_map, layout)}
+    return replace_internal_lanes(data.decode("utf-8"), courses).encode("utf-8")
 
 
 def _paths(road_map: RoadMap, layout: Layout) -> Iterator[tuple[str, Floats]]:

@@ -12,17 +12,16 @@ import numpy as np
 from dojo_maps.description import RoadMap
 from dojo_maps.geometry.polylines import Floats, along
 from dojo_maps.signals.waiting import find_meetings
-from dojo_maps.sources.osm.network.net_shapes import read_shape, write_shape
+from dojo_maps.sources.osm.network.net_shapes import (
+    Course,
+    read_internal_lanes,
+    replace_internal_lanes,
+)
 from dojo_maps.sources.osm.rules import WaitingRules
 
-_LANE = re.compile(
-    r'(<lane id="(:[^"]*)"[^>]*? length=")([^"]*)("[^>]*? shape=")([^"]*)(")'
-    r'|(<junction id="(:[^"]*)" type="internal" )x="[^"]*" y="[^"]*"( z="[^"]*")?'
-)
+_PLACE = re.compile(r'(<junction id="(:[^"]*)" type="internal" )x="[^"]*" y="[^"]*"( z="[^"]*")?')
 _PROGRAM = re.compile(r'<tlLogic id="([^"]*)"[^>]*>(.*?)</tlLogic>', re.DOTALL)
 _STATE = re.compile(r'state="([^"]*)"')
-_Part = tuple[float, Floats]
-"""Metres of an internal lane, and its shape."""
 
 
 def move_waiting_places(data: bytes, road_map: RoadMap, rules: WaitingRules) -> bytes:
@@ -38,8 +37,8 @@ def move_waiting_places(data: bytes, road_map: RoadMap, rules: WaitingRules) -> 
     """
     text = data.decode("utf-8")
     states = {unescape(found[1]): _STATE.findall(found[2]) for found in _PROGRAM.finditer(text)}
-    parts = {found[2]: (float(found[3]), read_shape(found[5])) for found in _LANE.finditer(text) if found[2]}
-    changed: dict[str, _Part] = {}
+    parts = read_internal_lanes(text)
+    changed: dict[str, Course] = {}
     meetings = find_meetings(road_map, states, widest=rules.widest, nearest=rules.nearest, walkers=True)
     for meeting in meetings:
         before, after = meeting.connection.via
@@ -50,18 +49,14 @@ def move_waiting_places(data: bytes, road_map: RoadMap, rules: WaitingRules) -> 
             changed[before] = place, first
             changed[after] = rest + length - place, np.concatenate([second, onward[1:]])
 
-    def replaced(found: re.Match[str]) -> str:
-        name = found[2] or found[8]
-        if name not in changed:
+    def moved(found: re.Match[str]) -> str:
+        if found[2] not in changed:
             return found[0]
-        length, shape = changed[name]
-        if found[2]:
-            return f"{found[1]}{length:.2f}{found[4]}{write_shape(shape)}{found[6]}"
-        x, y, *z = shape[0]
-        height = f' z="{z[0]:.2f}"' if found[9] else ""
-        return f'{found[7]}x="{x:.2f}" y="{y:.2f}"{height}'
+        x, y, z = changed[found[2]][1][0]
+        height = f' z="{z:.2f}"' if found[3] else ""
+        return f'{found[1]}x="{x:.2f}" y="{y:.2f}"{height}'
 
-    return _LANE.sub(replaced, text).encode("utf-8") if changed else data
+    return _PLACE.sub(moved, replace_internal_lanes(text, changed)).encode("utf-8")
 
 
 def _split(shape: Floats, place: float) -> tuple[Floats, Floats]:
