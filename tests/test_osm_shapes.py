@@ -209,14 +209,22 @@ def test_crossing_without_a_place_is_left_out(tmp_path: Path, monkeypatch: pytes
     assert report["osm"]["crossings"]["kept"] == report["osm"]["crossings"]["of"] - 1
 
 
-def test_outline_that_crosses_itself_is_untwisted() -> None:
-    twisted = b'<junction id="a" type="priority" incLanes="b_0" shape="0,0 10,10 10,0 0,10"/>\n'
+TWISTED_JUNCTION = b'<junction id="a" type="priority" incLanes="b_0" shape="0,0 10,10 10,0 0,10"/>\n'
+TWISTED_AREA = (
+    b'<edge id=":a_w0" function="walkingarea"><lane id=":a_w0_0" shape="0,0 10,10 10,0 0,10"/></edge>\n'
+)
+
+
+@pytest.mark.parametrize("twisted", [TWISTED_JUNCTION, TWISTED_AREA], ids=["junction", "walking area"])
+def test_outline_that_crosses_itself_is_untwisted(twisted: bytes) -> None:
     whole = b'<junction id="c" type="priority" incLanes="" shape="0,0 10,0 10,10 0,10"/>\n'
-    inner = twisted.replace(b'"a"', b'":a_0"')
+    inner = TWISTED_JUNCTION.replace(b'"a"', b'":a_0"')
     mended = mend_outlines(twisted + whole + inner)
     first, rest = mended.split(b"\n", maxsplit=1)
     assert rest == whole + inner
-    corners = [tuple(map(float, corner.split(b","))) for corner in first.split(b'"')[-2].split()]
+    corners = [
+        tuple(map(float, corner.split(b","))) for corner in first.split(b'shape="')[1].split(b'"')[0].split()
+    ]
     outline = shapely.Polygon(corners)
     assert outline.is_valid
     assert outline.area >= 50

@@ -1,4 +1,4 @@
-"""Change the outlines of a network's junctions; untwist those that netconvert draws across themselves."""
+"""Change outlines of junctions and walking areas; untwist those that netconvert draws across themselves."""
 
 import re
 from collections.abc import Callable
@@ -10,6 +10,9 @@ from dojo_maps.geometry.polylines import Floats
 from dojo_maps.sources.osm.network.net_shapes import read_shape, write_shape
 
 _JUNCTION = re.compile(r'(<junction id="([^":][^"]*)"[^>]*? shape=")([^"]+)(")')
+_WALKING_AREA = re.compile(
+    r'(<edge id="(:[^"]*)" function="walkingarea"[^>]*>\s*<lane [^>]*? shape=")([^"]+)(")'
+)
 _GAP = 0.5
 """Metres between parts of an outline that are joined."""
 _GRID = 0.01
@@ -17,7 +20,7 @@ _GRID = 0.01
 
 
 def mend_outlines(data: bytes) -> bytes:
-    """Give each junction of a network an outline that does not cross itself.
+    """Give each junction and walking area of a network an outline that does not cross itself.
 
     An outline keeps the ground on both sides of where it crossed; nothing but the ground is changed.
 
@@ -27,7 +30,8 @@ def mend_outlines(data: bytes) -> bytes:
     Returns:
         The network with these outlines.
     """
-    return replace_outlines(data, lambda _, corners: untwist(corners))
+    junctions = replace_outlines(data, lambda _, corners: untwist(corners))
+    return _replace(junctions, _WALKING_AREA, lambda _, corners: untwist(corners))
 
 
 def replace_outlines(data: bytes, outline: Callable[[str, Floats], Floats | None]) -> bytes:
@@ -40,12 +44,15 @@ def replace_outlines(data: bytes, outline: Callable[[str, Floats], Floats | None
     Returns:
         The network with these outlines.
     """
+    return _replace(data, _JUNCTION, outline)
 
+
+def _replace(data: bytes, pattern: re.Pattern[str], outline: Callable[[str, Floats], Floats | None]) -> bytes:
     def replaced(found: re.Match[str]) -> str:
         new = outline(found[2], read_shape(found[3]))
         return found[0] if new is None else f"{found[1]}{write_shape(new)}{found[4]}"
 
-    return _JUNCTION.sub(replaced, data.decode("utf-8")).encode("utf-8")
+    return pattern.sub(replaced, data.decode("utf-8")).encode("utf-8")
 
 
 def untwist(corners: Floats) -> Floats | None:
