@@ -58,12 +58,15 @@ def _list_circles(ways: Sequence[RightOfWay]) -> Iterator[tuple[int, int]]:
 
 
 def _list_merges(ways: Sequence[RightOfWay], targets: Mapping[str, str]) -> Iterator[tuple[int, int]]:
-    """List the same of two ways into one lane that wait for each other; who waits for fewer goes first."""
+    """List the same of two ways into one lane that wait for each other.
+
+    Who may wait inside the junction waits, since he looks for the other there; or else who waits for more.
+    """
     for pair in combinations(range(len(ways)), 2):
         one, other = (ways[way] for way in pair)
         lane = targets.get(one.link)
         if lane and lane == targets.get(other.link) and pair[0] in other.response and pair[1] in one.response:
-            first = min(pair, key=lambda way: len(ways[way].response))
+            first = min(pair, key=lambda way: (ways[way].cont, len(ways[way].response)))
             yield first, sum(pair) - first
 
 
