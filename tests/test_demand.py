@@ -139,6 +139,14 @@ def test_city_flows(tmp_path: Path) -> None:
     assert hour.walkers > 0.9 * report["demand"]["walkers"]
 
 
+def test_only_those_who_drive_are_impatient(tmp_path: Path) -> None:
+    bundle, _ = convert("two-way", tmp_path / "two-way.dojo", WITH_DEMAND)
+    demand = ET.parse(bundle.folder / "demand.rou.xml")  # noqa: S314
+    types = {each.get("id"): each.get("impatience") for each in demand.iter("vType")}
+    assert types["car"] == types["bus"] == "0.5"
+    assert types["walker"] is None
+
+
 def test_demand_is_the_same_for_a_seed_and_differs_between_seeds(tmp_path: Path) -> None:
     bundle, _ = convert("cologne1", tmp_path / "cologne1.dojo", WITH_DEMAND)
     files = [tmp_path / f"{k}.rou.xml" for k in range(3)]

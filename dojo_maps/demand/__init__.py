@@ -30,6 +30,9 @@ from dojo_maps.short_repr import short_repr
 
 _RIDES = 10.0
 """Cyclists per hour on a movement, where it has room for them."""
+_IMPATIENCE = 0.5
+"""SUMO's `impatience` of drivers and cyclists: who has to wait takes gaps in which others brake a little.
+Without it some wait for minutes beside a busy stream. Changing patterns of demand have none."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -143,7 +146,8 @@ def write_demand(
 def _deliver(
     road_map: RoadMap, trips: list[Trip], strolls: list[Stroll], path: Path, options: DemandOptions
 ) -> Demand:
-    write_route_file(trips, strolls, path, find_stubs(road_map))
+    impatience = _IMPATIENCE if options.pattern is None else 0.0
+    write_route_file(trips, strolls, path, find_stubs(road_map), impatience=impatience)
     bicycles = sum(trip.vehicle_class == CYCLISTS for trip in trips)
     return Demand(
         begin=options.begin,

@@ -107,7 +107,12 @@ def find_stubs(road_map: RoadMap) -> frozenset[str]:
 
 
 def write_route_file(
-    trips: Sequence[Trip], strolls: Iterable[Stroll], path: Path, stubs: Set[str] = frozenset()
+    trips: Sequence[Trip],
+    strolls: Iterable[Stroll],
+    path: Path,
+    stubs: Set[str] = frozenset(),
+    *,
+    impatience: float = 0.0,
 ) -> None:
     """Write vehicles and people in the order of their departures; the file appears whole.
 
@@ -116,16 +121,23 @@ def write_route_file(
         strolls: the people on foot.
         path: of the file.
         stubs: as for `format_routes`.
+        impatience: likewise.
 
     Raises:
         UsageError: the path is a folder, or lies in none.
         WriteError: the file cannot be written.
     """
     with replaced(path) as fresh:
-        fresh.write_text(format_routes(trips, strolls, stubs), encoding="utf-8")
+        fresh.write_text(format_routes(trips, strolls, stubs, impatience=impatience), encoding="utf-8")
 
 
-def format_routes(trips: Sequence[Trip], strolls: Iterable[Stroll], stubs: Set[str] = frozenset()) -> str:
+def format_routes(
+    trips: Sequence[Trip],
+    strolls: Iterable[Stroll],
+    stubs: Set[str] = frozenset(),
+    *,
+    impatience: float = 0.0,
+) -> str:
     """Write vehicles and people in the order of their departures as SUMO's XML.
 
     Args:
@@ -133,6 +145,7 @@ def format_routes(trips: Sequence[Trip], strolls: Iterable[Stroll], stubs: Set[s
         strolls: the people on foot.
         stubs: roads that are shorter than a vehicle: one departs behind the last one there, as SUMO would
             otherwise put it on top of that.
+        impatience: 0 to 1, of drivers who have not waited yet: how far they make those brake who go first.
 
     Returns:
         The text of a route file.
@@ -140,7 +153,9 @@ def format_routes(trips: Sequence[Trip], strolls: Iterable[Stroll], stubs: Set[s
     classes = dict.fromkeys(("passenger", "bus", *(trip.vehicle_class for trip in trips)))
     types = [(_TYPES.get(name, name), name) for name in classes]
     routes = {key: number for number, key in enumerate(dict.fromkeys(trip.roads for trip in trips))}
-    lines = [f'    <vType id="{id_}" vClass="{name}"/>' for id_, name in (*types, ("walker", "pedestrian"))]
+    haste = f' impatience="{impatience:g}"' if impatience else ""
+    lines = [f'    <vType id="{id_}" vClass="{name}"{haste}/>' for id_, name in types]
+    lines.append('    <vType id="walker" vClass="pedestrian"/>')
     lines += [
         f'    <route id="route_{number}" edges={quoteattr(" ".join(roads))}/>'
         for roads, number in routes.items()
