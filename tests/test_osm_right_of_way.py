@@ -1,7 +1,9 @@
 """Who gives way in an imported network: roundabouts, signs, and junctions with neither."""
 
 import math
+import re
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import libsumo
@@ -11,6 +13,7 @@ from osm_drawings import HELSINKI, LONDON, SIGNAL, SYDNEY, Drawing, cross, dog_l
 
 from dojo_maps.bundle import Bundle
 from dojo_maps.conversion import ConvertOptions, convert
+from dojo_maps.sources.osm.network.precedence import settle_precedence
 
 STREET = {"highway": "residential", "lanes": "2"}
 MAIN = {"highway": "secondary", "lanes": "2"}
@@ -294,3 +297,35 @@ def test_no_two_ways_into_one_lane_at_a_signal_wait_for_each_other(
                     waiting += 1
                     assert one not in ways[other].response
     assert waiting > 3
+
+
+def test_of_two_ways_that_cross_without_waiting_one_waits(tmp_path: Path) -> None:
+    bundle = built(cross(), tmp_path)
+    junction = next(each for each in bundle.road_map.junctions if each.kind == "traffic_light")
+    ways, vehicles = list(junction.right_of_way), {each.id for each in bundle.road_map.connections}
+    one, other = next(
+        (one, other)
+        for one, way in enumerate(ways)
+        for other in way.response
+        if {way.link, ways[other].link} <= vehicles and one in ways[other].foes
+    )
+    row = re.compile(
+        rf'(<junction id="{junction.id}".*?<request index="{one}"\s+response=")([01]+)', re.DOTALL
+    )
+
+    def forget(found: re.Match[str]) -> str:
+        bits = list(found[2])
+        bits[-1 - other] = "0"
+        return found[1] + "".join(bits)
+
+    cleared = row.sub(forget, bundle.network.read_text(), count=1)
+    ways[one] = replace(ways[one], response=tuple(way for way in ways[one].response if way != other))
+    junctions = tuple(
+        replace(each, right_of_way=tuple(ways)) if each is junction else each
+        for each in bundle.road_map.junctions
+    )
+    settled = settle_precedence(cleared.encode(), replace(bundle.road_map, junctions=junctions)).decode()
+    (first,) = (found[2] for found in row.finditer(settled))
+    second = re.search(row.pattern.replace(f'index="{one}"', f'index="{other}"'), settled, re.DOTALL)
+    assert second is not None
+    assert (first[-1 - other], second[2][-1 - one]) in (("1", "0"), ("0", "1"))

@@ -59,6 +59,14 @@ def test_cyclists_let_each_other_pass_but_not_in_a_circle(circle: bool, together
     assert (len(build_stages(links)) == 1) == together
 
 
+@pytest.mark.parametrize(("length", "together"), [(20.0, True), (60.0, False)])
+def test_cyclists_on_a_long_way_wait_for_no_gap_in_a_stream(length: float, together: bool) -> None:
+    """To the left across who comes the other way: a car finds a gap, and a bicycle if it is across soon."""
+    track = replace(CAR, cycles=True, far=True, length=length, foes=frozenset({1}), yields_to=frozenset({1}))
+    oncoming = replace(CAR, index=1, road="main", heading=-90.0, direction="s", foes=frozenset({0}))
+    assert (len(build_stages({0: track, 1: oncoming})) == 1) == together
+
+
 def test_stage_whose_links_go_in_others_is_left_out() -> None:
     """The third road goes with both others, but people walk with the side road only: without the third."""
     roads = (("main", {1, 3}), ("side", {0}), ("third", {3}))

@@ -1,25 +1,31 @@
-"""Who goes first where ways would wait for each other: in SUMO they would wait for ever.
+"""Who goes first where ways would wait for each other, in SUMO for ever, and where neither waits.
 
 netconvert lets equal ways give way to the right. Cycle tracks that meet at a road are all equal, and three
 bicycles are enough. Of two ways of a signal into one lane it lets each wait for the other: who is left in the
-junction from the last green and who starts in the next stand nose to nose.
+junction from the last green and who starts in the next stand nose to nose. Of a cycle lane that goes straight
+on and a car that turns across it neither waits: they would ride into each other, and no signal may show both.
 """
 
 import re
 from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import replace
 from itertools import combinations
 from xml.sax.saxutils import unescape
 
-from dojo_maps.description import RightOfWay, RoadMap
+from dojo_maps.description import LaneKind, RightOfWay, RoadMap
 
 _JUNCTION = re.compile(
     r'<junction id="([^"]*)"[^>]*? type="(?:priority|traffic_light)"[^>]*[^/]>.*?</junction>', re.DOTALL
 )
+_FIRST = {LaneKind.RAIL: 0, LaneKind.BICYCLE: 1}
+"""Whose ways go first where the network does not say; those of other lanes come after."""
 _REQUEST = re.compile(r'(<request index="(\d+)"\s+response=")([01]+)("\s+foes=")([01]+)')
 
 
-def break_circles(data: bytes, road_map: RoadMap) -> bytes:
+def settle_precedence(data: bytes, road_map: RoadMap) -> bytes:
     """Let one way of each circle at a junction with priorities go first, and one of two into a signal's lane.
+
+    Of two ways that cross without either waiting, the one of a track or else of bicycles goes first.
 
     Args:
         data: the network.
@@ -28,20 +34,43 @@ def break_circles(data: bytes, road_map: RoadMap) -> bytes:
     Returns:
         The network, in which the others wait for that way, and it for none of them.
     """
+    kinds = {lane.id: lane.kind for lane in road_map.lanes}
     targets = {connection.id: connection.to_lane for connection in road_map.connections}
-    turned: dict[str, set[tuple[int, int]]] = {}
+    ranks = {each.id: _FIRST.get(kinds[each.from_lane], len(_FIRST)) for each in road_map.connections}
+    turned: dict[str, list[tuple[int, int]]] = {}
     for junction in road_map.junctions:
-        if junction.kind == "priority":
-            turned[junction.id] = set(_list_circles(junction.right_of_way))
-        elif junction.kind == "traffic_light":
-            turned[junction.id] = set(_list_merges(junction.right_of_way, targets))
-    turned = {name: pairs for name, pairs in turned.items() if pairs}
+        if junction.kind in ("priority", "traffic_light"):
+            settled = list(_list_unsettled(junction.right_of_way, ranks))
+            ways = _settled(junction.right_of_way, settled)
+            circles = _list_merges(ways, targets) if junction.kind == "traffic_light" else _list_circles(ways)
+            pairs = list(circles)
+            pairs += [pair for pair in settled if pair[::-1] not in pairs]
+            if pairs:
+                turned[junction.id] = pairs
 
     def turn(found: re.Match[str]) -> str:
         pairs = turned.get(unescape(found[1]))
         return found[0] if pairs is None else _REQUEST.sub(lambda request: _turn(request, pairs), found[0])
 
     return _JUNCTION.sub(turn, data.decode("utf-8")).encode("utf-8") if turned else data
+
+
+def _list_unsettled(ways: Sequence[RightOfWay], ranks: Mapping[str, int]) -> Iterator[tuple[int, int]]:
+    """List the pairs of ways of vehicles that cross without either waiting; the first is to go first."""
+    for pair in combinations(range(len(ways)), 2):
+        one, other = (ways[way] for way in pair)
+        meet = pair[1] in one.foes and pair[0] in other.foes and {one.link, other.link} <= ranks.keys()
+        if meet and pair[1] not in one.response and pair[0] not in other.response:
+            first = min(pair, key=lambda way: ranks[ways[way].link])
+            yield first, sum(pair) - first
+
+
+def _settled(ways: Sequence[RightOfWay], pairs: Sequence[tuple[int, int]]) -> list[RightOfWay]:
+    """Let the second way of each pair wait for the first."""
+    return [
+        replace(way, response=(*way.response, *(first for first, other in pairs if other == number)))
+        for number, way in enumerate(ways)
+    ]
 
 
 def _list_circles(ways: Sequence[RightOfWay]) -> Iterator[tuple[int, int]]:
