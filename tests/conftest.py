@@ -101,9 +101,9 @@ def _choose_left_out(items: list[pytest.Item]) -> set[pytest.Item]:
 
 
 def _choose_slow(items: list[pytest.Item]) -> set[pytest.Item]:
-    """Choose which of the slow tests a run of all tests leaves out: three in four, spread over the files."""
+    """Choose which of the slow tests a run of all tests leaves out: five in six, spread over the files."""
     slow = [item for item in items if item.get_closest_marker("slow")]
-    return set(slow) - set(slow[::4])
+    return set(slow) - set(slow[::6])
 
 
 @lru_cache(maxsize=4)
