@@ -8,7 +8,7 @@ from networks import run_sumo_tool
 
 from dojo_maps.conversion import convert
 from dojo_maps.sources.osm.signals.programs import compute_program
-from dojo_maps.sources.osm.signals.stage_order import list_orders
+from dojo_maps.sources.osm.signals.stage_order import order_stages
 from dojo_maps.sources.osm.signals.stages import SignalLink, build_stages, read_links
 
 CAR = SignalLink(
@@ -122,7 +122,7 @@ def test_stages_are_ordered_so_that_a_short_road_is_cleared_before_it_is_filled_
         for k, (road, onto) in enumerate(roads)
     }  # fmt: skip
     stages = build_stages(links)
-    repeated, once = list_orders(links, stages)
+    repeated, once = order_stages(links, stages)
     assert sorted(map(id, once)) == sorted(map(id, stages)), "each stays, once"
     for order, most in ((repeated, 0), (once, 2)):
         shown = [min(stage.vehicles) for stage in order]

@@ -30,8 +30,9 @@ def mend_outlines(data: bytes) -> bytes:
     Returns:
         The network with these outlines.
     """
-    junctions = replace_outlines(data, lambda _, corners: untwist(corners))
-    return _replace(junctions, _WALKING_AREA, lambda _, corners: untwist(corners))
+    for pattern in (_JUNCTION, _WALKING_AREA):
+        data = _replace(data, pattern, lambda _, corners: untwist(corners))
+    return data
 
 
 def replace_outlines(data: bytes, outline: Callable[[str, Floats], Floats | None]) -> bytes:

@@ -42,8 +42,8 @@ def settle_precedence(data: bytes, road_map: RoadMap) -> bytes:
         if junction.kind in ("priority", "traffic_light"):
             settled = list(_list_unsettled(junction.right_of_way, ranks))
             ways = _settled(junction.right_of_way, settled)
-            circles = _list_merges(ways, targets) if junction.kind == "traffic_light" else _list_circles(ways)
-            pairs = list(circles)
+            is_signal = junction.kind == "traffic_light"
+            pairs = list(_list_merges(ways, targets) if is_signal else _list_circles(ways))
             pairs += [pair for pair in settled if pair[::-1] not in pairs]
             if pairs:
                 turned[junction.id] = pairs
@@ -87,7 +87,7 @@ def _list_circles(ways: Sequence[RightOfWay]) -> Iterator[tuple[int, int]]:
 
 
 def _list_merges(ways: Sequence[RightOfWay], targets: Mapping[str, str]) -> Iterator[tuple[int, int]]:
-    """List the same of two ways into one lane that wait for each other.
+    """List the same pairs where two ways into one lane wait for each other.
 
     Who may wait inside the junction waits, since he looks for the other there; or else who waits for more.
     """

@@ -146,14 +146,12 @@ def _painted(
     chosen = {number: movements or {main} for number, movements in chosen.items()}
     for movement, angle in enumerate(angles):
         if not any(movement in movements for movements in chosen.values()):
-            outer = angle < angles[main]
-            beside = _lane_beside(chosen, movement, outer=outer)
-            chosen[beside if beside is not None else 0 if outer else len(lanes) - 1].add(movement)
+            chosen[_lane_beside(chosen, movement, outer=angle < angles[main])].add(movement)
     return chosen
 
 
-def _lane_beside(chosen: Mapping[int, set[int]], movement: int, *, outer: bool) -> int | None:
-    """Find the lane from which a movement crosses no other on its way to its side; None where all will do.
+def _lane_beside(chosen: Mapping[int, set[int]], movement: int, *, outer: bool) -> int:
+    """Find the lane nearest its side from which a movement crosses no other.
 
     Args:
         chosen: the movements of each lane so far, both from the outside.
@@ -161,8 +159,10 @@ def _lane_beside(chosen: Mapping[int, set[int]], movement: int, *, outer: bool) 
         outer: it turns to the outer side of the main one, or else to the inner side.
     """
     if outer:
-        return max((lane for lane, known in chosen.items() if any(k < movement for k in known)), default=None)
-    return min((lane for lane, known in chosen.items() if any(k > movement for k in known)), default=None)
+        farther_out = (lane for lane, known in chosen.items() if any(k < movement for k in known))
+        return max(farther_out, default=min(chosen))
+    farther_in = (lane for lane, known in chosen.items() if any(k > movement for k in known))
+    return min(farther_in, default=max(chosen))
 
 
 def _expected(lanes: Sequence[LaneTags], angles: Sequence[float]) -> dict[int, set[int]]:
@@ -182,8 +182,8 @@ def _expected(lanes: Sequence[LaneTags], angles: Sequence[float]) -> dict[int, s
     for movement, angle in enumerate(angles):
         if not any(movement in movements for movements in chosen.values()):
             outer = angle < angles[main] or (angle == angles[main] and movement < main)
-            beside = _lane_beside({number: chosen[number] for number in cars}, movement, outer=outer)
-            chosen[beside if beside is not None else cars[0] if outer else cars[-1]].add(movement)
+            open_to_cars = {number: chosen[number] for number in cars}
+            chosen[_lane_beside(open_to_cars, movement, outer=outer)].add(movement)
     for number in range(cars[0]):
         chosen[number] |= {movement for movement in chosen[cars[0]] if angles[movement] < -STRAIGHT}
     return chosen

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from dojo_maps.description import RoadMap
 from dojo_maps.signals.timing import clearing_time, walking_time, yellow_time
-from dojo_maps.sources.osm.signals.stage_order import list_orders
+from dojo_maps.sources.osm.signals.stage_order import order_stages
 from dojo_maps.sources.osm.signals.stages import SignalLink, Stage, build_stages, letters_of, read_links
 
 _WALK = 7
@@ -90,8 +90,9 @@ def compute_program(links: dict[int, SignalLink]) -> list[PhaseRow]:
         size = max(links) + 1
         states = [letters_of(links, stage) for stage in stages]
         return [(_LONGEST // 2, _state(size, letters)) for letters in states]
-    repeated, once = (_time_stages(links, order) for order in list_orders(links, stages))
-    return repeated if sum(seconds for seconds, _ in repeated) <= _LONGEST_REPEATED else once
+    repeated, once = order_stages(links, stages)
+    rows = _time_stages(links, repeated)
+    return rows if sum(seconds for seconds, _ in rows) <= _LONGEST_REPEATED else _time_stages(links, once)
 
 
 def _time_stages(links: dict[int, SignalLink], stages: Sequence[Stage]) -> list[PhaseRow]:

@@ -23,21 +23,21 @@ class _Step:
     clears: frozenset[str]
 
 
-def list_orders(links: Mapping[int, SignalLink], stages: Sequence[Stage]) -> list[list[Stage]]:
-    """List in which orders a signal may show its stages, the best one first.
+def order_stages(links: Mapping[int, SignalLink], stages: Sequence[Stage]) -> tuple[list[Stage], list[Stage]]:
+    """Order the stages of a signal, with and without repeats.
 
     Args:
         links: of the signal, by index.
         stages: each once.
 
     Returns:
-        The order that fills a short road twice as seldom as possible, and before it the same with stages
-        shown once more where they clear such a road in time. It is longer.
+        The order that fills a short road twice as seldom as possible, with stages shown once more where they
+        clear such a road in time; and the same without, which is shorter, or equal.
     """
     cars = [link for link in links.values() if not link.walks and not link.cycles]
     short = {link.road for link in cars if link.room < SHORT}
     steps = [_describe(links, stage, short) for stage in stages]
-    if len(steps) <= _MOST_STAGES:
+    if _list_filled_twice(steps) and len(steps) <= _MOST_STAGES:
         orders = ([steps[0], *rest] for rest in itertools.permutations(steps[1:]))
         steps = min(orders, key=lambda order: len(_list_filled_twice(order)))
     repeated = list(steps)
@@ -45,7 +45,7 @@ def list_orders(links: Mapping[int, SignalLink], stages: Sequence[Stage]) -> lis
         if road not in repeated[(place + 1) % len(repeated)].clears:
             clearing = [step for step in steps if road in step.clears]
             repeated.insert(place + 1, min(clearing, key=lambda step: len(step.fills - step.clears)))
-    return [[step.stage for step in order] for order in (repeated, steps)]
+    return [step.stage for step in repeated], [step.stage for step in steps]
 
 
 def _describe(links: Mapping[int, SignalLink], stage: Stage, short: set[str]) -> _Step:
