@@ -327,6 +327,21 @@ def _sha256(known: Mapping[str, Any]) -> str:
     return hashlib.sha256(json.dumps(told, sort_keys=True).encode()).hexdigest()
 
 
+def write_settings(kind: str, settings: Mapping[str, Any], path: Path) -> None:
+    """Write the settings of a training of another kind, and the versions of what it ran on.
+
+    Args:
+        kind: what is trained; readers know the file by it.
+        settings: by name, as JSON has them.
+        path: of the file, which is replaced whole.
+
+    Raises:
+        UsageError: the path is a folder, or lies in none.
+        WriteError: the folder cannot be written.
+    """
+    write_json(path, {"kind": kind, "training": settings, "versions": list_versions()})
+
+
 def list_versions() -> dict[str, str]:
     """List what a run's figures may depend on."""
     found = {"python": platform.python_version()}

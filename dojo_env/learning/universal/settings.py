@@ -1,23 +1,21 @@
 """Everything that a universal policy's training depends on, kept beside the policy as JSON."""
 
-import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from dojo_env.config import SignalConfig
 from dojo_env.errors import ConfigError
-from dojo_env.learning.settings import RunFileError, list_versions
+from dojo_env.learning.settings import RunFileError
 from dojo_env.managers.map import MapManager
 from dojo_env.notes import say_once
 from dojo_env.scenario import find_scenario, open_map
 from dojo_maps.safe_json import read_json
-from dojo_maps.whole_file import write_json
 from dojo_maps.wording import counted
 
 SETTINGS, CHECKPOINT, CURVE, POLICY = "training.json", "checkpoint.pt", "curve.csv", "policy.npz"
 """The files of a run's folder."""
-_KIND = "universal"
+KIND = "universal"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -135,23 +133,9 @@ def read_settings(path: Path) -> UniversalTraining:
         RunFileError: the file is missing or damaged, or is none of this kind.
     """
     value = read_json(path, error=RunFileError)
-    if not isinstance(value, dict) or value.get("kind") != _KIND:
+    if not isinstance(value, dict) or value.get("kind") != KIND:
         raise RunFileError(path, "not the settings of a universal policy's training")
     try:
         return UniversalTraining(**value["training"])
     except (ConfigError, TypeError, KeyError) as error:
         raise RunFileError(path, f"not the settings of a universal policy's training ({error})") from error
-
-
-def write_settings(training: UniversalTraining, path: Path) -> None:
-    """Write a run's settings, and the versions of what it ran on.
-
-    Args:
-        training: the settings.
-        path: of the file, which is replaced whole.
-
-    Raises:
-        UsageError: the path is a folder, or lies in none.
-        WriteError: the folder cannot be written.
-    """
-    write_json(path, {"kind": _KIND, "training": dataclasses.asdict(training), "versions": list_versions()})

@@ -24,7 +24,7 @@ from dojo_env.learning.episode_pools import Mapper
 from dojo_env.learning.figure_logs import open_logger
 from dojo_env.learning.pace import Pace
 from dojo_env.learning.process_setup import prepare_process
-from dojo_env.learning.settings import RunFileError, check_folder
+from dojo_env.learning.settings import RunFileError, check_folder, write_settings
 from dojo_env.learning.tensor_files import load_tensors, save_tensors
 from dojo_env.learning.universal.cases import Case, draw_case
 from dojo_env.learning.universal.network import PhaseNet
@@ -33,13 +33,13 @@ from dojo_env.learning.universal.rollouts import Trajectory, run_case
 from dojo_env.learning.universal.settings import (
     CHECKPOINT,
     CURVE,
+    KIND,
     POLICY,
     SETTINGS,
     UniversalTraining,
     count_junctions,
     list_junctions,
     read_settings,
-    write_settings,
 )
 from dojo_env.local_world import LocalWorld
 from dojo_env.notes import notes_unsaid
@@ -96,7 +96,7 @@ def train(
     pace = Pace(training.rounds, tell, unit="rounds")
     with closing(open_logger(folder, asdict(training), tensorboard=tensorboard, wandb=wandb)) as logger:
         if not resume:
-            write_settings(training, folder / SETTINGS)
+            write_settings(KIND, asdict(training), folder / SETTINGS)
         for number in range(learner.done, training.rounds):
             learner.learn(number)
             pace.note(number + 1)

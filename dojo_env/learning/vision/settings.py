@@ -1,15 +1,12 @@
 """Everything that a training of the network of lanes depends on, kept beside it as JSON."""
 
-import dataclasses
 from dataclasses import dataclass
-from pathlib import Path
 
 from dojo_env.errors import ConfigError
-from dojo_env.learning.settings import list_versions
-from dojo_maps.whole_file import write_json
 
 SETTINGS, CURVE, NETWORK = "training.json", "curve.csv", "lanes.npz"
 """The files of a run's folder."""
+KIND = "vision"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -52,18 +49,3 @@ class VisionTraining:
             raise ConfigError(f"seconds={self.seconds}: expected 120 more than looks={self.looks}")
         if not 0 <= self.seed < 1_000:
             raise ConfigError(f"seed={self.seed}: expected 0 to 999")
-
-
-def write_settings(training: VisionTraining, path: Path) -> None:
-    """Write a run's settings, and the versions of what it ran on.
-
-    Args:
-        training: the settings.
-        path: of the file, which is replaced whole.
-
-    Raises:
-        UsageError: the path is a folder, or lies in none.
-        WriteError: the folder cannot be written.
-    """
-    value = {"kind": "vision", "training": dataclasses.asdict(training), "versions": list_versions()}
-    write_json(path, value)

@@ -1,6 +1,7 @@
 """Training of the network that sees lanes: examples of drawn episodes, weights, and how far they err."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -12,10 +13,11 @@ from dojo_env.errors import SimulationError
 from dojo_env.learning.episode_pools import Mapper
 from dojo_env.learning.pace import Pace
 from dojo_env.learning.process_setup import prepare_process
+from dojo_env.learning.settings import write_settings
 from dojo_env.learning.universal.settings import count_junctions, list_junctions
 from dojo_env.learning.vision.episodes import Case, Examples, draw_case, take_examples
 from dojo_env.learning.vision.network import LaneNet
-from dojo_env.learning.vision.settings import CURVE, NETWORK, SETTINGS, VisionTraining, write_settings
+from dojo_env.learning.vision.settings import CURVE, KIND, NETWORK, SETTINGS, VisionTraining
 from dojo_env.sensors.lane_network import SEEN, find_chances, scale_colours
 from dojo_env.sensors.strip_geometry import GEOMETRY
 from dojo_maps.progress import say
@@ -55,7 +57,7 @@ def train(
     folder.mkdir(parents=True, exist_ok=True)
     write_table(folder / CURVE, ["epoch", "cars", *COLUMNS], rows)
     write_weights(network.export(), folder / NETWORK)
-    write_settings(training, folder / SETTINGS)
+    write_settings(KIND, asdict(training), folder / SETTINGS)
 
 
 def collect_examples(
