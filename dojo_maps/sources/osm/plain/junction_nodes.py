@@ -1,10 +1,12 @@
 """Junctions as nodes of SUMO's plain XML: their place, type, controller, corner radius and outline."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
+import shapely
 
-from dojo_maps.sources.osm.layout.arms import Arm, Layout
+from dojo_maps.geometry.polylines import Floats
+from dojo_maps.sources.osm.layout.arms import Arm, Layout, divider, shift
 from dojo_maps.sources.osm.plain.right_of_way import RightOfWay
 from dojo_maps.sources.osm.plain.track_edges import TrackEdges
 
@@ -40,8 +42,47 @@ def write_nodes(
             kind = 'type="dead_end"'
         if any(layout.graph.sections[name].road.roundabout for name, _ in arms[junction]):
             kind += f' radius="{layout.rules.roundabouts.corner_radius}"'
-        if junction in outlines:
-            kind += f' shape="{" ".join(f"{x:.2f},{y:.2f},{z:.2f}" for x, y, z in outlines[junction])}"'
+        outline = outlines.get(junction)
+        if outline is None:
+            outline = _outline_without_stem(layout, arms[junction])
+        if outline is not None:
+            kind += f' shape="{" ".join(f"{x:.2f},{y:.2f},{z:.2f}" for x, y, z in outline)}"'
         z = sum(layout.height(vertex) for vertex in members[junction]) / len(places)
         lines.append(f'<node id="{junction}" x="{x:.2f}" y="{y:.2f}" z="{z:.2f}" {kind}/>')
     return lines
+
+
+def _outline_without_stem(layout: Layout, arms: Sequence[Arm]) -> Floats | None:
+    """Outline a fork whose stem is not mapped, so that its roads begin where they are drawn back to.
+
+    netconvert takes roads that all leave in one direction for one, and draws them to the junction's middle.
+
+    Args:
+        layout: with its sidewalks.
+        arms: of one junction.
+
+    Returns:
+        (n, 3), metres, map frame; None where traffic arrives and leaves, or no road is drawn back.
+    """
+    goes_through = any(map(layout.arriving, arms)) and any(map(layout.leaving, arms))
+    if goes_through or len(arms) < 2 or not any(layout.cuts.get(arm) for arm in arms):
+        return None
+    hull = shapely.MultiPoint(np.concatenate([_end(layout, arm) for arm in arms])).convex_hull
+    return shapely.get_coordinates(hull.exterior, include_z=True)[:-1] if hull.area else None
+
+
+def _end(layout: Layout, arm: Arm) -> Floats:
+    """Give both borders of a road, sidewalks included, at the end that it is drawn back to.
+
+    Args:
+        layout: with its sidewalks.
+        arm: of a road that is built.
+
+    Returns:
+        (2, 3), metres, map frame.
+    """
+    section = layout.graph.sections[arm.section]
+    lanes = [section.road.across(section.road.backward), section.road.across(section.road.forward)]
+    left, right = np.add(lanes[::-1] if layout.graph.left_hand else lanes, layout.sidewalks[arm.section])
+    line = divider(layout, section)
+    return np.array([shift(line, metres)[-1 if arm.at_end else 0] for metres in (left, -right)])
