@@ -96,15 +96,16 @@ def test_fork_of_short_roads_at_a_sharp_angle_has_its_own_ground(tmp_path: Path)
     assert report["osm"]["overlap_square_metres"] < 5
 
 
+@pytest.mark.parametrize("aside", [4.0, 8.0])
 @pytest.mark.parametrize("leaves", [True, False])
 def test_roads_of_a_fork_whose_stem_is_not_mapped_begin_where_they_have_parted(
-    leaves: bool, tmp_path: Path
+    leaves: bool, aside: float, tmp_path: Path
 ) -> None:
     d = Drawing()
     for side in (-1, 1):
-        road = [(0.0, 0.0), (46.0, 8.0 * side), (200.0, 48.0 * side)]
+        road = [(0.0, 0.0), (46.0, aside * side), (200.0, 48.0 * side)]
         d.way(*(road if leaves else road[::-1]), **ONE_WAY | {"lanes": "2"})
-    d.way((46, -120), (46, -8), (46, 8), (46, 120), **STREET)
+    d.way((46, -120), (46, -aside), (46, aside), (46, 120), **STREET)
     _, report = built(d, tmp_path)
     assert report["osm"]["overlap_square_metres"] < 5
     assert report["osm"]["road_metres"]["all"]["share"] > 0.98

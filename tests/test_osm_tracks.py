@@ -1,5 +1,6 @@
 """Trams, trains and cycle tracks of an import: where they are built, how they pass junctions, who waits."""
 
+import re
 from pathlib import Path
 from typing import Any
 
@@ -57,6 +58,20 @@ def drive(bundle: Bundle, folder: Path, trips: list[tuple[str, str, str]]) -> di
     for record in sumolib.xml.parse(str(folder / "stat.xml"), ["vehicles", "teleports", "safety"]):
         found |= {f"{record.name}.{key}": value for key, value in record.getAttributes()}
     return found
+
+
+def walk(bundle: Bundle, folder: Path, trips: list[tuple[str, str]]) -> int:
+    """Walk from edge to edge by SUMO's own router; how many people arrive in 15 minutes."""
+    rows = "".join(
+        f'<person id="{k}" depart="{3 * k}"><personTrip from="{start}" to="{end}"/></person>'
+        for k, (start, end) in enumerate(trips)
+    )
+    (folder / "p.rou.xml").write_text(f"<routes>{rows}</routes>")
+    run_sumo_tool(
+        *("sumo", "-n", bundle.network, "-r", folder / "p.rou.xml", "--end", "900", "--no-step-log"),
+        *("--tripinfo-output", folder / "trips.xml"),
+    )
+    return len(list(sumolib.xml.parse(str(folder / "trips.xml"), ["personinfo"])))
 
 
 def assert_flows(found: dict[str, str], count: int) -> None:
@@ -194,6 +209,31 @@ def test_cycle_track_crosses_at_the_signal(tmp_path: Path) -> None:
     assert report["osm"]["crossings"]["share"] == 1.0
     trips = [("bicycle", c.getFrom().getID(), c.getTo().getID()) for c in links] * 3
     assert_flows(drive(bundle, tmp_path, trips), len(trips))
+
+
+def test_cyclists_do_not_stop_for_who_stands_where_a_track_meets_a_pavement(tmp_path: Path) -> None:
+    drawing = cross()
+    drawing.ways[0][0].insert(1, drawing.node(-18, 0))
+    drawing.way((-18, -60), (-18, 0), (-18, 60), highway="cycleway")
+    drawing.node(-18, 0, highway="crossing", crossing="traffic_signals", bicycle="yes")
+    bundle, _ = built(drawing, tmp_path)
+    tracks = {
+        edge.getID()
+        for edge in edges_for(network(bundle), "bicycle", alone=True)
+        if edge.getType() == "highway.cycleway"
+    }
+    links = re.findall(r'<connection from="([^"]+)" to="([^"]+)"', bundle.network.read_text())
+    areas = {area for link in links for area in link if re.search(r"_w\d+$", area)}
+    crossed = areas & {area for link in links if re.search(r"_c\d+\b", " ".join(link)) for area in link}
+    assert len(crossed) > 2
+    assert not [(track, area) for track, area in links if track in tracks and area in crossed]
+    # People still walk from each track to a pavement, and back.
+    joined = {track for area, track in links if area in crossed and track in tracks}
+    pavement = min(
+        road for area, road in links if area in crossed and not road.startswith(":") and road not in tracks
+    )
+    walks = [trip for track in sorted(joined) for trip in ((track, pavement), (pavement, track))]
+    assert walk(bundle, tmp_path, walks) == len(walks) > 2
 
 
 def test_bicycles_ride_around_the_corner_where_the_track_is_mapped(tmp_path: Path) -> None:

@@ -23,6 +23,8 @@ _SMOOTH = 0.05
 """Metres by which corners are simplified."""
 _GRID = 0.01
 """Metres that a network rounds to."""
+_LAP = 0.05
+"""Metres by which the ground of a drawn back road reaches over its lanes' ends, to be one with theirs."""
 
 
 def fill_outlines(data: bytes, road_map: RoadMap, layout: Layout) -> bytes:
@@ -42,7 +44,7 @@ def fill_outlines(data: bytes, road_map: RoadMap, layout: Layout) -> bytes:
 
     def fill(name: str, corners: Floats) -> Floats | None:
         roads = inside.get(name, [])
-        ground = shapely.Polygon(corners[:, :2]) if len(corners) > 3 else shapely.Polygon()
+        ground = shapely.Polygon(corners[:, :2]) if len(corners) > 2 else shapely.Polygon()
         if not roads or ground.is_empty or not ground.is_valid:
             return None
         height = float(corners[:, 2].mean()) if corners.shape[1] > 2 else 0.0
@@ -74,7 +76,7 @@ def _roads_inside(layout: Layout) -> dict[str, list[shapely.Geometry]]:
 def _end(layout: Layout, arm: Arm, cut: float) -> shapely.Geometry:
     """Give the carriageway that an arm is drawn back by."""
     line = outward(layout.graph, arm)
-    end = trim(line, 0.0, float(along(line)[-1]) - cut)
+    end = trim(line, 0.0, float(along(line)[-1]) - cut - _LAP)
     return shapely.LineString(end).buffer(layout.half(arm.section), cap_style="flat")
 
 
