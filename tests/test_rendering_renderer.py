@@ -184,6 +184,27 @@ def test_same_snapshot_gives_same_bytes_in_every_process(converted):
     assert len(digests) == 1
 
 
+LINEAR_ALGEBRA = """
+import sys
+import numba, numpy as np
+from dojo_env.rendering.compiling import kernel
+assert kernel(lambda values: values.sum())(np.ones(3)) == 3
+print("scipy.linalg" in sys.modules)
+print(numba.njit(lambda values: np.dot(values, values))(np.eye(2)).trace())
+"""
+
+
+def test_kernels_load_no_linear_algebra_and_what_users_compile_still_does() -> None:
+    done = subprocess.run(
+        [sys.executable, "-c", LINEAR_ALGEBRA],
+        env=command_environment(),
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert done.stdout.split() == ["False", "2.0"]
+
+
 def test_rendering_again_and_in_another_order_gives_the_same_bytes(scene, cameras, snapshot):
     renderer = Renderer(scene)
     first = [_digest(p) for p in renderer.render(snapshot, cameras, ALL[:4])]

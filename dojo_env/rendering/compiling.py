@@ -6,12 +6,14 @@ Arrays that follow from these sources alone, and take long to make, are kept bes
 """
 
 import hashlib
+import importlib.util
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from pathlib import Path
 from typing import Any, TypeVar
 
 import numba
+import numba.np.linalg
 import numpy as np
 from numpy.typing import NDArray
 
@@ -25,6 +27,28 @@ Arrays = TypeVar("Arrays", bound=tuple[Any, ...])
 
 _CONFIG: Any = numba.config
 _MOST_BYTES = 1 << 28
+
+
+def _load_arrays() -> None:
+    """Load what numba knows of arrays without SciPy, of which no kernel needs anything.
+
+    numba imports its linear algebra, 15 MB and a sixth of a second, only to see whether it is there. What a
+    user compiles still imports it when it is needed.
+    """
+    imports = numba.np.linalg.ensure_blas
+
+    def is_there() -> None:
+        if importlib.util.find_spec("scipy") is None:
+            raise ImportError("no SciPy")
+
+    numba.np.linalg.ensure_blas = is_there
+    try:
+        importlib.import_module("numba.np.arraymath")
+    finally:
+        numba.np.linalg.ensure_blas = imports
+
+
+_load_arrays()
 
 
 def _fingerprint() -> str:
