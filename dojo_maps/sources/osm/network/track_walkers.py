@@ -13,12 +13,16 @@ from dojo_maps.sources.osm.graph.edge_id import EdgeId
 
 _SHARED = re.compile(r'<lane id="([^":]+)_0" index="0" allow="pedestrian bicycle"')
 _OFF = re.compile(r'[ \t]*<connection from="([^":]+)" to="(:[^"]+_w\d+)"[^>]*/>\n')
-_CROSSED = re.compile(r'<connection from="(:[^"]+_w\d+)" to=":[^"]+_c\d+"')
-_CROSSED_ONTO = re.compile(r'<connection from=":[^"]+_c\d+" to="(:[^"]+_w\d+)"')
+_CROSSED = re.compile(
+    r'<connection from="(:[^"]+_w\d+)" to="(:[^"]+_c\d+)"([^>]*)/>|'
+    r'<connection from="(:[^"]+_c\d+)" to="(:[^"]+_w\d+)"'
+)
 
 
 def part_walkers_from_cyclists(data: bytes) -> bytes:
-    """Let nobody walk off a two-way cycle track's lane that leads to a crossing, where its other lane serves.
+    """Let nobody walk off one lane of each two-way cycle track: that which leads to more walkers who wait.
+
+    They wait before crossings, and longer where there is a signal.
 
     Args:
         data: the network.
@@ -29,14 +33,26 @@ def part_walkers_from_cyclists(data: bytes) -> bytes:
     """
     text = data.decode("utf-8")
     shared = {EdgeId.read(name) for name in _SHARED.findall(text)}
-    crossed = {*_CROSSED.findall(text), *_CROSSED_ONTO.findall(text)}
-    busy: dict[EdgeId, bool] = defaultdict(bool)
+    waiting = _rank_areas(text)
+    busy: dict[EdgeId, int] = defaultdict(int)
     for name, area in _OFF.findall(text):
-        busy[EdgeId.read(name)] |= area in crossed
+        edge = EdgeId.read(name)
+        busy[edge] = max(busy[edge], waiting.get(area, 0))
 
-    def is_spared(edge: EdgeId) -> bool:
-        back = edge._replace(forward=not edge.forward)
-        both = edge in shared and back in shared and edge in busy and back in busy
-        return both and busy[edge] and (not busy[back] or not edge.forward)
+    def is_parted(edge: EdgeId) -> bool:
+        pair = {edge, edge._replace(forward=not edge.forward)}
+        busiest = max(pair, key=lambda each: (busy.get(each, 0), not each.forward))
+        return pair <= shared & busy.keys() and edge == busiest and busy[edge] > 0
 
-    return _OFF.sub(lambda found: "" if is_spared(EdgeId.read(found[1])) else found[0], text).encode("utf-8")
+    return _OFF.sub(lambda found: "" if is_parted(EdgeId.read(found[1])) else found[0], text).encode("utf-8")
+
+
+def _rank_areas(text: str) -> dict[str, int]:
+    """Tell of the walking areas at crossings how long people wait there: 1, or 2 for a signal."""
+    areas: dict[str, set[str]] = defaultdict(set)
+    signals = set()
+    for area, crossing, more, left, entered in _CROSSED.findall(text):
+        areas[area or entered].add(crossing or left)
+        if ' tl="' in more:
+            signals.add(crossing)
+    return {area: 1 + bool(crossings & signals) for area, crossings in areas.items()}
