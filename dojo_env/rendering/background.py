@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.lib.stride_tricks import as_strided
 from numpy.typing import NDArray
 
 from dojo_env.rendering.classes import Semantic
@@ -31,6 +32,8 @@ _SHADOW_REACH = 150.0
 """Farthest from the middle of the view that shadows are kept, metres."""
 _SURROUNDINGS = 1.2
 """Side of the square over which heights are smoothed to tell what closes a place in, metres."""
+_LINES = 64
+"""Lines of the map of heights that are smoothed at once: few, so that little memory is taken."""
 _LAMP_SPACING = 30.0
 _LAMPS_APART = 8.0
 _LAMP_POSTS = ("pole", "street_lamp")
@@ -101,6 +104,9 @@ def _surroundings(scene: Scene, light: Light, centre: Floats, reach: float) -> S
     above = _look_down(scene, np.eye(3), centre, reach, _HEIGHT_MAP, solid)
     level = np.where(np.isfinite(above.heights), above.heights, scene.ground).astype(np.float32)
     side = 2 * int(_SURROUNDINGS * above.place[0] / 2) + 1
+    # The sun's map is the largest, and comes when the others have given back what they needed on the way.
+    around = above._replace(heights=_smoothed(level, side))
+    lanes = draw_lane_map(scene.lanes, centre, reach, _LANE_MAP)
     return Surroundings(
         normals=scene.normals,
         surfaces=scene.surfaces,
@@ -108,8 +114,8 @@ def _surroundings(scene: Scene, light: Light, centre: Floats, reach: float) -> S
         things=scene.things,
         light=light.packed,
         sun=_look_down(scene, _towards(light.sun), centre, reach, _SHADOW_MAP),
-        around=above._replace(heights=_smoothed(level, side)),
-        lanes=draw_lane_map(scene.lanes, centre, reach, _LANE_MAP),
+        around=around,
+        lanes=lanes,
         lamps=street_lamps(scene, centre, reach) if light.headlights > 0 else np.empty((0, 3)),
         ground=scene.ground,
     )
@@ -118,10 +124,14 @@ def _surroundings(scene: Scene, light: Light, centre: Floats, reach: float) -> S
 def _smoothed(heights: NDArray[np.float32], side: int) -> NDArray[np.float32]:
     """Average over squares of an odd side; the edge goes on outside."""
     for axis in range(2):
-        pad = [(side // 2 + 1, side // 2) if k == axis else (0, 0) for k in range(2)]
-        total = np.cumsum(np.pad(heights, pad, mode="edge"), axis=axis, dtype=np.float64)
-        upper, lower = (total[side:], total[:-side]) if axis == 0 else (total[:, side:], total[:, :-side])
-        heights = np.subtract(upper, lower, dtype=np.float64).astype(np.float32) / np.float32(side)
+        smooth = _scratch(heights.shape, np.float32)
+        lines, found = np.moveaxis(heights, axis, 1), np.moveaxis(smooth, axis, 1)
+        for first in range(0, len(lines), _LINES):
+            some = slice(first, first + _LINES)
+            padded = np.pad(lines[some], ((0, 0), (side // 2 + 1, side // 2)), mode="edge")
+            total = np.cumsum(padded, axis=1, dtype=np.float64)
+            found[some] = (total[:, side:] - total[:, :-side]).astype(np.float32) / np.float32(side)
+        heights = smooth
     return heights
 
 
@@ -192,7 +202,7 @@ def _look_down(
     """Draw the scene, or some of its faces, along the last axis of a frame."""
     heights = _scratch((size, size), np.float32)
     heights.fill(-np.inf)
-    tags = _scratch((size, size), np.int32)
+    tags = as_strided(np.zeros(1, np.uint8), (size, size), (0, 0))  # Nobody asks which face it is.
     middle = frame @ centre
     place = np.array([size / 2 / (reach * 1.05), middle[0], middle[1]])
     draw_from_above(scene.vertices @ frame.T, scene.faces[drawn], place, heights, tags)

@@ -195,7 +195,7 @@ def draw_from_above(vertices, faces, frame, heights, tags):
         faces: (m, 3) vertex indices.
         frame: pixels per metre, x and y of the middle, all in that frame.
         heights: (h, w) float32, the highest z so far, -inf at first.
-        tags: (h, w) int32.
+        tags: (h, w) of any integer; what does not fit is cut off.
     """
     size_y, size_x = heights.shape
     scale = frame[0]
