@@ -111,9 +111,11 @@ def shade(depths, tags, view, world, samples, pictures):
         view: the `View` of these samples.
         world: the `Surroundings`.
         samples: along each side of a pixel.
-        pictures: (3, h, w, 3) uint8 to fill: lit, shaded by something that moves, in the light of head lamps.
+        pictures: (3, h, w, 3) uint8 to fill: lit, shaded by something that moves, in the light of head lamps;
+            the last one stays as it is by day.
     """
-    sums, shown, scratch, lane = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3)), np.empty(5)
+    sums, shown, scratch, lane = np.empty((3, 3)), np.empty((3, 3)), np.empty((4, 3)), np.empty(5)
+    count = 3 if world.light[_WEATHER, 0] > 0.0 else 2
     for row in range(pictures.shape[1]):
         for column in range(pictures.shape[2]):
             sums[:] = 0.0
@@ -123,10 +125,10 @@ def shade(depths, tags, view, world, samples, pictures):
                 taken += 1
                 v, u = row * samples + sample // samples, column * samples + sample % samples
                 _shade_sample(tags[v, u], depths[v, u], u, v, view, world, scratch, lane, shown)
-                for picture in range(3):
+                for picture in range(count):
                     for c in range(3):
                         sums[picture, c] += expose(shown[picture, c])
-            for picture in range(3):
+            for picture in range(count):
                 for c in range(3):
                     pictures[picture, row, column, c] = SRGB[int(sums[picture, c] / taken * 4095.0 + 0.5)]
 
@@ -145,14 +147,15 @@ def _sample_step(tags, top, left, samples):
 @inner
 def _shade_sample(face, depth, u, v, view, world, scratch, lane, shown):
     """Colour what one sample sees, three times."""
-    ray, normal, place = scratch[0], scratch[1], scratch[2]
+    ray, normal, place, sky = scratch[0], scratch[1], scratch[2], scratch[3]
     length = _cast(u, v, view, ray)
     distance = length / depth if face >= 0 else np.inf
     if face < 0 and ray[2] < -1e-4 and view.eye[2] > world.ground:
         distance = (view.eye[2] - world.ground) / -ray[2]
     if distance > 1e8:
+        _far_away(ray[0], ray[1], ray[2], world.light, sky)
         for c in range(3):
-            shown[0, c] = shown[1, c] = shown[2, c] = _far_away(ray[0], ray[1], ray[2], world.light, c)
+            shown[0, c] = shown[1, c] = shown[2, c] = sky[c]
         return
     for axis in range(3):
         place[axis] = view.eye[axis] + distance * ray[axis]
@@ -166,10 +169,10 @@ def _shade_sample(face, depth, u, v, view, world, scratch, lane, shown):
         textures.ruffle(place[0], place[1], place[2], pixel, normal)
     tone, pane = _tone(surface, face, place, normal, pixel, world, lane)
     if pane >= 0.0:
-        _show_pane(pane, tone, normal, ray, world.light, shown)
+        _show_pane(pane, tone, normal, ray, world.light, sky, shown)
     else:
         _light_surface(face, tone, place, normal, world, shown)
-    _mirror(surface, place, normal, ray, pixel, world, shown)
+    _mirror(surface, place, normal, ray, pixel, world, sky, shown)
     fog = 1.0 - exp(-world.light[_WEATHER, 2] * distance)
     veil = max(fog, 1.0 - exp(-max(0.0, distance - 200.0) / 1500.0))
     for picture in range(3):
@@ -188,31 +191,34 @@ def _cast(u, v, view, ray):
 
 
 @inner
-def _sky(x, y, z, light, c):
-    """Colour of the sky along a ray: from the horizon's to the zenith's, brighter towards the sun."""
+def _sky(x, y, z, light, found):
+    """Find the sky's colour along a ray: from the horizon's to the zenith's, brighter towards the sun."""
     share = 1.0 - exp(-5.0 * max(0.0, z))
     towards = x * light[_SUN, 0] + y * light[_SUN, 1] + z * light[_SUN, 2]
-    glow = 0.25 * max(0.0, towards) ** 24 * light[_SUN_COLOUR, c]
-    clear = light[_HORIZON, c] * (1.0 - share) + light[_ZENITH, c] * share + glow
-    if z < 0.03:
-        return clear
-    white = light[_HORIZON, c] + 0.15 * light[_SUN_COLOUR, c]
-    hidden = textures.clouds(1.1 * x / (z + 0.12), 1.1 * y / (z + 0.12)) * min(1.0, 4.0 * (z - 0.03))
-    return clear + hidden * (white - clear)
+    glow = 0.25 * max(0.0, towards) ** 24
+    hidden = 0.0
+    if z >= 0.03:
+        hidden = textures.clouds(1.1 * x / (z + 0.12), 1.1 * y / (z + 0.12)) * min(1.0, 4.0 * (z - 0.03))
+    for c in range(3):
+        clear = light[_HORIZON, c] * (1.0 - share) + light[_ZENITH, c] * share + glow * light[_SUN_COLOUR, c]
+        white = light[_HORIZON, c] + 0.15 * light[_SUN_COLOUR, c]
+        found[c] = clear + hidden * (white - clear)
 
 
 @inner
-def _far_away(x, y, z, light, c):
-    """Colour of what is farther than the map: woods and hills in the haze, and over them the sky."""
+def _far_away(x, y, z, light, found):
+    """Find the colour of what is farther than the map: woods and hills in the haze, over them the sky."""
     level = sqrt(x * x + y * y)
     if level == 0.0 or z > level * textures.woods(x / level, y / level):
-        return _sky(x, y, z, light, c)
+        _sky(x, y, z, light, found)
+        return
     clear = _CLEAR_WOODS * exp(-_WOODS_AWAY * light[_WEATHER, 2])
-    return light[_HORIZON, c] + clear * (_WOODS[c] * light[_SKY_COLOUR, c] - light[_HORIZON, c])
+    for c in range(3):
+        found[c] = light[_HORIZON, c] + clear * (_WOODS[c] * light[_SKY_COLOUR, c] - light[_HORIZON, c])
 
 
 @inner
-def _show_pane(pane, tone, normal, ray, light, shown):
+def _show_pane(pane, tone, normal, ray, light, sky, shown):
     """Show a window: what it mirrors over what is behind it, or at night somebody's lamp."""
     along = normal[0] * ray[0] + normal[1] * ray[1] + normal[2] * ray[2]
     x, y, z = (
@@ -222,12 +228,13 @@ def _show_pane(pane, tone, normal, ray, light, shown):
     )
     mirrored = 0.1 + 0.9 * (1.0 - min(1.0, abs(along))) ** 5
     opens = min(1.0, max(0.0, 4.0 * z + 0.3))
+    _sky(x, y, z, light, sky)
     for c in range(3):
         behind = (0.03 + 0.12 * (pane < 0.3) + _INDOORS * tone) * light[_SKY_COLOUR, c]
         behind += light[_WEATHER, 0] * 0.6 * _WINDOW[c] * (pane > _LIT_WINDOWS)
         street = _STREET * light[_SKY_COLOUR, c]
-        sky = street + opens * (_sky(x, y, z, light, c) - street)
-        value = behind + (mirrored + 0.25 * mirrored * pane) * (sky - behind)
+        seen = street + opens * (sky[c] - street)
+        value = behind + (mirrored + 0.25 * mirrored * pane) * (seen - behind)
         shown[0, c] = shown[1, c] = shown[2, c] = value
 
 
@@ -290,7 +297,7 @@ def _tone(surface, face, place, normal, pixel, world, lane):
 
 
 @inner
-def _mirror(surface, place, normal, ray, pixel, world, shown):
+def _mirror(surface, place, normal, ray, pixel, world, sky, shown):
     """Add what water and wet ground send on: the sky, and long streaks under lamps."""
     wet = world.light[_WEATHER, 1]
     if normal[2] <= 0.9 or (surface != _WATER and (wet == 0.0 or surface == _GRASS)):
@@ -301,10 +308,10 @@ def _mirror(surface, place, normal, ray, pixel, world, shown):
         share *= 0.75 * wet * textures.puddles(place[0], place[1], pixel)
     lamps = world.light[_WEATHER, 0]
     streak = 6.0 * lamps * _streaks(place, ray, world.lamps) if lamps > 0.0 else 0.0
+    _sky(ray[0], ray[1], -ray[2], world.light, sky)
     for c in range(3):
-        sky = _sky(ray[0], ray[1], -ray[2], world.light, c)
         for picture in range(3):
-            shown[picture, c] += share * (sky + streak * _LAMP_COLOUR[c] - shown[picture, c])
+            shown[picture, c] += share * (sky[c] + streak * _LAMP_COLOUR[c] - shown[picture, c])
 
 
 @inner
