@@ -31,6 +31,19 @@ def edges_for(net: Any, vehicle: str, *, alone: bool = False) -> list[Any]:
     return [e for e in net.getEdges() if e.allows(vehicle) and not (alone and e.allows("passenger"))]
 
 
+def crossed_by_a_track() -> Drawing:
+    """A signalised junction; a cycle track crosses one of its streets there."""
+    drawing = cross()
+    drawing.ways[0][0].insert(1, drawing.node(-18, 0))
+    drawing.way((-18, -60), (-18, 0), (-18, 60), highway="cycleway")
+    drawing.node(-18, 0, highway="crossing", crossing="traffic_signals", bicycle="yes")
+    return drawing
+
+
+def cycle_tracks(net: Any) -> list[Any]:
+    return [e for e in edges_for(net, "bicycle", alone=True) if e.getType() == "highway.cycleway"]
+
+
 def track_links(bundle: Bundle) -> list[Connection]:
     kinds = {road.id: road.kind for road in bundle.road_map.roads}
     kind = {lane.id: kinds.get(lane.road) for lane in bundle.road_map.lanes}
@@ -193,14 +206,9 @@ def test_cyclists_wait_before_junctions_not_in_them(tmp_path: Path) -> None:
 
 
 def test_cycle_track_crosses_at_the_signal(tmp_path: Path) -> None:
-    drawing = cross()
-    drawing.ways[0][0].insert(1, drawing.node(-18, 0))
-    drawing.way((-18, -60), (-18, 0), (-18, 60), highway="cycleway")
-    drawing.node(-18, 0, highway="crossing", crossing="traffic_signals", bicycle="yes")
-    bundle, report = built(drawing, tmp_path)
+    bundle, report = built(crossed_by_a_track(), tmp_path)
     net = network(bundle)
-    tracks = edges_for(net, "bicycle", alone=True)
-    tracks = [e for e in tracks if e.getType() == "highway.cycleway"]
+    tracks = cycle_tracks(net)
     assert len(tracks) == 4
     links = [c for e in tracks for conns in e.getOutgoing().values() for c in conns]
     assert len(links) == 2
@@ -212,16 +220,8 @@ def test_cycle_track_crosses_at_the_signal(tmp_path: Path) -> None:
 
 
 def test_cyclists_do_not_stop_for_who_stands_where_a_track_meets_a_pavement(tmp_path: Path) -> None:
-    drawing = cross()
-    drawing.ways[0][0].insert(1, drawing.node(-18, 0))
-    drawing.way((-18, -60), (-18, 0), (-18, 60), highway="cycleway")
-    drawing.node(-18, 0, highway="crossing", crossing="traffic_signals", bicycle="yes")
-    bundle, _ = built(drawing, tmp_path)
-    tracks = {
-        edge.getID()
-        for edge in edges_for(network(bundle), "bicycle", alone=True)
-        if edge.getType() == "highway.cycleway"
-    }
+    bundle, _ = built(crossed_by_a_track(), tmp_path)
+    tracks = {track.getID() for track in cycle_tracks(network(bundle))}
     links = re.findall(r'<connection from="([^"]+)" to="([^"]+)"', bundle.network.read_text())
     areas = {area for link in links for area in link if re.search(r"_w\d+$", area)}
     crossed = areas & {area for link in links if re.search(r"_c\d+\b", " ".join(link)) for area in link}

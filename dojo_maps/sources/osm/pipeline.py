@@ -105,12 +105,11 @@ def build_network(
         else:
             tried = rules.network.track_attempts
             unsettled.append(not_converged(known, wanted, layout.graph, attempts=tried))
-    ridden = follow_tracks(part_walkers_from_cyclists(converted.data), road_map, layout)
-    built = settle_precedence(ridden, road_map)
+    built = settle_precedence(follow_tracks(converted.data, road_map, layout), road_map)
     if built != converted.data:  # Programs and waiting places go by where bicycles ride, and by who waits.
         road_map, _ = read_network(built, path=path, name=name, sha256=sha256)
     built = move_waiting_places(program_signals(built, road_map), road_map, rules.waiting)
-    built = mend_outlines(built)
+    built = mend_outlines(part_walkers_from_cyclists(built))
     built = trim_outlines(built, road_map, layout.graph)
     built = fill_outlines(built, road_map, layout)
     road_map, issues = read_network(built, path=path, name=name, sha256=sha256)

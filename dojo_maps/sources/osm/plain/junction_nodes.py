@@ -42,9 +42,8 @@ def write_nodes(
             kind = 'type="dead_end"'
         if any(layout.graph.sections[name].road.roundabout for name, _ in arms[junction]):
             kind += f' radius="{layout.rules.roundabouts.corner_radius}"'
-        outline = outlines.get(junction)
-        if outline is None:
-            outline = _outline_without_stem(layout, arms[junction])
+        kept = outlines.get(junction)
+        outline = _outline_without_stem(layout, arms[junction]) if kept is None else kept
         if outline is not None:
             kind += f' shape="{" ".join(f"{x:.2f},{y:.2f},{z:.2f}" for x, y, z in outline)}"'
         z = sum(layout.height(vertex) for vertex in members[junction]) / len(places)
@@ -67,11 +66,11 @@ def _outline_without_stem(layout: Layout, arms: Sequence[Arm]) -> Floats | None:
     goes_through = any(map(layout.arriving, arms)) and any(map(layout.leaving, arms))
     if goes_through or len(arms) < 2 or not any(layout.cuts.get(arm) for arm in arms):
         return None
-    hull = shapely.MultiPoint(np.concatenate([_end(layout, arm) for arm in arms])).convex_hull
+    hull = shapely.MultiPoint(np.concatenate([_borders(layout, arm) for arm in arms])).convex_hull
     return shapely.get_coordinates(hull.exterior, include_z=True)[:-1] if hull.area else None
 
 
-def _end(layout: Layout, arm: Arm) -> Floats:
+def _borders(layout: Layout, arm: Arm) -> Floats:
     """Give both borders of a road, sidewalks included, at the end that it is drawn back to.
 
     Args:
