@@ -64,6 +64,18 @@ def test_a_demand_that_begins_after_the_end_is_told(
     assert "no vehicle" in capsys.readouterr().err
 
 
+def test_a_run_without_a_controller_leaves_the_signals_to_their_programs(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    """Who only wants to see a scenario's figures need not know who could control it."""
+    asked = ["run", "--scenario", "cologne1", "--seconds", "120"]
+    tables = []
+    for controller in ([], ["--controller", "fixed-time"], ["--controller", "max-pressure"]):
+        assert main([*asked, *controller]) == 0
+        tables.append(capsys.readouterr().out)
+    assert tables[0] == tables[1] != tables[2]
+
+
 @pytest.mark.parametrize(
     ("arguments", "status", "words"),
     [

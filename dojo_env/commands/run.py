@@ -42,7 +42,10 @@ def add_run(commands: Commands) -> None:
     run.add_argument("--scenario", required=True, help="a packaged scenario such as cologne1, or a .sumocfg")
     add_routes_option(run)
     run.add_argument(
-        "--controller", required=True, metavar="NAME", help="such as max-pressure, or a policy.pt"
+        "--controller",
+        default="fixed-time",
+        metavar="NAME",
+        help="such as max-pressure, or a policy.pt (default: fixed-time, the network's own programs)",
     )
     run.add_argument(
         "--seeds", type=int, default=1, metavar="N", help="how many episodes, each with the next seed"
