@@ -59,9 +59,8 @@ class LocalWorld(World):
         bundle = open_map(config.scenario)
         self.map = MapManager(bundle, config.signals, additional=config.additional)
         self.signals = tuple(self.map.plans)
-        if not config.signals.fixed_ts:
-            for words in self.map.list_warnings():
-                say_once(words)
+        for words in self.map.list_warnings():
+            say_once(words)
         self.traffic = TrafficManager(bundle, config)
         self.control = SignalManager(
             self.traffic.simulation,

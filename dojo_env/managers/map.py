@@ -6,7 +6,7 @@ from pathlib import Path
 from dojo_env.config import SignalConfig
 from dojo_env.errors import ConfigError
 from dojo_env.managers.base import Manager
-from dojo_env.signals.diagram import list_oddities
+from dojo_env.signals.diagram import list_oddities, list_unserved
 from dojo_env.signals.plan import SignalPlan, build_plan
 from dojo_env.signals.programs import add_programs, refuse_switching
 from dojo_maps.bundle import Bundle
@@ -41,16 +41,20 @@ class MapManager(Manager):
         chosen = _choose_signals(bundle, usable, config.ts_ids)
         if not config.fixed_ts or config.program != "network":
             refuse_switching((signal.id for signal in chosen), additional)
+        self._list_oddities = list_unserved if config.fixed_ts else list_oddities
         wanted = add_programs(chosen, additional)
         self.plans: Mapping[str, SignalPlan] = {
             signal.id: build_plan(bundle.road_map, signal, config) for signal in wanted
         }
 
     def list_warnings(self) -> Iterator[str]:
-        """Tell which signals cannot be controlled as one may think, in a line for each kind of oddity."""
+        """Tell which signals are not as one may think, in a line for each kind of oddity.
+
+        Where programs run as they stand, what a controller lacks is no oddity.
+        """
         by_words: dict[str, list[str]] = {}
         for signal, plan in self.plans.items():
-            for words in list_oddities(plan):
+            for words in self._list_oddities(plan):
                 by_words.setdefault(words, []).append(signal)
         name = self.bundle.road_map.name
         for words, signals in by_words.items():

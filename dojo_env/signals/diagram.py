@@ -54,9 +54,21 @@ def list_oddities(plan: SignalPlan) -> Iterator[str]:
         yield "has one green phase, so there is nothing to choose"
     if not plan.is_of_program:
         yield "has no green phase of its own; its phases are computed from its links"
+    yield from list_unserved(plan)
+    yield from plan.changes
+
+
+def list_unserved(plan: SignalPlan) -> Iterator[str]:
+    """Tell which links no phase serves, whoever controls the signal.
+
+    Args:
+        plan: of the signal.
+
+    Yields:
+        What follows the signal's name in a sentence; nothing where every link has a green.
+    """
     served = frozenset[int]().union(*map(green_links, plan.phases))
     dark = sorted({link for link, _, _ in plan.links} - served)
     if dark:
         more = f" and {len(dark) - _MOST_NAMED} more" if len(dark) > _MOST_NAMED else ""
         yield f"has no phase for the links {', '.join(map(str, dark[:_MOST_NAMED]))}{more}"
-    yield from plan.changes
