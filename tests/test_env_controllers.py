@@ -20,6 +20,8 @@ from dojo_env.signals.longest_red import LongestRed
 
 OWN = [name for name in CONTROLLERS if not make_controller(name).settings]
 """Those that choose phases under the signal layer's limits."""
+LIMITED = [*OWN, "actuated", "delay-based"]
+"""Those and SUMO's logics, whose greens the layer limits."""
 SHAPES: dict[str, tuple[str, ...]] = {
     f"{kind}-{lanes}-{turns}": (
         *("--grid", f"--grid.x-number={size[0]}", f"--grid.y-number={size[1]}", "--grid.length=160"),
@@ -84,7 +86,7 @@ def flows(network: Path) -> Iterator[str]:
 
 
 @pytest.mark.sampled(4)
-@pytest.mark.parametrize("controller", OWN)
+@pytest.mark.parametrize("controller", LIMITED)
 @pytest.mark.parametrize("shape", SHAPES)
 def test_every_link_with_demand_is_served(
     scenario_of: Callable[[str], Path], shape: str, controller: str
@@ -127,7 +129,7 @@ def test_who_waits_before_a_lane_that_holds_nobody_is_served(controller: str, tm
 
 @pytest.mark.slow
 @pytest.mark.sampled(2)
-@pytest.mark.parametrize("controller", OWN)
+@pytest.mark.parametrize("controller", LIMITED)
 @pytest.mark.parametrize("scenario", PACKAGED)
 def test_nobody_waits_longer_than_the_longest_red(scenario: str, controller: str) -> None:
     (figures,) = run_controller(controller, [1], scenario=scenario, num_seconds=600)

@@ -1,5 +1,6 @@
 """The signals of the episode: actions become states, and a watch looks at what is really shown."""
 
+import math
 from collections.abc import Mapping
 from functools import partial
 
@@ -8,7 +9,7 @@ from dojo_env.errors import ConfigError
 from dojo_env.instant import SignalView
 from dojo_env.managers.base import Manager, Turn
 from dojo_env.reading import HALTING, LaneReading
-from dojo_env.signals.cycle import build_cycle, check_timing, find_step, plan_stages
+from dojo_env.signals.cycle import build_cycle, check_timing, find_step, longest_green, plan_stages
 from dojo_env.signals.longest_red import LongestRed
 from dojo_env.signals.plan import SignalPlan
 from dojo_env.signals.safety import SafetyLog, SignalWatch
@@ -106,7 +107,8 @@ class SignalManager(Manager):
             number, spent = simulation.read_position(signal)
             start = find_step(cycle, plan.starts[number] + spent)
         longest = config.max_green if self.timing is None else self.timing.max_green
-        limits = (config.min_green, max(longest or 0, config.min_green))
+        longest = math.floor(min(longest or 0, longest_green(cycle, self._reds[signal].limit)))
+        limits = (config.min_green, max(longest, config.min_green))
         parameters = self.timing.parameters if self.timing is not None else {}
         simulation.run_program(
             signal, config.program, cycle, limits=limits, start=start, parameters=parameters
