@@ -311,6 +311,15 @@ class Simulation:
         get = self._get
         return get.trafficlight_getPhase(signal), get.trafficlight_getSpentDuration(signal)
 
+    def show_step(self, signal: str, number: int) -> None:
+        """Have a signal's program go on with a step.
+
+        Args:
+            signal: its id.
+            number: of the step.
+        """
+        self._running().trafficlight.setPhase(signal, number)
+
     def run_program(
         self,
         signal: str,

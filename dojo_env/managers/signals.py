@@ -1,6 +1,5 @@
 """The signals of the episode: actions become states, and a watch looks at what is really shown."""
 
-import math
 from collections.abc import Mapping
 from functools import partial
 
@@ -9,12 +8,13 @@ from dojo_env.errors import ConfigError
 from dojo_env.instant import SignalView
 from dojo_env.managers.base import Manager, Turn
 from dojo_env.reading import HALTING, LaneReading
-from dojo_env.signals.cycle import build_cycle, check_timing, find_step, longest_green, plan_stages
+from dojo_env.signals.cycle import CycleStep, build_cycle, check_timing, find_step, plan_stages
 from dojo_env.signals.longest_red import LongestRed
 from dojo_env.signals.plan import SignalPlan
 from dojo_env.signals.safety import SafetyLog, SignalWatch
 from dojo_env.signals.switching import SignalSwitch
 from dojo_env.simulation import Simulation
+from dojo_env.timing_plans import SignalTiming
 
 
 class SignalManager(Manager):
@@ -49,6 +49,7 @@ class SignalManager(Manager):
         self._watches: dict[str, SignalWatch] = {}
         self._phases: dict[str, int] = {}
         self._reds: dict[str, LongestRed] = {}
+        self._cycles: dict[str, tuple[CycleStep, ...]] = {}
         self.longest_red = 0.0
         self.safety = SafetyLog()
 
@@ -81,13 +82,16 @@ class SignalManager(Manager):
         }
         self._phases = dict.fromkeys(self._plans, 0)
         self._reds = {
-            name: LongestRed(plan, self._config, interval=self._interval, time=time)
+            name: LongestRed(
+                plan, self._config, interval=self._interval, time=time, order=self._list_order(name)
+            )
             for name, plan in self._plans.items()
         }
         self._watches = {
             name: SignalWatch(plan, self._config, self.safety, time=time)
             for name, plan in self._plans.items()
         }
+        self._cycles = {}
         for signal, switch in self._switches.items():
             if self._config.program != "network":
                 self._hand_over(signal)
@@ -95,11 +99,27 @@ class SignalManager(Manager):
                 self._simulation.show(signal, switch.state)
         self._look()
 
+    def _own_timing(self, signal: str) -> SignalTiming | None:
+        return self.timing.signals.get(signal) if self.timing is not None else None
+
+    def _staged(self, signal: str) -> SignalPlan:
+        """Give the signal's plan, with the greens of the timing plan where that has some for it."""
+        plan, own = self._plans[signal], self._own_timing(signal)
+        return plan if own is None else plan_stages(plan, own)
+
+    def _list_order(self, signal: str) -> tuple[int, ...] | None:
+        """List the phases in the order in which they come; None where any may be chosen."""
+        if self._config.fixed_ts:
+            return tuple(green.phase for green in self._staged(signal).greens)
+        if self._config.action_mode == "choose_phase":
+            return None
+        return tuple(range(len(self._plans[signal].phases)))
+
     def _hand_over(self, signal: str) -> None:
         """Let SUMO's own logic run the signal, under the same constraints as agents."""
         plan, config, simulation = self._plans[signal], self._config, self._simulation
-        own = self.timing.signals.get(signal) if self.timing is not None else None
-        cycle = build_cycle(plan if own is None else plan_stages(plan, own), config)
+        own = self._own_timing(signal)
+        cycle = build_cycle(self._staged(signal), config)
         start = None
         if own is not None:
             start = find_step(cycle, own.offset)
@@ -107,12 +127,24 @@ class SignalManager(Manager):
             number, spent = simulation.read_position(signal)
             start = find_step(cycle, plan.starts[number] + spent)
         longest = config.max_green if self.timing is None else self.timing.max_green
-        longest = math.floor(min(longest or 0, longest_green(cycle, self._reds[signal].limit)))
-        limits = (config.min_green, max(longest, config.min_green))
+        limits = (config.min_green, max(longest or 0, config.min_green))
         parameters = self.timing.parameters if self.timing is not None else {}
         simulation.run_program(
             signal, config.program, cycle, limits=limits, start=start, parameters=parameters
         )
+        if config.program != "fixed":
+            self._cycles[signal] = cycle
+
+    def _end_greens(self) -> None:
+        """Let SUMO's logics go on from a green where somebody would else wait too long."""
+        for signal, cycle in self._cycles.items():
+            number, spent = self._simulation.read_position(signal)
+            if not cycle[number].varies or spent < self._config.min_green:
+                continue
+            place = sum(step.varies for step in cycle[:number])
+            if self._reds[signal].find_due(self._simulation.time, place) is not None:
+                self._simulation.show_step(signal, (number + 1) % len(cycle))
+                self._see(signal)
 
     def before_step(self, turn: Turn) -> None:
         """Ask for what the agents want, or for what those need who have waited longest.
@@ -121,6 +153,7 @@ class SignalManager(Manager):
             ConfigError: an action is none of the signal's; nothing has been asked for then.
         """
         if self._config.fixed_ts:
+            self._end_greens()
             return
         for signal, action in turn.actions.items():
             self._check(signal, action)
@@ -128,7 +161,9 @@ class SignalManager(Manager):
             before = switch.state
             action = int(turn.actions.get(signal, self._keeping(switch)))
             asked = action != self._keeping(switch)
-            due = self._reds[signal].find_due(self._simulation.time, switch, is_asked=asked)
+            due = None
+            if switch.may_change:
+                due = self._reds[signal].find_due(self._simulation.time, switch.phase, is_asked=asked)
             if due is not None:
                 switch.request_phase(due)
             elif signal in turn.actions:

@@ -4,7 +4,6 @@ So whoever runs a signal, agents, our controllers or SUMO's, every change takes 
 walkers' clearance.
 """
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -13,7 +12,6 @@ from dojo_env.errors import ConfigError
 from dojo_env.signals.plan import Green, SignalPlan
 from dojo_env.signals.switching import SignalSwitch, Stage
 from dojo_env.timing_plans import SignalTiming, TimingPlan
-from dojo_maps.signals.programs import GREEN
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -52,28 +50,6 @@ def build_cycle(plan: SignalPlan, config: SignalConfig) -> tuple[CycleStep, ...]
         steps.append(CycleStep(seconds=seconds, state=plan.phases[green.phase], varies=True))
         steps += [CycleStep(seconds=time, state=state, varies=False) for time, state in stages]
     return tuple(steps)
-
-
-def longest_green(steps: Sequence[CycleStep], limit: float) -> float:
-    """Compute how long greens may last that vary, so that no link is red for longer than a limit.
-
-    Args:
-        steps: of the whole cycle.
-        limit: the longest red, seconds.
-
-    Returns:
-        Seconds, the same for every such green; infinite where no red depends on them.
-    """
-    longest = math.inf
-    for letters in zip(*(step.state for step in steps), strict=True):
-        greens = [place for place, letter in enumerate(letters) if letter in GREEN]
-        for begin, end in zip(greens, [*greens[1:], *(greens[:1])], strict=True):
-            reds = [steps[place % len(steps)] for place in range(begin + 1, end + len(steps) * (end <= begin))]
-            varying = sum(step.varies for step in reds)
-            if varying:
-                settled = sum(step.seconds for step in reds if not step.varies)
-                longest = min(longest, (limit - settled) / varying)
-    return longest
 
 
 def plan_stages(plan: SignalPlan, timing: SignalTiming) -> SignalPlan:

@@ -8,7 +8,6 @@ from collections.abc import Callable, Iterator, Sequence
 
 from dojo_env.config import SignalConfig
 from dojo_env.signals.plan import SignalPlan
-from dojo_env.signals.switching import SignalSwitch
 from dojo_maps.signals.programs import GREEN, green_links
 
 _USUAL_LIMIT = 120.0
@@ -27,10 +26,25 @@ class LongestRed:
         limit: seconds; the configured ones, or longer where the signal's shortest cycle needs more.
     """
 
-    def __init__(self, plan: SignalPlan, config: SignalConfig, *, interval: float, time: float) -> None:
-        """Begin with all links red from `time` on; decisions come every `interval` seconds."""
-        self._plan, self._interval = plan, interval
-        self._is_free = config.action_mode == "choose_phase"
+    def __init__(
+        self,
+        plan: SignalPlan,
+        config: SignalConfig,
+        *,
+        interval: float,
+        time: float,
+        order: Sequence[int] | None = None,
+    ) -> None:
+        """Begin with all links red.
+
+        Args:
+            plan: of the signal.
+            config: its times.
+            interval: seconds from decision to decision.
+            time: simulated seconds now.
+            order: the phases in the order in which they come; None where any may be chosen.
+        """
+        self._plan, self._interval, self._order = plan, interval, order
         self._state = "r" * len(plan.phases[0])
         self._since = [time] * len(self._state)
         self._wanted: dict[int, float] = {}
@@ -46,7 +60,7 @@ class LongestRed:
         changes = [self._longest_change(greens, config) for greens in self._greens]
         self._slots = [_whole(config.min_green + change, interval) for change in changes]
         self._change = max(changes)
-        self._cycle = self._change + sum(self._slots)
+        self._cycle = self._change + sum(self._slots[k] for k in order or range(len(self._slots)))
         shortest = _CYCLES * sum(self._slots)
         self.limit = math.inf if config.max_red is None else max(config.max_red, shortest)
         self._next_look = time
@@ -112,20 +126,20 @@ class LongestRed:
         lanes = self._lanes.get(link)
         return lanes is None or any(halting[lane] for lane in lanes)
 
-    def find_due(self, time: float, switch: SignalSwitch, *, is_asked: bool) -> int | None:
+    def find_due(self, time: float, place: int, *, is_asked: bool = False) -> int | None:
         """Find the phase that must come now, so that those who wait longest get green in time.
 
         They get it one after the other, longest first: is one of them too late then?
 
         Args:
-            time: simulated seconds.
-            switch: of the signal.
+            time: simulated seconds, at which a change would be granted.
+            place: of the present phase in the order in which they come.
             is_asked: whether a change is asked for, after which the next one has to wait for its green.
 
         Returns:
             The phase, or None where there is time left.
         """
-        if not self._wanted or not switch.may_change:
+        if not self._wanted:
             return None
         if time - min(self._wanted.values()) + self._cycle < self.limit:
             return None  # Even a whole cycle would not be too long.
@@ -135,7 +149,7 @@ class LongestRed:
         for link in sorted(red, key=lambda link: -red[link]):
             if link in served:
                 continue
-            for phase in self._phases_up_to(link, red, switch):
+            for phase in self._phases_up_to(link, red, place):
                 first = phase if first is None else first
                 served |= self._greens[phase]
                 if link in served and red[link] + until >= self.limit:
@@ -143,17 +157,17 @@ class LongestRed:
                 until += self._slots[phase]
         return None
 
-    def _phases_up_to(self, link: int, red: dict[int, float], switch: SignalSwitch) -> Iterator[int]:
+    def _phases_up_to(self, link: int, red: dict[int, float], place: int) -> Iterator[int]:
         """List the phases that come until a link is green: that one alone, where phases may be chosen."""
-        having = [k for k, greens in enumerate(self._greens) if link in greens]
+        order = self._order or range(len(self._greens))
+        having = [k for k, phase in enumerate(order) if link in self._greens[phase]]
         if not having:
             return
-        if self._is_free:
+        if self._order is None:
             yield max(having, key=lambda k: (sum(red.get(other, 0.0) for other in self._greens[k]), -k))
             return
-        count = len(self._greens)
-        nearest = min((k - switch.phase) % count for k in having)
-        yield from ((switch.phase + k) % count for k in range(1, nearest + 1))
+        nearest = min((k - place) % len(order) for k in having)
+        yield from (order[(place + k) % len(order)] for k in range(1, nearest + 1))
 
     def _longest_change(self, greens: frozenset[int], config: SignalConfig) -> float:
         """Compute how long it takes to leave a phase: yellow and red, or until its walkers are across."""
