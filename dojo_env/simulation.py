@@ -299,6 +299,23 @@ class Simulation:
             list(map(get.lane_getCO2Emission, lanes)),
         ]
 
+    def measure_slowness(self, lanes: Iterable[str]) -> float:
+        """Measure how much slower than the speed limits traffic is.
+
+        Args:
+            lanes: ids.
+
+        Returns:
+            The sum over the lanes' vehicles of 1 - mean speed of the lane / speed limit, none below 0: one
+            that stands counts 1.
+        """
+        get, slow = self._get, 0.0
+        for lane in lanes:
+            count = get.lane_getLastStepVehicleNumber(lane)
+            if count:
+                slow += count * max(0.0, 1 - get.lane_getLastStepMeanSpeed(lane) / get.lane_getMaxSpeed(lane))
+        return slow
+
     def read_position(self, signal: str) -> tuple[int, float]:
         """Tell the number of the phase that a signal's program shows, and for how many seconds it has.
 

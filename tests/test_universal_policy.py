@@ -23,6 +23,7 @@ from dojo_env.controllers.phase_competition import (
     score_phases,
 )
 from dojo_env.errors import PolicyError
+from dojo_env.learning.universal.rollouts import measure_cost
 from dojo_env.local_world import LocalWorld
 from dojo_env.phase_features import PHASE_FEATURES
 
@@ -120,8 +121,37 @@ def test_torch_and_numpy_score_alike(weights: dict[str, np.ndarray]) -> None:
     from dojo_env.learning.universal.network import PhaseNet  # noqa: PLC0415 - torch is not everywhere
 
     torch.manual_seed(3)
-    for network in (PhaseNet(), PhaseNet.of_weights(weights)):
+    for network in (PhaseNet(), PhaseNet.of_weights(weights), PhaseNet.of_weights(weights, temperature=4)):
         check_scores(network, torch)
+
+
+def test_a_policy_that_goes_on_ranks_phases_as_before_and_tries_others(
+    weights: dict[str, np.ndarray],
+) -> None:
+    pytest.importorskip("torch")
+    from dojo_env.learning.universal.network import PhaseNet  # noqa: PLC0415 - torch is not everywhere
+
+    draw = np.random.default_rng(2)
+    phases, rules = draw.random((5, len(PHASE_FEATURES)), np.float32), draw.random(5, np.float32)
+    before = score_phases(weights, phases, rules, 1)
+    softer = score_phases(PhaseNet.of_weights(weights, temperature=4).export(), phases, rules, 1)
+    assert softer == pytest.approx(before / 4, abs=1e-4)
+
+
+def test_slow_vehicles_cost_by_the_speed_that_they_lack() -> None:
+    world = LocalWorld(build_config(scenario="two-way", num_seconds=300))
+    world.reset(1)
+    costs, ended = [], False
+    while not ended:
+        _, _, ended, _ = world.step({"t": 0})
+        (view,) = world.instant.signals.values()
+        lanes, limits = view.lanes, view.plan.limits
+        slow = (lanes.vehicles * np.maximum(1 - lanes.mean_speed / limits, 0)).sum()
+        assert world.traffic.simulation.measure_slowness(view.plan.lanes) == pytest.approx(slow)
+        assert measure_cost("t", world.instant, world.traffic.simulation) > slow - 1e-6
+        costs.append(slow)
+    assert max(costs) > view.lanes.total_halting > 10
+    world.close()
 
 
 def check_scores(network: Any, torch: Any) -> None:

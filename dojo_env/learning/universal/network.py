@@ -28,14 +28,17 @@ class PhaseNet(nn.Module):
                 self.rule.weight[0, PHASE_FEATURES.index(name)] = weight
 
     @classmethod
-    def of_weights(cls, weights: Mapping[str, NDArray[np.float32]]) -> "PhaseNet":
+    def of_weights(
+        cls, weights: Mapping[str, NDArray[np.float32]], *, temperature: float = 1.0
+    ) -> "PhaseNet":
         """Go on from a policy's weights, which hold no values of states.
 
         Args:
             weights: as `phase_competition.read_weights` gives them.
+            temperature: what the scores are divided by.
 
         Returns:
-            A network of the same scores.
+            A network of these scores.
         """
         network = cls(len(weights["encode1_bias"]))
         named = {name: torch.from_numpy(np.array(array)) for name, array in weights.items()}
@@ -44,6 +47,9 @@ class PhaseNet(nn.Module):
             layer, _, part = name.partition(".")
             own[name] = named.get(f"{layer}_{part}", own[name])
         network.load_state_dict(own)
+        with torch.no_grad():
+            for tensor in (network.score2.weight, network.score2.bias, network.rule.weight):
+                tensor.div_(temperature)
         return network
 
     def forward(

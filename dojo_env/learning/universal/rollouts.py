@@ -19,12 +19,13 @@ from dojo_env.learning.universal.cases import Case
 from dojo_env.local_world import LocalWorld
 from dojo_env.notes import notes_unsaid
 from dojo_env.phase_features import PhaseReader
+from dojo_env.simulation import Simulation
 
 Array = NDArray[np.float32]
 
 DISCOUNT = 0.97
 """From decision time to decision time, which are 5 s apart: what comes in three minutes counts a third."""
-WAITING, WALKERS = 0.02, 2.0
+WAITING, WALKERS = 0.01, 2.0
 """What a second of a vehicle's waiting costs beside one that stands, and walkers at a crossing beside one."""
 
 
@@ -132,7 +133,7 @@ def _run(case: Case, weights: Mapping[str, Array]) -> list[Trajectory]:
             _, _, ended, _ = world.step(actions)
             now = world.instant
             for signal, track in tracks.items():
-                track.pay(measure_cost(signal, now))
+                track.pay(measure_cost(signal, now, world.traffic.simulation))
         for signal, track in tracks.items():
             view = now.signals[signal]
             track.see(readers[signal].read(signal, now), readers[signal].constraints(view), view.phase)
@@ -141,21 +142,26 @@ def _run(case: Case, weights: Mapping[str, Array]) -> list[Trajectory]:
     ]
 
 
-def measure_cost(signal: str, instant: Instant) -> float:
-    """Measure what a decision time costs: who stands, for how long, and who waits on foot.
+def measure_cost(signal: str, instant: Instant, simulation: Simulation) -> float:
+    """Measure what a decision time costs: who is slow, for how long vehicles wait, and who waits on foot.
+
+    Who starts again is slow, too; so a stop costs more than the time for which one stands.
 
     Args:
         signal: its id.
         instant: the decision at which that time ends.
+        simulation: stands at that decision.
 
     Returns:
-        The cost, in vehicles that stand within 150 m.
+        The cost, in vehicles that stand on the lanes to the signal and away from it.
 
     Raises:
         StaleInstantError: SUMO has moved on before it was measured.
     """
+    view = instant.signals[signal]
+    plan = view.plan
     return (
-        float(sum(instant.approach(signal).halting))
-        + WAITING * instant.signals[signal].lanes.total_waiting
+        simulation.measure_slowness(dict.fromkeys((*plan.lanes, *plan.upstream, *plan.out_lanes)))
+        + WAITING * view.lanes.total_waiting
         + WALKERS * len(instant.list_wanted_walks(signal))
     )

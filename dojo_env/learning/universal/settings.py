@@ -25,6 +25,8 @@ class UniversalTraining:
     Attributes:
         scenarios: names or paths; the policy learns at all of their signals.
         start: the policy to go on from, a file, a run's folder or `learned`; None begins with queue pressure.
+        temperature: what the scores of `start` are divided by: a trained policy is so sure that it tries
+            nothing else, and learns nothing.
         seed: of everything random.
         rounds: of episodes, each with an update.
         episodes: of a round.
@@ -43,6 +45,7 @@ class UniversalTraining:
 
     scenarios: tuple[str, ...]
     start: str | None = None
+    temperature: float = 4.0
     seed: int = 0
     rounds: int = 60
     episodes: int = 32
@@ -53,8 +56,8 @@ class UniversalTraining:
     learning_rate: float = 1e-3
     entropy: float = 0.01
     clip_range: float = 0.2
-    epochs: int = 4
-    batch_size: int = 512
+    epochs: int = 10
+    batch_size: int = 256
     every: int = 10
     validation_seconds: int = 1200
 
@@ -76,6 +79,8 @@ class UniversalTraining:
             raise ConfigError(
                 f"least_demand={self.least_demand}, most_demand={self.most_demand}: expected shares"
             )
+        if not self.temperature > 0:
+            raise ConfigError(f"temperature={self.temperature}: expected a number above 0")
         if not 0 < self.clip_range < 1:
             raise ConfigError(f"clip_range={self.clip_range}: expected a share between 0 and 1")
         if not 0 <= self.seed < 1_000:

@@ -121,8 +121,11 @@ class _Learner:
     ) -> None:
         self._training, self._junctions, self._run_all, self._tell = training, junctions, run_all, tell
         torch.manual_seed(training.seed)
-        start = training.start
-        self.network = PhaseNet() if start is None else PhaseNet.of_weights(read_start(start))
+        if training.start is None:
+            self.network = PhaseNet()
+        else:
+            start = read_start(training.start)
+            self.network = PhaseNet.of_weights(start, temperature=training.temperature)
         self._optimizer = torch.optim.Adam(self.network.parameters(), eps=1e-5)
         self._usual = UsualCosts()
         self.rows: list[dict[str, float]] = []
