@@ -173,9 +173,9 @@ class Advisor:
                 choice = _find_green(plan, time)
             else:
                 choice = int(self._controller.choose(signal, instant))
-            due = None
-            if switch.may_change:
-                due = self._reds[signal].find_due(time, switch.phase, is_asked=choice != switch.phase)
+            due = self._reds[signal].find_due(
+                time, switch.phase, may_change=switch.may_change, is_asked=choice != switch.phase
+            )
             switch.request_phase(choice if due is None else due)
             self._decided[signal] = (choice, due is not None)
 

@@ -139,10 +139,10 @@ class SignalManager(Manager):
         """Let SUMO's logics go on from a green where somebody would else wait too long."""
         for signal, cycle in self._cycles.items():
             number, spent = self._simulation.read_position(signal)
-            if not cycle[number].varies or spent < self._config.min_green:
-                continue
+            may_change = cycle[number].varies and spent >= self._config.min_green
             place = sum(step.varies for step in cycle[:number])
-            if self._reds[signal].find_due(self._simulation.time, place) is not None:
+            due = self._reds[signal].find_due(self._simulation.time, place, may_change=may_change)
+            if due is not None:
                 self._simulation.show_step(signal, (number + 1) % len(cycle))
                 self._see(signal)
 
@@ -161,9 +161,9 @@ class SignalManager(Manager):
             before = switch.state
             action = int(turn.actions.get(signal, self._keeping(switch)))
             asked = action != self._keeping(switch)
-            due = None
-            if switch.may_change:
-                due = self._reds[signal].find_due(self._simulation.time, switch.phase, is_asked=asked)
+            due = self._reds[signal].find_due(
+                self._simulation.time, switch.phase, may_change=switch.may_change, is_asked=asked
+            )
             if due is not None:
                 switch.request_phase(due)
             elif signal in turn.actions:

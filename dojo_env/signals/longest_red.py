@@ -126,20 +126,21 @@ class LongestRed:
         lanes = self._lanes.get(link)
         return lanes is None or any(halting[lane] for lane in lanes)
 
-    def find_due(self, time: float, place: int, *, is_asked: bool = False) -> int | None:
+    def find_due(self, time: float, place: int, *, may_change: bool, is_asked: bool = False) -> int | None:
         """Find the phase that must come now, so that those who wait longest get green in time.
 
         They get it one after the other, longest first: is one of them too late then?
 
         Args:
-            time: simulated seconds, at which a change would be granted.
+            time: simulated seconds.
             place: of the present phase in the order in which they come.
+            may_change: whether a change would be granted now; without it nothing is due.
             is_asked: whether a change is asked for, after which the next one has to wait for its green.
 
         Returns:
             The phase, or None where there is time left.
         """
-        if not self._wanted:
+        if not self._wanted or not may_change:
             return None
         if time - min(self._wanted.values()) + self._cycle < self.limit:
             return None  # Even a whole cycle would not be too long.
