@@ -2,6 +2,7 @@
 
 import contextlib
 import fcntl
+import importlib
 import json
 import os
 import random
@@ -11,6 +12,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass
 from functools import lru_cache
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 import forked
@@ -104,6 +106,16 @@ def _choose_slow(items: list[pytest.Item]) -> set[pytest.Item]:
     """Choose which of the slow tests a run of all tests leaves out: five in six, spread over the files."""
     slow = [item for item in items if item.get_closest_marker("slow")]
     return set(slow) - set(slow[::6])
+
+
+def import_ours(name: str) -> ModuleType | None:
+    """Import a module of this project; None where a package of an extra that it needs is not installed."""
+    try:
+        return importlib.import_module(name)
+    except ModuleNotFoundError as error:
+        if str(error.name).startswith("dojo_"):
+            raise
+        return None
 
 
 @lru_cache(maxsize=4)

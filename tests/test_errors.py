@@ -1,26 +1,23 @@
 """Errors arrive whole where another process raised them."""
 
-import importlib
 import inspect
 import pickle
 import pkgutil
 
 import pytest
+from conftest import import_ours
 
 import dojo_env
 import dojo_maps
 from dojo_maps.errors import DojoError, SourceError
 
-_OPTIONAL = ("dojo_env.encoders", "dojo_env.learning.rllib")
-"""Modules that need packages of their own."""
-
 
 def _error_classes() -> set[type[DojoError]]:
     modules = [
-        importlib.import_module(found.name)
+        module
         for package in (dojo_maps, dojo_env)
         for found in pkgutil.walk_packages(package.__path__, f"{package.__name__}.")
-        if not found.name.startswith(_OPTIONAL) and not found.name.endswith("__main__")
+        if not found.name.endswith("__main__") and (module := import_ours(found.name)) is not None
     ]
     members = (value for module in modules for value in vars(module).values())
     return {value for value in members if inspect.isclass(value) and issubclass(value, DojoError)}

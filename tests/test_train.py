@@ -18,7 +18,6 @@ from gymnasium import spaces
 from dojo_env.cli import build_parser, main
 from dojo_env.commands.train import choose_folder, read_pairs, read_training
 from dojo_env.errors import ConfigError
-from dojo_env.learning.episode_processes import LOADED_ONCE
 from dojo_env.learning.settings import Training
 
 if TYPE_CHECKING:
@@ -30,6 +29,7 @@ environments = pytest.importorskip("dojo_env.learning.environments")
 models = pytest.importorskip("dojo_env.learning.algorithms")
 files = pytest.importorskip("dojo_env.learning.checkpoints")
 tensors = pytest.importorskip("dojo_env.learning.tensor_files")
+processes = pytest.importorskip("dojo_env.learning.episode_processes")
 
 QUICK = {
     "bev": ["--scenario", "two-way", "--algorithm", "dqn", "--observation", "bev", "--size", "36x48",
@@ -177,7 +177,7 @@ def act_at_random(running: "VecEnv", number: int) -> list[float]:
 
 def test_processes_start_with_what_takes_long_to_import() -> None:
     environments.open_environments(Training(algorithm="a2c", processes=1, seconds=60)).close()
-    child = f"import sys; sys.exit(len(set({LOADED_ONCE}) - set(sys.modules)))"
+    child = f"import sys; sys.exit(len(set({processes.LOADED_ONCE}) - set(sys.modules)))"
     process = multiprocessing.get_context("forkserver").Process(target=exec, args=(child,))
     process.start()
     process.join()

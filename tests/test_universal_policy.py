@@ -41,7 +41,7 @@ def column(phases: np.ndarray, name: str) -> np.ndarray:
 
 
 def test_policies_side_by_side_add_up_their_scores(tmp_path: Path, weights: dict[str, np.ndarray]) -> None:
-    pytest.importorskip("torch")
+    pytest.importorskip("stable_baselines3")
     network = pytest.importorskip("dojo_env.learning.universal.network").PhaseNet(8)
     np.savez(tmp_path / "small.npz", **network.export())
     done = run_tool("join_policies", "learned", tmp_path / "small.npz", "--out", tmp_path / "both.npz")
@@ -216,6 +216,7 @@ def test_training_goes_on_to_the_same_result_however_many_processes(tmp_path: Pa
 
 
 def test_bad_arguments_are_one_line(tmp_path: Path) -> None:
+    pytest.importorskip("stable_baselines3")
     for words, arguments in (
         ("--algorithm is for one scenario", ["--algorithm", "ppo"]),
         ("wings", ["--set", "wings=2"]),
