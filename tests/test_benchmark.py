@@ -19,6 +19,7 @@ from dojo_env.runs import run_controller
 benchmark = partial(run_env, "benchmark")
 
 
+@pytest.mark.slow
 def test_rows_are_run_once_and_stand_beside_published_figures(tmp_path: Path) -> None:
     published = {"scenarios": {"two-way": {"SOTL": {name: {"mean": 80.0, "std": 1.0} for name in SIX}}}}
     (tmp_path / "paper.json").write_text(json.dumps(published))

@@ -273,6 +273,7 @@ def test_values_nested_without_end_are_one_clear_error(bundle: Path) -> None:
         open_bundle(bundle)
 
 
+@pytest.mark.slow
 def test_commands_end_in_one_line(bundle: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (bundle / "demand.rou.xml").write_text("<routes/>", encoding="utf-8")
     value = read(bundle)

@@ -107,6 +107,7 @@ def test_a_camera_moves_from_behind_a_wall(scene, approaches, preset, ahead, hal
     assert np.hypot(*np.subtract(after[0].position, before[0].position)[:2]) < 20
 
 
+@pytest.mark.slow
 def test_shares_seen_are_those_of_rays(scene, approaches):
     blocked = with_wall(scene, approaches[0], -20.0, 2.5, 3.0)
     signal = scene.road_map.signals[0].id

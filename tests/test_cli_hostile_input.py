@@ -257,6 +257,7 @@ BOMBS: dict[str, tuple[bytes, bytes, bytes, int]] = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", BOMBS)
 def test_convert_refuses_a_gzip_bomb(name: str, bench: Bench) -> None:
     path = bench.folder / "input" / "bomb.net.xml.gz"

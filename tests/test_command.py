@@ -104,6 +104,7 @@ def test_wrong_usage_is_one_line(package: str, arguments: str, tmp_path: Path) -
     check_one_line(run_shell(f"$PYTHON -m {package} {arguments}", tmp_path), 2, "--help")
 
 
+@pytest.mark.slow
 @pytest.mark.sampled(1)
 @pytest.mark.parametrize("closed", [">&-", "2>&-", ">&- 2>&-", "<&-", "<&- >&- 2>&-"])
 def test_commands_work_with_closed_streams(
@@ -129,6 +130,7 @@ def test_a_full_device_behind_standard_output_is_one_line(command: str, tmp_path
     assert run_shell(f"$PYTHON -m {command} > /dev/full 2>&1", tmp_path).returncode == 4
 
 
+@pytest.mark.slow
 def test_streams_that_are_ascii_only_get_everything(
     tmp_path: Path, network_path: Callable[[str], Path]
 ) -> None:

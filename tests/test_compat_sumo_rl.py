@@ -125,6 +125,7 @@ def check_equal(face: str, keywords: dict[str, Any], steps: int) -> None:
     raise AssertionError(f"first differences from SUMO-RL in four layouts of memory: decisions {found}")
 
 
+@pytest.mark.slow
 @pytest.mark.sampled(2)
 @pytest.mark.parametrize("settings", SETTINGS, ids=lambda s: s["reward_fn"])
 @pytest.mark.parametrize("name", SCENARIOS)
@@ -132,6 +133,7 @@ def test_observations_and_rewards_are_those_of_sumo_rl(name: str, settings: dict
     check_equal("signals", {**files_of(name), **settings}, 120)
 
 
+@pytest.mark.slow
 @pytest.mark.sampled(1)
 @pytest.mark.parametrize("name", ["cologne3", "4x4", "two-way"])
 def test_turns_are_those_of_sumo_rl(name: str) -> None:
@@ -324,6 +326,7 @@ def test_the_window_s_size_is_that_of_the_picture(open_env: Any) -> None:
     assert env.render().shape == (200, 320, 3)
 
 
+@pytest.mark.slow
 def test_what_differs_is_what_the_page_names(open_env: Any) -> None:
     twice = SumoEnvironment(
         str(NETS / "3x3grid/3x3Grid2lanes.net.xml"), str(NETS / "3x3grid/routes14000.rou.xml")

@@ -242,6 +242,7 @@ def test_pavement_and_islands_are_closed_once_equal_corners_are_joined(conversio
     check_closed_when_stored(conversion.scene)
 
 
+@pytest.mark.slow
 @pytest.mark.sampled(1)
 @pytest.mark.parametrize("flags", [(), ("--enrich-net",)], ids=["as_it_is", "enriched"])
 @pytest.mark.parametrize("seed", range(networks.GENERATED_SAMPLE))

@@ -135,6 +135,7 @@ def test_coco_has_equal_areas_and_boxes_in_pycocotools(
     capsys.readouterr()
 
 
+@pytest.mark.slow
 def test_pixels_of_a_mask_lie_in_its_box_in_space(pictures: Pictures, folder: Path) -> None:
     """From depths and the camera's matrices alone."""
     shares = []
@@ -336,6 +337,7 @@ def test_an_interrupted_data_set_goes_on_to_the_same_bytes(sequences: Path, tmp_
     write_dataset(folder, on_stage=stop, **SHORT)  # It is whole.
 
 
+@pytest.mark.slow
 def test_mot_s_tracks_go_on_from_frame_to_frame(sequences: Path) -> None:
     files = sorted(sequences.rglob("gt.txt"))
     assert {file.relative_to(sequences).parts[0] for file in files} == {"train", "val"}
@@ -417,6 +419,7 @@ def test_held_out_scenarios_are_those_named_last() -> None:
     assert counts == [700, 100, 200]
 
 
+@pytest.mark.slow
 def test_held_out_cameras_take_no_pictures_for_training(tmp_path: Path) -> None:
     made = write_dataset(
         tmp_path / "set", scenarios="cologne1", pictures=8, split=(0.5, 0.25, 0.25), split_by="camera",
@@ -479,6 +482,7 @@ def test_wrong_settings_are_one_line(
     assert not (tmp_path / "set/parts").exists() or not any((tmp_path / "set/parts").iterdir())
 
 
+@pytest.mark.slow
 def test_cameras_of_a_file_take_the_pictures(tmp_path: Path) -> None:
     file = tmp_path / "cameras.json"
     (middle,) = (

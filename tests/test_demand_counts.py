@@ -240,6 +240,7 @@ def test_geh_is_the_engineers_figure() -> None:
     assert compute_geh(150, 100) == pytest.approx(np.sqrt(2 * 50**2 / 250))
 
 
+@pytest.mark.slow
 def test_routes_replace_a_scenario_s_own(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     network = packaged_scenario("cologne1").map
     routes = tmp_path / "few.rou.xml"

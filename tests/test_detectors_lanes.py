@@ -40,6 +40,7 @@ def cameras(scene):
     return [camera for camera in placed if camera.name != BEV]
 
 
+@pytest.mark.slow
 @pytest.mark.sampled(2)
 @pytest.mark.parametrize(
     ("change", "kinds"),
@@ -79,6 +80,7 @@ def test_vehicles_are_placed_on_their_lanes(change, kinds, scene, cameras):
     assert np.percentile(off, 90) < 2.5
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("change", [{}, {"distortion": (-0.25, 0.08, 0.001, -0.001)}])
 def test_visible_road_users_are_those_of_the_boxes(change, scene, cameras):
     """Boxes alone tell nearly the same as bodies, also where a lens bends and where the picture is turned."""
@@ -172,6 +174,7 @@ def test_counts_and_queues_are_the_true_ones(watched):
     assert np.abs(standing - queues).mean() < 0.4
 
 
+@pytest.mark.slow
 def test_speeds_are_the_true_ones(watched):
     off = [
         abs(speed - float(np.mean(truth[k][2])))
@@ -206,6 +209,7 @@ def drive():
     return run
 
 
+@pytest.mark.slow
 def test_the_observation_is_the_features_as_far_as_cameras_see(drive):
     world = drive(seconds=80)
     (signal,) = world.signals
@@ -223,6 +227,7 @@ def test_the_observation_is_the_features_as_far_as_cameras_see(drive):
     assert np.mean(off) < 0.03
 
 
+@pytest.mark.slow
 @pytest.mark.sampled(1)
 @pytest.mark.parametrize("name", ["max-pressure", "max-pressure-paper", "webster"])
 def test_controllers_act_on_what_is_measured(name, drive):
@@ -245,6 +250,7 @@ def test_controllers_act_on_what_is_measured(name, drive):
     world.close()
 
 
+@pytest.mark.slow
 def test_the_same_seed_gives_the_same_episode():
     settings = {"scenario": "cologne1", "begin_time": 25_600, "num_seconds": 40, **SIZE}
     first, again = run_controller(
@@ -272,6 +278,7 @@ def test_impossible_video_detectors_are_refused(wrong):
         VideoDetector(**wrong)
 
 
+@pytest.mark.slow
 def test_parked_cars_are_found_and_counted_on_no_lane(scene, cameras):
     """Who sees every box sees the parked cars, too; the map says that their bays are no lanes."""
     pictures = Renderer(scene).render(traffic.empty(scene.road_map), cameras, ("boxes",))

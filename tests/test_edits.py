@@ -75,6 +75,7 @@ def edited(tmp_path: Path) -> tuple[Bundle, str]:
     return bundle, slow
 
 
+@pytest.mark.slow
 def test_edits_are_applied_on_the_next_import(edited: tuple[Bundle, str], tmp_path: Path) -> None:
     old, slow = edited
     before = speeds(old)
@@ -88,6 +89,7 @@ def test_edits_are_applied_on_the_next_import(edited: tuple[Bundle, str], tmp_pa
     assert new.road_map.source.kind == "osm"
 
 
+@pytest.mark.slow
 def test_edits_are_applied_to_newer_data_and_again(edited: tuple[Bundle, str], tmp_path: Path) -> None:
     old, slow = edited
     newer = str(drawing(speed="40").write(tmp_path / "b.osm"))
@@ -99,6 +101,7 @@ def test_edits_are_applied_to_newer_data_and_again(edited: tuple[Bundle, str], t
         assert (new.folder / "base.net.xml").is_file()
 
 
+@pytest.mark.slow
 def test_second_edits_add_to_the_first(edited: tuple[Bundle, str], tmp_path: Path) -> None:
     old, slow = edited
     new, _ = convert(str(tmp_path / "a.osm"), old.folder)

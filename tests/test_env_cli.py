@@ -64,6 +64,7 @@ def test_a_demand_that_begins_after_the_end_is_told(
     assert "no vehicle" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_a_run_without_a_controller_leaves_the_signals_to_their_programs(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
@@ -120,6 +121,7 @@ def count_group(leader: int) -> int:
     return sum(is_of_it(path.name) for path in Path("/proc").iterdir() if path.name.isdigit())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("send", [os.kill, os.killpg])  # As a program does, and as a terminal.
 def test_an_interrupted_run_writes_what_there_is_of_its_episode(send: Any, tmp_path: Path) -> None:
     command = [sys.executable, "-m", "dojo_env.cli", "run", "--scenario", "two-way", "--controller", "random",

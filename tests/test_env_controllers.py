@@ -85,6 +85,7 @@ def flows(network: Path) -> Iterator[str]:
         )
 
 
+@pytest.mark.slow
 @pytest.mark.sampled(4)
 @pytest.mark.parametrize("controller", LIMITED)
 @pytest.mark.parametrize("shape", SHAPES)

@@ -183,6 +183,7 @@ env.close()
 """
 
 
+@pytest.mark.slow
 def test_an_own_process_reads_a_script_only_where_it_needs_it(tmp_path: Path) -> None:
     script = tmp_path / "script.py"
     for reward, needs in (("'queue'", False), ("paid", True)):

@@ -176,6 +176,7 @@ def test_every_episode_is_written(tmp_path: Path) -> None:
     assert figures["seed"] == 3
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("scenario", "controller", "settings", "expected"),
     [

@@ -23,6 +23,7 @@ def test_pettingzoo_accepts_the_environment(scenario: str) -> None:
     env.close()
 
 
+@pytest.mark.slow
 def test_same_seeds_give_the_same_in_two_environments() -> None:
     made: list[Any] = []
 

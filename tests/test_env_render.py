@@ -37,6 +37,7 @@ def test_gymnasium_s_checker_accepts_every_render_mode(mode: str | None) -> None
     env.close()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("own_process", [False, True])
 def test_rgb_array_shows_every_view_the_phase_and_the_figures(own_process: bool) -> None:
     env = make(render_mode="rgb_array", own_process=own_process)
@@ -102,6 +103,7 @@ def test_several_signals_are_shown_from_above() -> None:
     assert picture.std() > 20
 
 
+@pytest.mark.slow
 def test_human_serves_each_decision_until_it_is_closed(capsys: pytest.CaptureFixture[str]) -> None:
     env = dojo_env.parallel_env(scenario="cologne3", num_seconds=60, render_mode="human")
     said = capsys.readouterr().err
@@ -140,6 +142,7 @@ def test_a_wrong_mode_or_a_port_that_is_taken_gets_one_clear_error() -> None:
     env.close()
 
 
+@pytest.mark.slow
 def test_an_environment_that_is_rendered_moves_out_of_another_one_s_way() -> None:
     first, shown = make("two-way"), make("two-way", render_mode="rgb_array")
     first.reset(seed=1)

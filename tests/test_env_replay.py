@@ -70,6 +70,7 @@ def record(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Path]:
     return make
 
 
+@pytest.mark.slow
 @pytest.mark.sampled(2)
 @pytest.mark.parametrize("scenario", ["two-way", "cologne1"])
 @pytest.mark.parametrize("conditions", [{}, _SPOILT], ids=["clear", "spoilt"])
@@ -136,6 +137,7 @@ def test_a_recording_is_only_replayed_on_its_own_map(
         next(replay(recording, colour="red"))
 
 
+@pytest.mark.slow
 @pytest.mark.sampled(1)
 @pytest.mark.parametrize("suffix", [".mp4", ".webm"])
 def test_run_films_every_second(suffix: str, tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
@@ -297,6 +299,7 @@ def check_sanity(scenario: dict[str, Any]) -> None:
     assert scenario["metadata"]["sdc_id"] in scenario["tracks"]
 
 
+@pytest.mark.slow
 def test_a_long_recording_exports_as_scenarios_that_metadrive_s_rules_accept(
     exported: tuple[Recording, Any],
 ) -> None:

@@ -286,6 +286,7 @@ def test_the_command_refuses_in_one_line(arguments: list[str], capsys: pytest.Ca
     assert len(capsys.readouterr().err.splitlines()) == 1
 
 
+@pytest.mark.slow
 def test_an_independent_judge_finds_nothing_in_what_sumo_shows() -> None:
     found = networks.installed_networks()
     maps = ("cologne3", "arterial4x4", found["RiLSA1-rilsa1"], found["fkk_in-ingolstadt"])

@@ -204,6 +204,7 @@ def test_only_vehicles_like_sumos_usual_car_get_the_emission_class(write: Callab
     assert classes["lorry"].startswith("HBEFA4/RT_")
 
 
+@pytest.mark.slow
 def test_the_command_takes_the_configuration_at_its_word(write: Callable[[str], Path]) -> None:
     path = write(OWN)
     whole = run("--scenario", path)

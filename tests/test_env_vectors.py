@@ -56,6 +56,7 @@ def test_stable_baselines_makes_vectors(kind: str) -> None:
     envs.close()
 
 
+@pytest.mark.slow
 def test_supersuit_makes_vectors_of_signals() -> None:
     env = dojo_env.parallel_env(scenario="grid4x4", num_seconds=60)
     envs = supersuit.concat_vec_envs_v1(
@@ -82,6 +83,7 @@ def test_signals_act_one_after_the_other_by_pettingzoo_s_wrapper() -> None:
     assert seen == [*env.possible_agents, *env.possible_agents]
 
 
+@pytest.mark.slow
 def test_gymnasium_records_videos(tmp_path: Path) -> None:
     folder = tmp_path / "films"
     env = RecordVideo(make(render_mode="rgb_array", num_seconds=20), str(folder))
@@ -103,6 +105,7 @@ def test_environments_are_pickled_as_they_were_made(env: Callable[[], Any]) -> N
     assert np.array_equal(one, other)
 
 
+@pytest.mark.slow
 def test_an_environment_that_nobody_holds_is_closed_at_once() -> None:
     gc.collect()
     gc.disable()  # No cycle of references may have to be found.

@@ -128,6 +128,7 @@ def test_a_recording_is_watched_to_its_end(tmp_path: Path) -> None:
         assert page.text("second") == "frame 21"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_an_interruption_ends_it_with_one_line_and_status_130(number: signal.Signals) -> None:
     watched = Watched("watch", "--scenario", "two-way", "--seconds", "3000")

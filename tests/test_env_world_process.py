@@ -129,6 +129,7 @@ def crashing_scenario(tmp_path: Path, network_path: Callable[[str], Path]) -> Pa
     return config
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("where", ["here", "apart"])
 def test_a_network_that_crashes_sumo_takes_nobody_along(crashing_scenario: Path, where: str) -> None:
     done = subprocess.run(
@@ -212,6 +213,7 @@ def test_what_cannot_be_written_at_the_end_is_told(tmp_path: Path) -> None:
         world.close()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("vectorization", ["sync", "async"])
 def test_own_processes_work_in_gymnasiums_vectors(vectorization: str) -> None:
     made = gymnasium.make_vec(NAME, 2, vectorization_mode=vectorization, **SHORT, own_process=True)
@@ -271,6 +273,7 @@ if __name__ == "__main__":
 """
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("killed", [False, True])
 def test_processes_end_with_who_forgot_to_close_them(tmp_path: Path, *, killed: bool) -> None:
     script = tmp_path / "script.py"
@@ -299,6 +302,7 @@ with ThreadPoolExecutor(4) as pool:
 """
 
 
+@pytest.mark.slow
 def test_threads_of_a_script_without_a_guard_open_worlds_at_once(tmp_path: Path) -> None:
     script = tmp_path / "script.py"
     script.write_text(THREADS, encoding="utf-8")

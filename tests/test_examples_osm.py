@@ -25,6 +25,7 @@ def run_example(script: str, *arguments: str, folder: Path) -> str:
     return done.stdout
 
 
+@pytest.mark.slow
 @pytest.mark.sampled(2)
 @pytest.mark.parametrize("name", CUT_OUT)
 def test_junction_of_helsinki_builds(name: str, tmp_path: Path) -> None:

@@ -65,6 +65,7 @@ def test_write_geojson_has_a_feature_for_everything_on_the_map(tmp_path):
     }
 
 
+@pytest.mark.slow
 def test_write_geojson_closes_rings_and_winds_them_by_the_right_hand_rule(tmp_path):
     road_map, _ = _read("DRT-osm")
     polygons = 0

@@ -320,6 +320,7 @@ main(arguments)
 """Interrupts itself at a certain call or return in what makes files, folders and processes, and ends them."""
 
 
+@pytest.mark.slow
 def test_an_interruption_at_any_call_leaves_nothing(
     interruption_seed: int, tmp_path: Path, inputs: dict[str, str]
 ) -> None:

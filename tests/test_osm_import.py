@@ -56,10 +56,12 @@ def test_city_keeps_what_is_mapped(city: tuple[Bundle, dict[str, Any]]) -> None:
     assert quality["edges_under_5_m"] == 0
 
 
+@pytest.mark.slow
 def test_city_has_no_dead_end_inside(city: tuple[Bundle, dict[str, Any]]) -> None:
     check_no_dead_ends(city[0])
 
 
+@pytest.mark.slow
 def test_city_losses_name_their_elements(city: tuple[Bundle, dict[str, Any]]) -> None:
     _, report = city
     losses = [issue for issue in report["issues"] if issue["check"] == "osm.missing_crossing"]
@@ -72,6 +74,7 @@ def test_city_losses_name_their_elements(city: tuple[Bundle, dict[str, Any]]) ->
         assert 60.1 < issue["lonlat"][1] < 60.2
 
 
+@pytest.mark.slow
 def test_city_positions_lie_where_the_extract_says(city: tuple[Bundle, dict[str, Any]]) -> None:
     """Crossings that are nodes of the extract, projected by pyproj alone."""
     pyproj = pytest.importorskip("pyproj")
@@ -90,6 +93,7 @@ def test_city_positions_lie_where_the_extract_says(city: tuple[Bundle, dict[str,
 
 
 @pytest.mark.sampled(0)
+@pytest.mark.slow
 def test_city_is_the_same_every_time(city: tuple[Bundle, dict[str, Any]], tmp_path: Path) -> None:
     bundle, _ = city
     again, _ = convert(str(helsinki()), tmp_path / "city.dojo")
@@ -97,10 +101,12 @@ def test_city_is_the_same_every_time(city: tuple[Bundle, dict[str, Any]], tmp_pa
         assert (again.folder / file).read_bytes() == (bundle.folder / file).read_bytes()
 
 
+@pytest.mark.slow
 def test_city_signals_never_show_conflicting_greens(city: tuple[Bundle, dict[str, Any]]) -> None:
     check_programs(city[0].network)
 
 
+@pytest.mark.slow
 def test_city_leaves_walkers_time_to_cross(city: tuple[Bundle, dict[str, Any]]) -> None:
     """From the end of a crossing's green to the next unyielding green across it: its length at 1.2 m/s."""
     road_map = city[0].road_map
@@ -133,6 +139,7 @@ def _seconds_to_green(phases: tuple[Phase, ...], start: int, links: set[int]) ->
     return float("inf")
 
 
+@pytest.mark.slow
 def test_city_runs_in_sumo_without_a_word(city: tuple[Bundle, dict[str, Any]], tmp_path: Path) -> None:
     sumo = Path(sys.executable).with_name("sumo")
     done = subprocess.run(
@@ -173,6 +180,7 @@ def cut(lon: float, lat: float, path: Path) -> Path:
     return path
 
 
+@pytest.mark.slow
 @pytest.mark.sampled(2)
 @pytest.mark.parametrize(
     ("lon", "lat"), [(24.94276, 60.17053), (24.93874, 60.16987), (24.94218, 60.16758), (24.94996, 60.17821)]

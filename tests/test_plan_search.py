@@ -162,6 +162,7 @@ def test_episodes_are_remembered_and_a_damaged_memory_is_refused(tmp_path: Path)
     assert not path.exists()
 
 
+@pytest.mark.slow
 def test_the_command_finds_a_plan_that_run_runs(tmp_path: Path) -> None:
     plan = tmp_path / "plan.json"
     done = run_env("plan", "cologne1", "--budget", 5, "--seconds", 60, "-o", plan)

@@ -157,6 +157,7 @@ def test_what_cannot_be_drawn_is_said(episodes: Episodes, folder: Path, tmp_path
         dojo_env.plot(tmp_path)
 
 
+@pytest.mark.slow
 def test_commands_draw(folder: Path, episodes: Episodes, tmp_path: Path) -> None:
     table, recording = folder / "rows_conn0_ep1.csv", folder / "seen_ep1.npz"
     for arguments in (

@@ -182,6 +182,7 @@ def test_values_tell_themselves_in_a_line(values: dict[str, Any]) -> None:
         assert "\n" not in repr(value)
 
 
+@pytest.mark.slow
 def test_a_value_of_each_public_class_is_tried(values: dict[str, Any]) -> None:
     classes = [found for found in map(find, NAMES) if inspect.isclass(found)]
     no_values = (Exception, dict)

@@ -31,6 +31,7 @@ def scenes(converted):
     }
 
 
+@pytest.mark.slow
 @pytest.mark.sampled(1)
 @pytest.mark.parametrize("name", ["cologne1", "slope", "right_hand"])
 def test_pictures_agree_with_bullet(scenes, name):

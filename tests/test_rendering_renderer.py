@@ -81,6 +81,7 @@ def test_outputs_are_those_asked_for_and_agree(scene, cameras, snapshot):
     assert alone.instance is None
 
 
+@pytest.mark.slow
 def test_moving_part_changes_nothing_that_it_does_not_cover(scene, cameras, snapshot):
     empty = Renderer(scene).render(replace(snapshot, **_nobody()), cameras, ("rgb", "depth", "semantic"))
     full = Renderer(scene).render(snapshot, cameras, ALL)
@@ -169,6 +170,7 @@ print(digest.hexdigest())
 """
 
 
+@pytest.mark.slow
 def test_same_snapshot_gives_same_bytes_in_every_process(converted):
     bundle = converted("cologne1").folder
     digests = set()
@@ -521,6 +523,7 @@ def test_unknown_signals_and_short_states_show_nothing(scene, cameras):
     assert Renderer(scene, show_links=True).render(odd, cameras[:1])[0].rgb.std() > 1
 
 
+@pytest.mark.slow
 @pytest.mark.sampled(2)
 @pytest.mark.parametrize("change", [{}, {"distortion": (-0.2, 0.05, 0.0, 0.0)}])
 @pytest.mark.parametrize(("hour", "smooth"), [(12.0, False), (12.0, True), (23.0, True)])
@@ -549,6 +552,7 @@ def test_parked_cars_look_as_if_they_had_just_stopped(scene, cameras, hour, smoo
         assert not len(one.boxes.ids)
 
 
+@pytest.mark.slow
 def test_who_drives_past_hides_a_parked_car(scene, cameras):
     """A car before a parked one takes its pixels; the box tells the share that is left."""
     camera = replace(next(each for each in cameras if each.name == "bev"), width=1424, height=1024)

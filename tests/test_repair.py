@@ -118,6 +118,7 @@ def test_sumo_no_longer_calls_greens_unsafe(name: str, tmp_path: Path) -> None:
     assert not any("nsafe green" in line for line in load_in_sumo(path))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["arterial4x4", "ingolstadt7", "fkk_in-ingolstadt", "fokr_bs_demo-fokr_bs"])
 def test_second_fix_changes_nothing_and_the_first_gives_the_same_bytes_again(name: str) -> None:
     first = _fixed(name)
@@ -310,6 +311,7 @@ def test_programs_of_different_cycles_are_not_joined() -> None:
 # The command.
 
 
+@pytest.mark.slow
 def test_fix_writes_only_the_file_that_o_names(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     source = tmp_path / "in.net.xml"
     data = read_bytes(networks.installed_networks()["ingolstadt7"])
@@ -332,6 +334,7 @@ def test_fix_packs_what_is_named_gz_and_writes_the_patch(tmp_path: Path) -> None
     assert [p.name for p in patch.iterdir()] == ["repair.tll.xml"]
 
 
+@pytest.mark.slow
 def test_fix_repairs_the_network_of_a_bundle(converted, tmp_path: Path) -> None:
     bundle = converted("ingolstadt7").bundle
     assert main(["fix", bundle, "-o", str(tmp_path / "out.net.xml")]) == 0

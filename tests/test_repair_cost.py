@@ -77,6 +77,7 @@ def test_network_that_makes_sumo_write_files_is_not_simulated(hasty: Path) -> No
     assert str(cost) == "mean waiting: not measured (the network holds more than a network)"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["ingolstadt7", "fkk_in-ingolstadt"])
 def test_what_fix_claims_is_what_validate_finds(name: str, tmp_path: Path) -> None:
     network, record, report = tmp_path / "mended.net.xml", tmp_path / "fix.json", tmp_path / "report.json"

@@ -26,6 +26,7 @@ def eight(tmp_path_factory):
     return read_bundle(folder)
 
 
+@pytest.mark.slow
 def test_draw_phases_shows_an_arrow_for_each_link_with_green(eight):
     for signal in eight.road_map.signals:
         picture = ET.fromstring(draw_phases(eight.road_map, signal))  # noqa: S314 - ours

@@ -292,6 +292,7 @@ def test_page_loads_nothing_from_anywhere(tmp_path: Path) -> None:
     assert "://" not in text.replace("http://www.w3.org/2000/svg", "")
 
 
+@pytest.mark.slow
 @needs_browser
 def test_page_draws_the_map(tmp_path: Path) -> None:
     page, picture = _page("arterial4x4", tmp_path), tmp_path / "page.png"

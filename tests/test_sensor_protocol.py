@@ -129,6 +129,7 @@ def test_looks_follow_sumo_s_steps(make):
     assert times_seen(env)[1:, 0].tolist() == [10] * 6
 
 
+@pytest.mark.slow
 def test_noise_follows_from_seed_and_name_alone(make):
     alone = times_seen(make({"a": ClockSettings()}), name="a")
     beside = times_seen(make({"z": ClockSettings(interval=1), "a": ClockSettings()}), name="a")

@@ -142,6 +142,7 @@ def test_unknown_signal_is_named(scene):
         place_cameras(scene, "nowhere")
 
 
+@pytest.mark.slow
 def test_lidar_agrees_with_rays_cast_one_by_one(scene):
     signal = scene.road_map.signals[0].id
     snapshot = traffic.rush_hour(scene.road_map, signal)

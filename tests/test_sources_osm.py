@@ -101,6 +101,7 @@ def test_read_osm_refuses_with_one_clear_error(content: bytes, tmp_path: Path) -
     assert raised.value.exit_status == 3
 
 
+@pytest.mark.slow
 def test_read_osm_refuses_broken_packing(tmp_path: Path) -> None:
     whole = helsinki().read_bytes()
     packed = {

@@ -333,6 +333,7 @@ class Nominatim(BaseHTTPRequestHandler):
         pass
 
 
+@pytest.mark.slow
 def test_find_place_asks_by_name(cache: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     osmnx = pytest.importorskip("osmnx")
     monkeypatch.chdir(tmp_path)

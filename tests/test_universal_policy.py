@@ -166,6 +166,7 @@ def check_scores(network: Any, torch: Any) -> None:
         assert np.isinf(scores[row, count:].detach().numpy()).all()
 
 
+@pytest.mark.slow
 @pytest.mark.sampled(1)
 @pytest.mark.parametrize("scenario", ["cologne1", "ingolstadt1"])
 def test_the_policy_that_ships_serves_whoever_comes(scenario: str) -> None:

@@ -130,6 +130,7 @@ def _fault(label: str, net: mutations.Net, planted: mutations.Planted) -> str:
     return _judge(_base(label.split(maxsplit=1)[0])[1], mutant, road_map, planted)
 
 
+@pytest.mark.slow
 def test_planted_defects_are_found_where_they_are(request: pytest.FixtureRequest) -> None:
     most = len(NETWORKS) * SEEDS if request.config.getoption("--whole") else SAMPLE
     failures, count = [], 0

@@ -178,6 +178,7 @@ def _finding():
     }  # fmt: skip
 
 
+@pytest.mark.slow
 @needs_browser
 def test_a_recording_shows_its_vehicle_where_it_is_and_its_signals_as_they_were(bundle, played, tmp_path):
     page = tmp_path / "page.html"
