@@ -29,7 +29,7 @@ Weights = Mapping[str, Array]
 
 DISCOUNT = 0.975
 """From decision time to decision time, which are 5 s apart: what comes in two minutes counts half."""
-WAITING, WALKERS = 0.03, 2.0
+WAITING, WALKERS = 0.01, 2.0
 """What a second of a vehicle's waiting costs beside one that stands, and walkers at a crossing beside one."""
 MOST_BRANCHES = 4
 """Phases that are compared at one decision; of more, the others are drawn."""
