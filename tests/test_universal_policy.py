@@ -150,7 +150,7 @@ def test_slow_vehicles_cost_by_the_speed_that_they_lack() -> None:
         lanes, limits = view.lanes, view.plan.limits
         slow = (lanes.vehicles * np.maximum(1 - lanes.mean_speed / limits, 0)).sum()
         assert world.traffic.simulation.measure_slowness(view.plan.lanes) == pytest.approx(slow)
-        assert measure_cost("t", world.instant, world.traffic.simulation) > slow - 1e-6
+        assert measure_cost("t", world.instant, world.traffic.simulation, waiting=0.01) > slow - 1e-6
         costs.append(slow)
     assert max(costs) > view.lanes.total_halting > 10
     world.close()
@@ -199,7 +199,7 @@ def test_a_policy_is_trained_and_serves_another_junction(tmp_path: Path) -> None
 
 def test_what_a_branch_costs_is_what_comes_when_its_phase_is_chosen(weights: dict[str, np.ndarray]) -> None:
     case = Case(scenario="cologne1", signals=("GS_cluster_357187_359543",), seed=7, seconds=300, scale=1.3)
-    compared = run_case(case, weights, Looking(share=1.0, horizon=5, tries=0.0))
+    compared = run_case(case, weights, Looking(share=1.0, horizon=5, waiting=0.01, tries=0.0))
     world, policy = LocalWorld(build_config(**case.environment)), PhaseCompetition(weights)
     policy.reset(7)
     world.reset(7)
@@ -208,7 +208,7 @@ def test_what_a_branch_costs_is_what_comes_when_its_phase_is_chosen(weights: dic
         (view,) = world.instant.signals.values()
         granted.append(view.may_change)
         _, _, ended, _ = world.step(policy.act(world.perceive()))
-        costs.append(measure_cost(view.plan.signal, world.instant, world.traffic.simulation))
+        costs.append(measure_cost(view.plan.signal, world.instant, world.traffic.simulation, waiting=0.01))
     world.close()
     places = [place for place in np.flatnonzero(granted) if place + 5 <= len(costs)]
     assert len(places) == len(compared) > 20

@@ -29,8 +29,8 @@ Weights = Mapping[str, Array]
 
 DISCOUNT = 0.975
 """From decision time to decision time, which are 5 s apart: what comes in two minutes counts half."""
-WAITING, WALKERS = 0.01, 2.0
-"""What a second of a vehicle's waiting costs beside one that stands, and walkers at a crossing beside one."""
+WALKERS = 2.0
+"""What walkers who wait at a crossing cost beside a vehicle that stands."""
 MOST_BRANCHES = 4
 """Phases that are compared at one decision; of more, the others are drawn."""
 
@@ -42,11 +42,13 @@ class Looking:
     Attributes:
         share: of the decision times at which a change would be granted.
         horizon: decision times ahead.
+        waiting: what a second of a vehicle's waiting costs beside one that stands.
         tries: how often the episode itself goes on with any phase, so that it comes to other states.
     """
 
     share: float
     horizon: int
+    waiting: float
     tries: float
 
 
@@ -114,7 +116,7 @@ def _run(case: Case, weights: Weights, looking: Looking) -> list[Decision]:
                 costs = np.full(len(each.phases), np.nan, np.float32)
                 for phase in _draw_branches(each, chance):
                     actions = {**_list_actions(world, choices), signal: phase}
-                    ahead = (world, readers, weights, actions, signal, looking.horizon)
+                    ahead = (world, readers, weights, actions, signal, looking)
                     costs[phase] = call_in_fork(_look_ahead, *ahead)
                 found.append(
                     Decision(
@@ -166,20 +168,21 @@ def _look_ahead(
     weights: Weights,
     actions: dict[str, int],
     signal: str,
-    horizon: int,
+    looking: Looking,
 ) -> float:
     """Go on with these actions, and then under the policy; give what it costs at the signal."""
     cost = 0.0
-    for turn in range(horizon):
+    for turn in range(looking.horizon):
         _, _, ended, _ = world.step(actions)
-        cost += DISCOUNT**turn * measure_cost(signal, world.instant, world.traffic.simulation)
+        now = measure_cost(signal, world.instant, world.traffic.simulation, waiting=looking.waiting)
+        cost += DISCOUNT**turn * now
         if ended:
             break
         actions = _list_actions(world, _choose(world, readers, weights))
     return cost
 
 
-def measure_cost(signal: str, instant: Instant, simulation: Simulation) -> float:
+def measure_cost(signal: str, instant: Instant, simulation: Simulation, *, waiting: float) -> float:
     """Measure what a decision time costs: who is slow, for how long vehicles wait, and who waits on foot.
 
     Who starts again is slow, too; so a stop costs more than the time for which one stands.
@@ -188,6 +191,7 @@ def measure_cost(signal: str, instant: Instant, simulation: Simulation) -> float
         signal: its id.
         instant: the decision at which that time ends.
         simulation: stands at that decision.
+        waiting: what a second of a vehicle's waiting costs beside one that stands.
 
     Returns:
         The cost, in vehicles that stand on the lanes to the signal and away from it.
@@ -199,6 +203,6 @@ def measure_cost(signal: str, instant: Instant, simulation: Simulation) -> float
     plan = view.plan
     return (
         simulation.measure_slowness(dict.fromkeys((*plan.lanes, *plan.upstream, *plan.out_lanes)))
-        + WAITING * view.lanes.total_waiting
+        + waiting * view.lanes.total_waiting
         + WALKERS * len(instant.list_wanted_walks(signal))
     )

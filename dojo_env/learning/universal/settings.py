@@ -36,6 +36,7 @@ class UniversalTraining:
         most_demand: likewise.
         share: of the decisions, at which all phases are compared.
         horizon: decision times that a comparison looks ahead.
+        waiting: what a second of a vehicle's waiting costs beside one that stands.
         tries: how often an episode goes on with any phase instead of the best, as a share.
         kept: the last decisions, that updates draw from.
         looks: how often updates draw a decision before it is forgotten, about.
@@ -58,6 +59,7 @@ class UniversalTraining:
     most_demand: float = 1.5
     share: float = 0.12
     horizon: int = 32
+    waiting: float = 0.01
     tries: float = 0.05
     kept: int = 20_000
     looks: int = 32
@@ -89,6 +91,8 @@ class UniversalTraining:
             raise ConfigError(f"temperature={self.temperature}: expected a number above 0")
         if not 0 < self.share <= 1 or not 0 <= self.tries < 1:
             raise ConfigError(f"share={self.share}, tries={self.tries}: expected shares")
+        if not self.waiting >= 0:
+            raise ConfigError(f"waiting={self.waiting}: expected a number of 0 or more")
         if not 0 <= self.seed < 1_000:
             raise ConfigError(f"seed={self.seed}: expected 0 to 999")
 

@@ -242,7 +242,9 @@ class _Learner:
         ]
         # The longest come first, so that none is waited for alone.
         order = sorted(range(len(cases)), key=lambda place: -cases[place].seconds * len(cases[place].signals))
-        looking = Looking(share=training.share, horizon=training.horizon, tries=training.tries)
+        looking = Looking(
+            share=training.share, horizon=training.horizon, waiting=training.waiting, tries=training.tries
+        )
         look = partial(_try, self._average.export(), looking)
         found = self._run_all(look, [cases[place] for place in order])
         outcomes, decisions = dict(zip(order, found, strict=True)), list[Decision]()
