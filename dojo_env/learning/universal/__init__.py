@@ -1,9 +1,8 @@
-"""One policy for any junction: it learns at many of them at once, from phases that are compared by forks.
+"""One policy for any junction: it learns at many of them at once, by proximal policy optimisation.
 
-cases        which junctions, demands and constraints an episode has: drawn from a seed
-branches     episodes in forks; at some decisions one more fork for each phase -> what each would cost
-network      the phases' scores, in torch
-improvement  decisions that have been compared -> better weights
-training     rounds of both, validation, files
-joining      several policies -> one
+cases      which junctions, demands and constraints an episode has: drawn from a seed
+rollouts   episodes in processes of their own -> what happened at each decision
+network    the phases' scores and the junction's value, in torch
+ppo        one update from the episodes of a round
+training   rounds of both, validation, files
 """

@@ -25,24 +25,20 @@ class UniversalTraining:
     Attributes:
         scenarios: names or paths; the policy learns at all of their signals.
         start: the policy to go on from, a file, a run's folder or `learned`; None begins with queue pressure.
-        temperature: what the scores of `start` are divided by: a trained policy is so sure of its choices
-            that it learns slowly.
+        temperature: what the scores of `start` are divided by: a trained policy is so sure that it tries
+            nothing else, and learns nothing.
         seed: of everything random.
-        rounds: of episodes, each followed by updates.
+        rounds: of episodes, each with an update.
         episodes: of a round.
         shortest: simulated seconds of an episode, the least.
         longest: the most.
         least_demand: of the scenario's own, as a share.
         most_demand: likewise.
-        share: of the decisions, at which all phases are compared.
-        horizon: decision times that a comparison looks ahead.
-        waiting: what a second of a vehicle's waiting costs beside one that stands.
-        tries: how often an episode goes on with any phase instead of the best, as a share.
-        kept: the last decisions, that updates draw from.
-        looks: how often updates draw a decision before it is forgotten, about.
-        batch_size: decisions of an update.
-        learning_rate: at the beginning; it falls to a tenth.
-        entropy: the worth of being undecided.
+        learning_rate: at the beginning; it falls to 0.
+        entropy: the worth of trying things, at the beginning; it falls to 0, too.
+        clip_range: how far an update may move the odds of a choice, as a share.
+        epochs: how often an update looks at each decision.
+        batch_size: decisions of a step.
         every: rounds between validations.
         validation_seconds: of each of its episodes, one a scenario.
     """
@@ -52,20 +48,16 @@ class UniversalTraining:
     temperature: float = 4.0
     seed: int = 0
     rounds: int = 60
-    episodes: int = 16
+    episodes: int = 32
     shortest: int = 600
-    longest: int = 1200
+    longest: int = 1800
     least_demand: float = 0.6
     most_demand: float = 1.5
-    share: float = 0.12
-    horizon: int = 32
-    waiting: float = 0.01
-    tries: float = 0.05
-    kept: int = 20_000
-    looks: int = 32
+    learning_rate: float = 1e-3
+    entropy: float = 0.01
+    clip_range: float = 0.2
+    epochs: int = 10
     batch_size: int = 256
-    learning_rate: float = 5e-4
-    entropy: float = 0.003
     every: int = 10
     validation_seconds: int = 1200
 
@@ -78,7 +70,7 @@ class UniversalTraining:
         object.__setattr__(self, "scenarios", tuple(self.scenarios))
         if not self.scenarios:
             raise ConfigError("no scenarios to learn from; name at least one")
-        for name in ("rounds", "episodes", "horizon", "kept", "looks", "batch_size", "every"):
+        for name in ("rounds", "episodes", "epochs", "batch_size", "every"):
             if getattr(self, name) < 1:
                 raise ConfigError(f"{name}={getattr(self, name)}: expected at least 1")
         if not 120 <= self.shortest <= self.longest:
@@ -89,10 +81,8 @@ class UniversalTraining:
             )
         if not self.temperature > 0:
             raise ConfigError(f"temperature={self.temperature}: expected a number above 0")
-        if not 0 < self.share <= 1 or not 0 <= self.tries < 1:
-            raise ConfigError(f"share={self.share}, tries={self.tries}: expected shares")
-        if not self.waiting >= 0:
-            raise ConfigError(f"waiting={self.waiting}: expected a number of 0 or more")
+        if not 0 < self.clip_range < 1:
+            raise ConfigError(f"clip_range={self.clip_range}: expected a share between 0 and 1")
         if not 0 <= self.seed < 1_000:
             raise ConfigError(f"seed={self.seed}: expected 0 to 999")
 

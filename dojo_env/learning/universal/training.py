@@ -18,18 +18,18 @@ from numpy.typing import NDArray
 from dojo_env.config import build_config
 from dojo_env.controllers import Controller, make_controller
 from dojo_env.controllers.phase_competition import PACKAGED, PhaseCompetition, read_weights
-from dojo_env.errors import ConfigError, SimulationError
-from dojo_env.forks import CAN_FORK, call_in_fork
+from dojo_env.errors import SimulationError
+from dojo_env.forks import call_in_fork
 from dojo_env.learning.episode_pools import Mapper
 from dojo_env.learning.figure_logs import open_logger
 from dojo_env.learning.pace import Pace
 from dojo_env.learning.process_setup import prepare_process
 from dojo_env.learning.settings import RunFileError, check_folder, write_settings
 from dojo_env.learning.tensor_files import load_tensors, save_tensors
-from dojo_env.learning.universal.branches import Decision, Looking, run_case
 from dojo_env.learning.universal.cases import Case, draw_case
-from dojo_env.learning.universal.improvement import Lessons, update
 from dojo_env.learning.universal.network import PhaseNet
+from dojo_env.learning.universal.ppo import UsualCosts, build_batch, update
+from dojo_env.learning.universal.rollouts import Trajectory, run_case
 from dojo_env.learning.universal.settings import (
     CHECKPOINT,
     CURVE,
@@ -49,6 +49,8 @@ from dojo_maps.whole_file import replaced, write_table
 RIVAL = "queue-pressure"
 """What learns nothing, and is to be beaten."""
 _VALIDATION_SEED, _FIRST_SEED, _SEEDS_PER_RUN = 500, 1_000, 1_000_000
+_VALUES_FIRST = 2
+"""Rounds in which a policy that goes on from another learns only what states are worth: weights lack it."""
 _FIGURES = ("travel_time_all", "accumulated_waiting")
 _COLUMNS = ("round", *_FIGURES, "score")
 _WAITING_COUNTS = 0.2
@@ -79,15 +81,9 @@ def train(
         tell: takes lines of how far it is.
 
     Raises:
-        ConfigError: the folder holds another run, a scenario cannot be learned from, or this system has no
-            forks.
+        ConfigError: the folder holds another run, or a scenario cannot be learned from.
         SimulationError: SUMO stopped in a validation, or in all episodes of a round.
     """
-    if not CAN_FORK:
-        raise ConfigError(
-            "a policy for any junction learns from forks of the simulation, which this system lacks; train "
-            "on Linux, or for one scenario (--scenario)"
-        )
     check_folder(training, folder, read_settings, resume=resume)
     prepare_process()
     junctions = list_junctions(training.scenarios)
@@ -130,9 +126,8 @@ class _Learner:
         else:
             start = read_start(training.start)
             self.network = PhaseNet.of_weights(start, temperature=training.temperature)
-        self._average = PhaseNet.of_weights(self.network.export())
         self._optimizer = torch.optim.Adam(self.network.parameters(), eps=1e-5)
-        self._lessons = Lessons(training.kept)
+        self._usual = UsualCosts()
         self.rows: list[dict[str, float]] = []
         self._rival: dict[str, dict[str, float]] = {}
         self._validation = [
@@ -154,9 +149,8 @@ class _Learner:
         save_tensors(
             {
                 "network": self.network.state_dict(),
-                "average": self._average.state_dict(),
                 "optimizer": self._optimizer.state_dict(),
-                "lessons": self._lessons.dump(),
+                "usual": self._usual.known,
                 "rows": self.rows,
                 "rival": self._rival,
             },
@@ -167,10 +161,8 @@ class _Learner:
         known = load_tensors(path)
         try:
             self.network.load_state_dict(known["network"])
-            self._average.load_state_dict(known["average"])
             self._optimizer.load_state_dict(known["optimizer"])
-            self._lessons.load(known["lessons"])
-            self.rows, self._rival = known["rows"], known["rival"]
+            self._usual, self.rows, self._rival = UsualCosts(known["usual"]), known["rows"], known["rival"]
         except (LookupError, TypeError, ValueError, AttributeError, RuntimeError) as error:
             raise RunFileError(path, f"another run's checkpoint ({error}); start anew elsewhere") from error
 
@@ -183,7 +175,7 @@ class _Learner:
         """Validate, and write the curve, a checkpoint, and the weights if they are the best so far."""
         row = self.validate(number)
         if row["score"] <= min(each["score"] for each in self.rows):
-            write_weights(self._average.export(), folder / POLICY)
+            write_weights(self.network.export(), folder / POLICY)
         rounded = ([round(each[name], 4) for name in _COLUMNS] for each in self.rows)
         write_table(folder / CURVE, _COLUMNS, rounded)
         self.save(folder / CHECKPOINT)
@@ -191,7 +183,7 @@ class _Learner:
 
     def validate(self, number: int) -> dict[str, float]:
         """Compare with the rival, by the geometric means of the ratios; each episode has seeds of its own."""
-        found = self._run_all(partial(_measure, self._average.export()), self._validation)
+        found = self._run_all(partial(_measure, self.network.export()), self._validation)
         row: dict[str, float] = {"round": number}
         for name in _FIGURES:
             ratios = [
@@ -209,26 +201,19 @@ class _Learner:
         first = _FIRST_SEED + training.seed * _SEEDS_PER_RUN + number * training.episodes
         left = 1 - number / training.rounds
         for group in self._optimizer.param_groups:
-            group["lr"] = training.learning_rate * (0.1 + 0.9 * left)
-        fresh = self._simulate(number, first)
-        self._lessons.add(fresh)
-        if not len(self._lessons):
-            raise SimulationError(
-                "no phases were compared in a whole round: SUMO stopped in all, or no episode is longer "
-                "than the horizon; give longer ones (shortest), or leave scenarios out"
-            )
+            group["lr"] = training.learning_rate * left
         update(
             self.network,
-            self._average,
             self._optimizer,
-            self._lessons,
-            steps=max(round(training.looks * len(fresh) / training.batch_size), 1),
+            build_batch(self.network, self._simulate(number, first), self._usual),
+            epochs=training.epochs,
             size=training.batch_size,
-            entropy=training.entropy,
+            entropy=training.entropy * left,
+            clip=None if training.start is not None and number < _VALUES_FIRST else training.clip_range,
             generator=torch.Generator().manual_seed(first),
         )
 
-    def _simulate(self, number: int, first: int) -> list[Decision]:
+    def _simulate(self, number: int, first: int) -> list[Trajectory]:
         training, draw = self._training, np.random.default_rng([self._training.seed, number])
         cases = [
             draw_case(
@@ -242,24 +227,22 @@ class _Learner:
         ]
         # The longest come first, so that none is waited for alone.
         order = sorted(range(len(cases)), key=lambda place: -cases[place].seconds * len(cases[place].signals))
-        looking = Looking(
-            share=training.share, horizon=training.horizon, waiting=training.waiting, tries=training.tries
-        )
-        look = partial(_try, self._average.export(), looking)
-        found = self._run_all(look, [cases[place] for place in order])
-        outcomes, decisions = dict(zip(order, found, strict=True)), list[Decision]()
+        found = self._run_all(partial(_try, self.network.export()), [cases[place] for place in order])
+        outcomes, tracks = dict(zip(order, found, strict=True)), list[Trajectory]()
         for place, case in enumerate(cases):
             if isinstance(outcomes[place], SimulationError):
                 self._tell(f"{case.scenario}, seed {case.seed}: left out, for {outcomes[place]}")
             else:
-                decisions += outcomes[place]
-        return decisions
+                tracks += outcomes[place]
+        if not tracks:
+            raise SimulationError("no episode of a whole round came to its end; leave such scenarios out")
+        return tracks
 
 
-def _try(weights: Weights, looking: Looking, case: Case) -> list[Decision] | SimulationError:
+def _try(weights: Weights, case: Case) -> list[Trajectory] | SimulationError:
     """Run an episode; where SUMO stops at one, the others go on."""
     try:
-        return run_case(case, weights, looking)
+        return run_case(case, weights)
     except SimulationError as error:
         return error
 
