@@ -104,6 +104,7 @@ def test_a_good_bundle_opens_as_it_was_converted(bundle: Path, generated: Path) 
         assert to_json(open_bundle(folder).road_map) == read(folder)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", [f.name for f in fields(RoadMap)])
 def test_whatever_is_altered_is_refused_or_has_no_effect(bundle: Path, name: str) -> None:
     good, network = read(bundle), bundle / NETWORK

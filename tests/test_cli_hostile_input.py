@@ -286,6 +286,7 @@ ENTITIES: dict[str, tuple[str, str]] = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ENTITIES)
 def test_convert_refuses_entities(name: str, good: bytes, bench: Bench) -> None:
     declarations, reference = ENTITIES[name]
@@ -376,6 +377,7 @@ def test_convert_reads_a_read_only_input(good: bytes, bench: Bench) -> None:
     assert path.read_bytes() == good
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "arguments",
     [
@@ -519,6 +521,7 @@ def _interrupt(bench: Bench, network: Path, number: int, wait: float) -> tuple[i
     return process.returncode, errors
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 @pytest.mark.parametrize("wait", [0.5, 1.2, 2.4])
 def test_interrupted_conversion_leaves_the_old_bundle_whole(

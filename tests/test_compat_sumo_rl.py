@@ -203,6 +203,7 @@ def test_stable_baselines_trains_and_every_episode_is_written(tmp_path: Path) ->
     }
 
 
+@pytest.mark.slow
 def test_generated_demand_is_that_of_sumo_rl(tmp_path: Path) -> None:
     write_route_file(tmp_path / "ours.rou.xml", 400, 100)
     code = (
@@ -228,6 +229,7 @@ def test_gymnasium_makes_it_and_checks_it() -> None:
     env.close()
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::UserWarning")  # Names and shapes that differ are SUMO-RL's.
 def test_pettingzoo_checks_both_of_its_faces() -> None:
     env = sumo_rl.cologne3(parallel=False)

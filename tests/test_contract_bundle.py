@@ -391,6 +391,7 @@ def test_overview_is_1600_pixels_on_its_longer_side(conversion: Conversion) -> N
         assert (width / height) == pytest.approx(wide / tall, rel=0.35)
 
 
+@pytest.mark.slow
 @pytest.mark.sampled(2)
 def test_second_conversion_gives_the_same_bytes(conversion: Conversion, tmp_path: Path) -> None:
     if any(name in conversion.network for name in ("DRT", "ingolstadt21")):

@@ -33,6 +33,7 @@ def test_convert_writes_in_the_current_folder_by_default(
     assert (tmp_path / "two-way.dojo" / "map.json").is_file()
 
 
+@pytest.mark.slow
 def test_convert_is_the_same_for_any_number_of_threads(tmp_path: Path) -> None:
     folders = []
     for jobs in (1, 3):
@@ -117,6 +118,7 @@ def test_commands_start_without_loading_what_they_do_not_run() -> None:
     assert done.stdout.strip() == "[]"
 
 
+@pytest.mark.slow
 def test_convert_writes_results_to_standard_output_only(tmp_path: Path) -> None:
     command = [sys.executable, "-m", "dojo_maps.cli", "convert", "cologne1", "-o", str(tmp_path / "x.dojo")]
     done = subprocess.run(command, capture_output=True, text=True, check=True)

@@ -69,6 +69,7 @@ def turns_of(bundle: Bundle) -> list[tuple[str, str]]:
     return sorted(wanted_movements(bundle))
 
 
+@pytest.mark.slow
 def test_turn_counts_are_met(cologne: Bundle, tmp_path: Path) -> None:
     turns = turns_of(cologne)
     numbers = np.random.default_rng(5).integers(0, 200, len(turns))
@@ -145,6 +146,7 @@ def test_people_counted_on_a_crossing_walk_over_it(
     assert passages(tmp_path / "a.sumocfg", tmp_path)["pedestrian", (crossing,)] == 25
 
 
+@pytest.mark.slow
 def test_demand_in_a_bundle_is_its_scenario(cologne: Bundle, tmp_path: Path) -> None:
     before = json.loads((cologne.folder / "report.json").read_text())
     done = dojo_maps(
@@ -166,6 +168,7 @@ def test_demand_in_a_bundle_is_its_scenario(cologne: Bundle, tmp_path: Path) -> 
     assert json.loads(target.read_text())["summary"]["arrived"]["mean"] > 50
 
 
+@pytest.mark.slow
 def test_the_same_seed_gives_the_same_counted_demand(cologne: Bundle, tmp_path: Path) -> None:
     start, end = turns_of(cologne)[0]
     counts = write_counts(tmp_path / "c.csv", [{"from_edge": start, "to_edge": end, "count": 60}])

@@ -79,6 +79,7 @@ def test_spaces_are_those_that_users_of_sumo_rl_know(make: Make) -> None:
         assert list(info) == keys
 
 
+@pytest.mark.slow
 def test_same_seed_gives_same_bytes_across_resets_and_processes(make: Make) -> None:
     env = make("two-way", num_seconds=600)
     here = [digest(env, 7), digest(env, 8), digest(env, 7)]
@@ -225,6 +226,7 @@ def test_config_can_be_sent_to_another_process(make: Make) -> None:
     assert pickle.loads(pickle.dumps(config)) == config  # noqa: S301
 
 
+@pytest.mark.slow
 def test_vector_environments_run_in_processes() -> None:
     envs = gymnasium.make_vec(
         "dojo_env/TrafficSignal-v0",

@@ -65,6 +65,7 @@ def test_actions_of_strangers_are_refused() -> None:
     env.close()
 
 
+@pytest.mark.slow
 @pytest.mark.sampled(1)
 @pytest.mark.parametrize("scenario", ["cologne8", "ingolstadt7", "arterial4x4"])
 def test_random_actions_break_no_rule_on_whole_networks(scenario: str) -> None:

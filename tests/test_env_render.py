@@ -54,6 +54,7 @@ def test_rgb_array_shows_every_view_the_phase_and_the_figures(own_process: bool)
         assert not np.array_equal(pictures[0][part], pictures[2][part])
 
 
+@pytest.mark.slow
 def test_rgb_array_s_views_are_what_the_agent_sees() -> None:
     env = make("two-way", render_mode="rgb_array", observation="multi_view")
     env.reset(seed=1)

@@ -37,6 +37,7 @@ def test_two_way_demand_changes_four_times_an_hour() -> None:
     assert sum(float(flow["vehsPerHour"]) for flow in flows) / 4 == 2500
 
 
+@pytest.mark.slow
 def test_processes_that_convert_at_once_share_one_bundle(tmp_path: Path) -> None:
     code = "from dojo_env.scenario import *; print(open_map(packaged_scenario('cologne1')).folder)"
     command = [sys.executable, "-c", code]

@@ -127,6 +127,7 @@ def test_conditions_are_drawn_anew_for_each_episode(make):
     assert (seen[0] != seen[1]).mean() > 0.5
 
 
+@pytest.mark.slow
 def test_perfect_detector_agrees_with_the_features_near_the_junction(make):
     env = make("cologne1", observation={"top": "bev"}, num_seconds=400)
     env.reset(seed=2)
@@ -213,6 +214,7 @@ def test_bad_settings_are_named(make, keywords, words):
         make(**{"observation": "bev", **keywords})
 
 
+@pytest.mark.slow
 def test_lidar_and_fixed_conditions_are_taken_as_they_are(make):
     lidar = Lidar(name="roof", position=(0.0, 0.0, 5.0), channels=4, step_deg=5.0)
     env = make(observation={"roof": lidar}, conditions=Conditions(hour=20.0))

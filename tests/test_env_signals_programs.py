@@ -86,6 +86,7 @@ def test_no_controller_is_unsafe_whatever_the_program(folder: Path, controller: 
     assert figures["departed"] > 50
 
 
+@pytest.mark.slow
 def test_nema_runs_as_the_network_s_own_program(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     scenario = write_scenario(folder, "own")
     assert main(["run", "--scenario", scenario, "--controller", "fixed-time", "--seconds", "300"]) == 0
@@ -94,6 +95,7 @@ def test_nema_runs_as_the_network_s_own_program(folder: Path, capsys: pytest.Cap
     assert "unsafe" not in said.err
 
 
+@pytest.mark.slow
 def test_a_run_that_was_unsafe_ends_with_a_warning(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     scenario = write_scenario(folder, "cut", NO_YELLOW)
     assert main(["run", "--scenario", scenario, "--controller", "fixed-time", "--seconds", "100"]) == 0

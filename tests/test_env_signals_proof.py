@@ -59,6 +59,7 @@ def test_maps_with_crossings_are_proved(name: str, settings: dict[str, object]) 
     assert prove_all(found, **settings) > 100
 
 
+@pytest.mark.slow
 @pytest.mark.sampled(3)
 @pytest.mark.parametrize("name", ["six_legs", "left_hand", "mixed_lanes", "two_programs", "walkers_signal"])
 def test_built_networks_are_proved(name: str, network_path: Callable[[str], Path]) -> None:

@@ -95,6 +95,7 @@ def contents(folder: Path) -> dict[str, bytes]:
     return {str(path): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("backend", ["libsumo", "traci"])
 def test_a_scenarios_files_write_nothing_and_open_no_port(folder: Path, tmp_path: Path, backend: str) -> None:
     (folder / "x.sumocfg").write_text(CONFIGURATION.format(port=18813))
@@ -109,6 +110,7 @@ def test_a_scenarios_files_write_nothing_and_open_no_port(folder: Path, tmp_path
     assert lines[1:] == (["[]"] if backend == "libsumo" else [])
 
 
+@pytest.mark.slow
 def test_the_command_says_once_what_is_left_out_and_prints_figures_alone(folder: Path) -> None:
     (folder / "x.sumocfg").write_text(CONFIGURATION.format(port=18814))
     command = [*(sys.executable, "-m", "dojo_env.cli", "run", "--scenario", "x.sumocfg")]

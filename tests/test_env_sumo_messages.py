@@ -71,6 +71,7 @@ def test_an_error_is_not_told_of_the_next_episode(tmp_path: Path) -> None:
     assert told[0] == told[1]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("own_process", [False, True])
 def test_warnings_come_through_where_they_are_wanted(
     tmp_path: Path, capfd: pytest.CaptureFixture[str], *, own_process: bool

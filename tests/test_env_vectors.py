@@ -35,6 +35,7 @@ def observations_of(env: Any, seed: int) -> list[Any]:
     return found
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("mode", ["sync", "async"])
 def test_gymnasium_makes_vectors(mode: str) -> None:
     envs = gymnasium.make_vec(NAME, num_envs=2, vectorization_mode=mode, **SHORT)
@@ -68,6 +69,7 @@ def test_supersuit_makes_vectors_of_signals() -> None:
     envs.close()
 
 
+@pytest.mark.slow
 def test_pettingzoo_s_own_checks_hold_with_two_environments_open() -> None:
     parallel_seed_test(lambda: dojo_env.parallel_env(scenario="cologne3", num_seconds=60), num_cycles=8)
 

@@ -141,6 +141,7 @@ def test_an_interruption_ends_it_with_one_line_and_status_130(number: signal.Sig
         socket.create_connection(("127.0.0.1", port))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("becomes", ["pass", "raise TypeError('cannot compare') from None"])
 def test_an_interruption_that_a_library_swallowed_or_renamed_ends_it_all_the_same(becomes: str) -> None:
     script = f"""

@@ -81,6 +81,7 @@ def test_a_crash_in_the_middle_of_a_call_is_told(world: WorldProcess) -> None:
     assert len(world.run(make_controller("cycle"), 1)[0]) == 12
 
 
+@pytest.mark.slow
 def test_reset_recovers_where_the_whole_process_died(world: WorldProcess) -> None:
     world.reset(3)
     assert world._process is not None
@@ -90,6 +91,7 @@ def test_reset_recovers_where_the_whole_process_died(world: WorldProcess) -> Non
     assert world.step({"t": 0})[3]["step"] == 5
 
 
+@pytest.mark.slow
 def test_files_of_an_episode_that_crashed_are_not_those_of_the_next(tmp_path: Path) -> None:
     world = WorldProcess(build_config(**SHORT, record_name=str(tmp_path / "r")))
     for crashes in (False, True, False):
@@ -185,6 +187,7 @@ def broken_reward(_signal: str, _before: Instant, _now: Instant) -> float:
     raise KeyError("mine")
 
 
+@pytest.mark.slow
 def test_what_a_users_function_raises_arrives_with_its_place() -> None:
     world = WorldProcess(build_config(**SHORT, reward_fn=broken_reward))
     world.reset(1)
@@ -194,6 +197,7 @@ def test_what_a_users_function_raises_arrives_with_its_place() -> None:
     assert "broken_reward" in "".join(caught.value.__notes__)
 
 
+@pytest.mark.slow
 def test_an_error_that_no_pipe_can_carry_is_told_in_words() -> None:
     world = WorldProcess(build_config(**SHORT, reward_fn=odd_reward))
     world.reset(1)
@@ -202,6 +206,7 @@ def test_an_error_that_no_pipe_can_carry_is_told_in_words() -> None:
     world.close()
 
 
+@pytest.mark.slow
 def test_what_cannot_be_written_at_the_end_is_told(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("", encoding="utf-8")
     for following in ("reset", "close"):

@@ -38,6 +38,7 @@ def _of_kind(collection: dict[str, Any], kind: str) -> dict[str, dict[str, Any]]
     return {f["properties"]["id"]: f for f in found}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["cologne1", "ingolstadt7", "DRT-osm"])
 def test_write_geojson_places_lanes_where_sumolib_does(tmp_path, name):
     road_map, path = _read(name)

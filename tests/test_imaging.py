@@ -181,6 +181,7 @@ def test_noise_has_no_mean_and_differs_in_channels_pictures_and_cameras(conditio
     assert neighbours == pytest.approx(wanted, abs=0.03)
 
 
+@pytest.mark.slow
 def test_a_stream_of_more_bits_shows_more(bundle, beside):
     camera, bus = beside
     whole = see(bundle, camera, bus).rgb

@@ -98,6 +98,7 @@ def test_places_along_a_line_are_those_of_its_length() -> None:
     assert aside == pytest.approx([2.0, 1.0, 5.0])
 
 
+@pytest.mark.slow
 def test_strips_are_observed_in_gymnasiums_way_and_are_the_same_twice() -> None:
     seen = []
     for _ in range(2):

@@ -112,6 +112,7 @@ def test_training_draws_its_validations(folder: Path) -> None:
         dojo_env.plot([training, folder / "rows_conn0_ep1.csv"])
 
 
+@pytest.mark.slow
 def test_same_chart_has_the_same_bytes_and_shows_itself(episodes: Episodes, tmp_path: Path) -> None:
     for kind in ("png", "svg", "pdf"):
         first, again = (episodes.plot("co2").save(tmp_path / f"{n}.{kind}").read_bytes() for n in range(2))

@@ -392,6 +392,7 @@ def test_models_are_the_same_whether_built_or_kept(tmp_path, monkeypatch):
     assert kept.stat().st_mtime_ns != age
 
 
+@pytest.mark.slow
 def test_smooth_pictures_are_the_average_of_finer_ones(scene, cameras, snapshot):
     plain = Renderer(scene).render(snapshot, cameras[:1], ALL[:4])[0]
     smooth = Renderer(scene, smooth=True).render(snapshot, cameras[:1], ALL[:4])[0]

@@ -155,6 +155,7 @@ def test_netedit_files_select_the_elements_and_look_at_the_place(written: Path, 
         assert set(lines) == wanted
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["cologne1", "ingolstadt7", "arterial4x4"])
 def test_validate_and_convert_agree(
     name: str, converted, tmp_path: Path, capsys: pytest.CaptureFixture[str]

@@ -49,6 +49,7 @@ def test_read_osm_gives_the_same_however_it_is_packed(tmp_path: Path) -> None:
         assert found.lon == pytest.approx(expected.nodes[node].lon, abs=2e-7)
 
 
+@pytest.mark.slow
 def test_read_osm_reads_every_element_of_a_real_extract() -> None:
     osmium = pytest.importorskip("osmium")
     data = read_osm(helsinki())

@@ -138,6 +138,7 @@ def test_sumo_s_own_models_take_their_place_by_type() -> None:
     assert models[2] == models[0] + 1
 
 
+@pytest.mark.slow
 def test_too_fine_a_model_is_made_simple_and_keeps_its_shape(tmp_path: Path) -> None:
     ball = trimesh.creation.icosphere(subdivisions=6)
     (tmp_path / "ball.obj").write_text(ball.export(file_type="obj", include_normals=False))

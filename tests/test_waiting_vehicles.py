@@ -73,6 +73,7 @@ def watch_red(scenario: str | dojo_env.Scenario, seconds: int) -> tuple[RoadMap,
     return road_map, list(found.values())
 
 
+@pytest.mark.slow
 @pytest.mark.sampled(2)
 @pytest.mark.parametrize("scenario", ["two-way", "cologne1", "cologne3", "ingolstadt1", "arterial4x4"])
 def test_nobody_waits_past_a_stop_line_or_on_a_generated_crossing(scenario: str) -> None:
