@@ -50,7 +50,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 def pytest_configure(config: pytest.Config) -> None:
     config.addinivalue_line(
         "markers",
-        "slow: takes longer than two or three seconds; -m 'not slow' leaves it out, --whole runs all of them",
+        "slow: takes two seconds or more; -m 'not slow' leaves it out, --whole runs all of them",
     )
     config.addinivalue_line(
         "markers",

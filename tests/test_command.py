@@ -123,6 +123,7 @@ def test_commands_work_with_closed_streams(
     assert run_shell(f"$PYTHON -m dojo_maps validate nowhere {closed}", tmp_path).returncode == 3
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("command", ["dojo_maps checks", "dojo_maps --help", "dojo_env scenarios"])
 def test_a_full_device_behind_standard_output_is_one_line(command: str, tmp_path: Path) -> None:
     done = run_shell(f"$PYTHON -m {command} > /dev/full", tmp_path)

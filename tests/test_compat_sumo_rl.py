@@ -304,6 +304,7 @@ def test_a_seed_given_once_holds_from_then_on(open_env: Any) -> None:
     assert not np.array_equal(runs[0], runs[2])
 
 
+@pytest.mark.slow
 def test_several_run_side_by_side_and_end_with_who_held_them(open_env: Any) -> None:
     first, second = open_env(single_agent=True), open_env(single_agent=True)
     pairs = [[env.reset(seed=1)[0]] for env in (first, second)]

@@ -85,6 +85,7 @@ def decode(record: dict[str, Any], each: dict[str, Any]) -> NDArray[np.bool_]:
     return mask
 
 
+@pytest.mark.slow
 def test_masks_are_written_as_pycocotools_writes_them() -> None:
     random = np.random.default_rng(0)
     for _ in range(60):

@@ -81,6 +81,7 @@ except ChildProcessError:
     assert run_script(script) == "SimulationDiedError: the simulation's process has died\nnone is left"
 
 
+@pytest.mark.slow
 def test_a_call_that_does_not_come_back_ends_its_fork() -> None:
     script = """
 def hang():

@@ -122,6 +122,7 @@ def test_an_instant_arrives_whole_in_another_process(world: LocalWorld) -> None:
         arrived.signals["t"] = None
 
 
+@pytest.mark.slow
 def test_an_own_process_tells_its_instant_like_any_other(world: LocalWorld) -> None:
     apart = WorldProcess(world.config)
     apart.reset(1)

@@ -184,6 +184,7 @@ def test_a_video_that_cannot_be_written_is_one_line_and_leaves_nothing(
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.slow
 def test_a_run_that_fails_leaves_no_video(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     target = tmp_path / "out.mp4"
     target.write_bytes(b"before")

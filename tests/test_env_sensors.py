@@ -146,6 +146,7 @@ def test_perfect_detector_agrees_with_the_features_near_the_junction(make):
     assert seen.sum() > 0.5 * true.sum()
 
 
+@pytest.mark.slow
 def test_detector_misses_and_is_late(make):
     env = make("cologne1", observation={"top": "bev"}, num_seconds=300)
     env.reset(seed=2)
@@ -165,6 +166,7 @@ def test_detector_misses_and_is_late(make):
     assert np.sum(seen["scared"]) > np.sum(seen["perfect"])
 
 
+@pytest.mark.slow
 def test_bullet_draws_where_it_is_asked_for(make):
     pytest.importorskip("pybullet")
     env = make(observation="bev", renderer="bullet")
@@ -180,6 +182,7 @@ def test_own_cameras_take_the_place_of_the_map_s(make):
     assert list(env.observation_space) == ["north"]
 
 
+@pytest.mark.slow
 def test_measuring_alone_loads_no_compiler():
     script = (
         "import sys; from dojo_env.env import TrafficSignalEnv\n"

@@ -75,6 +75,7 @@ def test_nema_plans_are_proved(folder: Path) -> None:
     assert proof.longest_change == 5
 
 
+@pytest.mark.slow
 @pytest.mark.sampled(3)
 @pytest.mark.parametrize("additional", ["", NO_YELLOW, ONE_GREEN, OFF], ids=["nema", "cut", "one", "off"])
 @pytest.mark.parametrize("controller", ["actuated", "delay-based", "random"])

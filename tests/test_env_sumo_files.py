@@ -252,6 +252,7 @@ def test_networks_write_nothing_either(folder: Path, tmp_path: Path) -> None:
     assert contents(tmp_path) == before
 
 
+@pytest.mark.slow
 def test_forks_and_processes_of_their_own_read_the_copies(folder: Path, tmp_path: Path) -> None:
     before = contents(tmp_path)
     env = TrafficSignalEnv(scenario=folder / "x.sumocfg", num_seconds=60, own_process=True)

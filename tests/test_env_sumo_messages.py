@@ -26,6 +26,7 @@ def make_world(folder: Path, routes: str, *, own_process: bool = False, **settin
     return open_world(config, own_process=own_process)
 
 
+@pytest.mark.slow
 @pytest.mark.sampled(5)
 @pytest.mark.parametrize(
     ("wrong", "words"),

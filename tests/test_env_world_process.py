@@ -143,6 +143,7 @@ def test_a_network_that_crashes_sumo_takes_nobody_along(crashing_scenario: Path,
     assert done.stderr == ""
 
 
+@pytest.mark.slow
 def test_every_second_is_shown_here_and_the_episode_is_the_same() -> None:
     config = build_config(**SHORT)
     shown: list[float] = []

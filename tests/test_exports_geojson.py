@@ -53,6 +53,7 @@ def test_write_geojson_places_lanes_where_sumolib_does(tmp_path, name):
     assert np.max(_EARTH.inv(x1, y1, x2, y2)[2]) < 0.002, "more than 2 mm off"
 
 
+@pytest.mark.slow
 def test_write_geojson_has_a_feature_for_everything_on_the_map(tmp_path):
     road_map, _ = _read("DRT-osm")
     kinds = Counter(f["properties"]["kind"] for f in _export(road_map, tmp_path)["features"])

@@ -31,6 +31,7 @@ def test_damaged_inputs_of_every_kind_end_fairly(request: pytest.FixtureRequest)
     assert f"{count} damaged inputs" in done.stdout
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("problem", "found"),
     [

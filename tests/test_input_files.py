@@ -114,6 +114,7 @@ def test_packed_damage_is_one_error_of_the_reader_s_class(kind: str, tmp_path: P
         read_bytes(tmp_path / "a.bin", error=RecordingError)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("pack", [bytes, gzip.compress, bz2.compress])
 @pytest.mark.parametrize("size", [1, 1000, 3 << 20])
 def test_what_is_packed_is_read_as_it_was(pack: Callable[[bytes], bytes], size: int, tmp_path: Path) -> None:

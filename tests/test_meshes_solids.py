@@ -72,6 +72,7 @@ places = st.tuples(st.sampled_from([0.0, 1e-3, 1.0, 2.0]), st.sampled_from([0.0,
 heights = st.sampled_from([0.0, 0.002, 0.1, 0.42, 6.0, 3000.0])
 
 
+@pytest.mark.slow
 @settings(max_examples=300)
 @given(
     st.lists(st.tuples(places, heights, st.sampled_from([0.0, 0.02, 0.12])), min_size=3, max_size=8),

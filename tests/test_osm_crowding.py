@@ -77,6 +77,7 @@ CROWDED: dict[str, tuple[Callable[[], Drawing], str]] = {
 }  # fmt: skip
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", CROWDED)
 def test_roads_over_each_other_are_refused_in_one_line(name: str, tmp_path: Path) -> None:
     make, words = CROWDED[name]

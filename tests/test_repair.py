@@ -291,6 +291,7 @@ def _watch(path: Path) -> list[list[str]]:
     return json.loads(done.stdout.splitlines()[-1])
 
 
+@pytest.mark.slow
 def test_joined_signals_show_what_the_two_showed_at_every_second(tmp_path: Path) -> None:
     path = _two_signals(tmp_path)
     fixed = fix_network(read_bytes(path), path, ["signals.split_signals"])

@@ -81,6 +81,7 @@ def _ask(page: Path, question: str, address: str = "") -> dict[str, Any]:
     return result
 
 
+@pytest.mark.slow
 @pytest.mark.sampled(1)
 @needs_browser
 @pytest.mark.parametrize("name", ["cologne1", "ingolstadt7", "arterial4x4"])
@@ -117,6 +118,7 @@ def test_page_shows_every_issue_with_its_picture(name: str, tmp_path: Path) -> N
     assert ranks == sorted(ranks)
 
 
+@pytest.mark.slow
 @needs_browser
 def test_page_filters_by_severity_check_junction_and_word(tmp_path: Path) -> None:
     _, report = _report("ingolstadt7")
@@ -157,6 +159,7 @@ def test_page_filters_by_severity_check_junction_and_word(tmp_path: Path) -> Non
     assert asked["status"] == f"{len(issues)} of {len(issues)} issues shown"
 
 
+@pytest.mark.slow
 @needs_browser
 def test_page_goes_to_an_issue_pans_and_zooms(tmp_path: Path) -> None:
     read, report = _report("ingolstadt7")
@@ -232,6 +235,7 @@ def test_page_opens_on_the_issue_that_the_address_names(tmp_path: Path) -> None:
     assert _ask(page, question, "#issue-</script>")["answer"] == []
 
 
+@pytest.mark.slow
 @needs_browser
 def test_page_shows_markup_from_the_map_as_text(tmp_path: Path) -> None:
     read, _ = _report("cologne1")

@@ -138,6 +138,7 @@ def test_noise_follows_from_seed_and_name_alone(make):
     assert (alone[:, 1] != other[:, 1]).all()
 
 
+@pytest.mark.slow
 def test_sensors_that_share_a_camera_draw_it_once(make, monkeypatch):
     drawn = []
     picture = Renderer._picture
