@@ -15,6 +15,7 @@ from dojo_env.conditions import Conditions
 from dojo_env.errors import ConfigError, SnapshotError
 from dojo_env.parked_cars import FIRST_NUMBER
 from dojo_env.rendering import compiling, textures
+from dojo_env.rendering import renderer as renderer_module
 from dojo_env.rendering.classes import SEMANTIC_OF_KIND, Semantic
 from dojo_env.rendering.compiling import kernel
 from dojo_env.rendering.fleet import pack_usual, usual_fleet
@@ -79,6 +80,25 @@ def test_outputs_are_those_asked_for_and_agree(scene, cameras, snapshot):
     alone = renderer.render(snapshot, cameras[:1], ("depth",))[0]
     assert alone.rgb is None
     assert alone.instance is None
+
+
+def test_road_users_are_placed_once_for_all_that_look_at_an_instant(scene, cameras, snapshot, monkeypatch):
+    placed = []
+    place = renderer_module.place_users
+
+    def count(snapshot: Snapshot, *about, **more):
+        placed.append(snapshot)
+        return place(snapshot, *about, **more)
+
+    monkeypatch.setattr(renderer_module, "place_users", count)
+    renderer, later = Renderer(scene), replace(snapshot, positions=snapshot.positions + np.array([5.0, 0, 0]))
+    for instant in (snapshot, later, snapshot):
+        for camera in cameras[:2]:
+            (picture,) = renderer.render(instant, [camera])
+            (anew,) = Renderer(scene).render(instant, [camera])
+            placed.pop()
+            np.testing.assert_array_equal(picture.rgb, anew.rgb)
+    assert placed == [snapshot, later, snapshot]
 
 
 @pytest.mark.slow

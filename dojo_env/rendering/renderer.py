@@ -57,6 +57,7 @@ class Renderer:
         self._rain = conditions.rain if conditions else 0.0
         self._faces = SignalFaces(scene)
         self._eyes: dict[tuple[Camera, bool], Eye] = {}
+        self._placed: tuple[Snapshot, Users] | None = None
 
     def render(
         self,
@@ -81,8 +82,7 @@ class Renderer:
             ConfigError: an output has no such name.
         """
         passes = _plan(tuple(outputs), smooth=self.smooth)
-        scene = self.scene
-        users = place_users(snapshot, scene.origin, rain=self._rain, ways=scene.ways, fleet=scene.fleet)
+        users = self._place(snapshot)
         return tuple(self._picture(snapshot, users, camera, passes, parked) for camera in cameras)
 
     def forget(self, cameras: Iterable[Camera] | None = None) -> None:
@@ -98,6 +98,14 @@ class Renderer:
     def close(self) -> None:
         """Forget every background; the renderer may still be used."""
         self.forget()
+
+    def _place(self, snapshot: Snapshot) -> Users:
+        """Place the road users once for all that look at the same instant, such as every signal's cameras."""
+        if self._placed is None or self._placed[0] is not snapshot:
+            scene = self.scene
+            users = place_users(snapshot, scene.origin, rain=self._rain, ways=scene.ways, fleet=scene.fleet)
+            self._placed = snapshot, users
+        return self._placed[1]
 
     def _picture(
         self, snapshot: Snapshot, users: Users, camera: Camera, passes: _Passes, parked: bool
