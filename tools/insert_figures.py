@@ -7,7 +7,7 @@ since they differ from system to system).
 import argparse
 import re
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from functools import cache
 from importlib import metadata
 from pathlib import Path
@@ -16,6 +16,7 @@ from typing import Any
 from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 
+from dojo_env.runs import JAMMED as LATE
 from dojo_maps.input_files import read_bytes
 from dojo_maps.safe_json import read_json
 from dojo_maps.whole_file import write_text
@@ -47,22 +48,26 @@ PURPOSES = {
 }
 
 
-def write_cell(figures: Mapping[str, Mapping[str, float]]) -> str:
-    """Write travel time and accumulated waiting, seconds."""
+def write_cell(
+    figures: Mapping[str, Mapping[str, float]], episodes: Sequence[Mapping[str, float]] = ()
+) -> str:
+    """Write travel time and accumulated waiting, seconds; where an episode jams, also that of all trips."""
     travel, waiting = (figures[name]["mean"] for name in ("travel_time", "accumulated_waiting"))
-    return f"{travel:.1f} / {waiting:.0f}"
+    jams = any(episode.get("late", 0.0) > LATE for episode in episodes)
+    everyone = f", all trips {figures['travel_time_all']['mean']:.1f}" if jams else ""
+    return f"{travel:.1f}{everyone} / {waiting:.0f}"
 
 
 def fill_rows(table: str) -> str:
     """Fill in what each row came to on each scenario, or that it has not run; published figures stay."""
     kept = [_read(path) for path in sorted(RESULTS.glob("*/*/figures.json"))]
-    found = {(each["scenario"], each["row"]): each["figures"] for each in kept}
+    found = {(each["scenario"], each["row"]): write_cell(each["figures"], each["episodes"]) for each in kept}
 
     def cell(row: str, column: str, old: str) -> str:
         if (column, row) not in found:
             return "not run"
         _, bracket, published = old.partition(" (")
-        return write_cell(found[column, row]) + bracket + published
+        return found[column, row] + bracket + published
 
     return _fill(table, cell)
 
