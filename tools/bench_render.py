@@ -177,7 +177,9 @@ def compare(
     start = time.perf_counter()
     renderer.render(snapshot, cameras)
     first = time.perf_counter() - start
-    row = {"raster": milliseconds(lambda: renderer.render(snapshot, cameras), budget) / len(cameras)}
+    # Every time another instant: of the same one the road users are there already.
+    raster = milliseconds(lambda: renderer.render(replace(snapshot), cameras), budget)
+    row = {"raster": raster / len(cameras)}
     for name, world in (("bullet", BulletWorld), ("panda3d", PandaWorld)):
         try:
             peer = world(scene)
