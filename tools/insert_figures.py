@@ -16,7 +16,7 @@ from typing import Any
 from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 
-from dojo_env.runs import JAMMED as LATE
+from dojo_env.runs import JAMMED
 from dojo_maps.input_files import read_bytes
 from dojo_maps.safe_json import read_json
 from dojo_maps.whole_file import write_text
@@ -24,8 +24,8 @@ from dojo_maps.whole_file import write_text
 ROOT = Path(__file__).resolve().parents[1]
 RESULTS = ROOT / "tools" / "results"
 DOCUMENTS = (ROOT / "README.md", ROOT / "dojo_env" / "docs" / "installing.md")
-JAMMED = 1000
-"""Seconds of accumulated waiting from which on a row jams."""
+WAITING_OF_JAMS = 1000
+"""Seconds of accumulated waiting from which on a row jams, where no more than means is kept."""
 PURPOSES = {
     "eclipse-sumo": "SUMO itself, netconvert, example networks",
     "libsumo": "SUMO inside the process",
@@ -53,7 +53,7 @@ def write_cell(
 ) -> str:
     """Write travel time and accumulated waiting, seconds; where an episode jams, also that of all trips."""
     travel, waiting = (figures[name]["mean"] for name in ("travel_time", "accumulated_waiting"))
-    jams = any(episode.get("late", 0.0) > LATE for episode in episodes)
+    jams = any(episode.get("late", 0.0) > JAMMED for episode in episodes)
     everyone = f", all trips {figures['travel_time_all']['mean']:.1f}" if jams else ""
     return f"{travel:.1f}{everyone} / {waiting:.0f}"
 
@@ -80,7 +80,7 @@ def fill_light(table: str) -> str:
     def cell(row: str, column: str, _old: str) -> str:
         under = _read(RESULTS / "cologne1" / rows[row] / "robustness.json")["under"]
         figures = under[column.replace(" ", "-")]["figures"]
-        return "jams" if figures["accumulated_waiting"]["mean"] >= JAMMED else write_cell(figures)
+        return "jams" if figures["accumulated_waiting"]["mean"] >= WAITING_OF_JAMS else write_cell(figures)
 
     return _fill(table, cell)
 
