@@ -4,7 +4,7 @@ What costs more than a glance is measured when it is first asked for, and kept. 
 no longer be measured, and asking for it is an error, never an answer about another time.
 """
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Any, Self
@@ -239,20 +239,17 @@ class Instant:
 
 def _read_approach(simulation: Simulation, plan: SignalPlan) -> Approach:
     coming = simulation.list_approaching(plan.signal, (*plan.lanes, *plan.upstream))
-    near = [vehicle for vehicle in coming if vehicle[1] <= REACH]
     return build_approach(
         plan,
-        [link for link, _, _, _ in near],
-        [speed < HALTING for _, _, speed, _ in near],
+        [vehicle[:3] for vehicle in coming],
         simulation.count_halting(plan.out_lanes),
-        [link for link, _, _, is_urgent in near if is_urgent],
+        [link for link, metres, _, is_urgent in coming if metres <= REACH and is_urgent],
     )
 
 
 def build_approach(
     plan: SignalPlan,
-    links: Iterable[int],
-    halting: Iterable[bool],
+    coming: Sequence[tuple[int, float, float]],
     beyond: Iterable[float],
     urgent: Iterable[int] = (),
 ) -> Approach:
@@ -260,8 +257,7 @@ def build_approach(
 
     Args:
         plan: of the signal.
-        links: the link that each vehicle will take.
-        halting: whether it stands.
+        coming: the link, metres to the stop line and m/s of each vehicle.
         beyond: vehicles that stand on each of `plan.out_lanes`.
         urgent: the links to which somebody comes with blue lights on.
 
@@ -270,9 +266,11 @@ def build_approach(
     """
     standing = dict(zip(plan.out_lanes, beyond, strict=True))
     full = {lane for lane, room in zip(plan.out_lanes, plan.room, strict=True) if standing[lane] >= room}
+    near = [(link, speed < HALTING) for link, metres, speed in coming if metres <= REACH]
     return Approach(
-        links=tuple(links),
-        halting=tuple(halting),
+        links=tuple(link for link, _ in near),
+        halting=tuple(halting for _, halting in near),
+        coming=tuple(coming),
         blocked=frozenset(link for link, lanes in plan.exits.items() if full.issuperset(lanes)),
         beyond={
             link: sum(standing[lane] for lane in lanes) / len(lanes) for link, lanes in plan.exits.items()

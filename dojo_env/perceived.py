@@ -11,7 +11,7 @@ from dojo_env.detectors.measuring import LaneMeasurements
 from dojo_env.errors import ConfigError
 from dojo_env.instant import Instant, build_approach
 from dojo_env.reading import Approach, LaneGroups, LaneReading
-from dojo_env.signals.plan import SignalPlan
+from dojo_env.signals.plan import REACH, ROOM_OF_A_VEHICLE, SignalPlan
 from dojo_env.simulation import Simulation
 
 
@@ -82,17 +82,21 @@ def read_lanes(measured: LaneMeasurements, plan: SignalPlan) -> LaneReading:
 
 def _list_approach(measured: LaneMeasurements, plan: SignalPlan) -> Approach:
     number = {lane: k for k, lane in enumerate(measured.lanes)}
-    links: list[int] = []
-    halting: list[bool] = []
-    for lane in plan.lanes:
+    coming: list[tuple[int, float, float]] = []
+    for lane, limit, length in zip(plan.lanes, plan.limits, plan.lengths, strict=True):
         own = list(dict.fromkeys(index for index, source, _ in plan.links if source == lane))
         count, standing = (int(each[number[lane]]) for each in (measured.vehicles, measured.halting))
-        links += islice(cycle(own), count)
-        halting += [k < standing for k in range(count)]  # Who stands is in front.
+        # Who stands is in front; the others are spread over what is left of the lane.
+        queue = min(standing * ROOM_OF_A_VEHICLE, REACH)
+        apart = max(0.0, min(length, REACH) - queue) / (count - standing + 1)
+        for k, link in enumerate(islice(cycle(own), count)):
+            if k < standing:
+                coming.append((link, min(k * ROOM_OF_A_VEHICLE, REACH), 0.0))
+            else:
+                coming.append((link, queue + (k - standing + 1) * apart, float(limit)))
     return build_approach(
         plan,
-        links,
-        halting,
+        coming,
         [float(measured.halting[number[lane]]) for lane in plan.out_lanes],
         [index for index, source, _ in plan.links if source in measured.urgent],
     )

@@ -19,15 +19,15 @@ Array = NDArray[np.float32]
 
 PHASE_FEATURES = (
     "is_present", "green_time", "red_time", "halting", "halting_yielding", "moving", "blocked", "waiting",
-    "lanes", "walkers", "walkers_waiting", "room", "change", "kept",
+    "lanes", "walkers", "walkers_waiting", "room", "change", "kept", "delay",
 )  # fmt: skip
 """The columns, see `PhaseReader.read`."""
 CONSTRAINTS = ("min_green", "max_red", "yellow", "all_red", "may_change")
 """What a signal may do, see `PhaseReader.constraints`."""
-_VEHICLES, _LANES, _MINUTE, _CHANGE = 10.0, 4.0, 60.0, 10.0
-"""What one unit of a feature is: vehicles, lanes, seconds of green and red, seconds of a change."""
-_LONGEST = 3.0
-"""Minutes of green or red beyond which nothing more is told."""
+_VEHICLES, _LANES, _MINUTE, _CHANGE, DELAY = 10.0, 4.0, 60.0, 10.0, 100.0
+"""What one unit of a feature is: vehicles, lanes, seconds of green and red, of a change, of all's delay."""
+_LONGEST, _MOST_DELAY = 3.0, 10.0
+"""Minutes of green or red, and units of delay, beyond which nothing more is told."""
 
 
 class PhaseReader:
@@ -35,13 +35,12 @@ class PhaseReader:
 
     def __init__(self, plan: SignalPlan) -> None:
         """Note what never changes of a signal."""
-        self._plan = plan
-        count = len(plan.phases[0])
-        self._green = np.zeros((len(plan.phases), count), bool)
-        for row, state in enumerate(plan.phases):
-            self._green[row, list(green_links(state))] = True
-        self._first = np.array([[letter == "G" for letter in state] for state in plan.phases])
-        self._yields = np.array([plan.conflicts.yields[link][:count] for link in range(count)], bool)
+        # numba takes a third of a second to load, which who only reads these names need not wait for.
+        from dojo_env.queue_forecast import QueueForecast  # noqa: PLC0415
+
+        self._plan, self._forecast = plan, QueueForecast(plan)
+        self._green, self._first, self._yields, changes, _ = self._forecast.signal
+        count = self._green.shape[1]
         self._is_walk = np.zeros(count, bool)
         self._is_walk[[link for link, _ in plan.walks]] = True
         self._lanes = np.zeros((count, len(plan.lanes)))
@@ -50,7 +49,7 @@ class PhaseReader:
             self._lanes[link, plan.lanes.index(lane)] = 1.0
         self._serves = (self._green @ self._lanes > 0).sum(axis=1) / _LANES
         self._lanes /= np.maximum(self._lanes.sum(axis=0), 1.0)
-        self._change = self._measure_changes() / _CHANGE
+        self._change = changes / _CHANGE
         kept = self._green.astype(float) @ self._green.T
         self._kept = kept / np.maximum(np.diag(kept)[:, None], 1.0)
         self._rules = np.array([
@@ -63,13 +62,6 @@ class PhaseReader:
     def reset(self) -> None:
         """Begin an episode."""
         self._begin = None
-
-    def _measure_changes(self) -> NDArray[np.float64]:
-        """Measure (from, to) seconds of each change: yellow and red, or until walkers are across."""
-        plan = self._plan
-        needed = np.maximum(plan.yellow + np.maximum(plan.red, plan.rules.all_red), plan.clearance)
-        lost = self._green[:, None, :] & ~self._green[None, :, :]
-        return np.where(lost, needed, 0.0).max(axis=2)
 
     def read(self, signal: str, instant: Instant) -> Array:
         """Read the vectors at a decision, once for each.
@@ -101,8 +93,9 @@ class PhaseReader:
         beyond = np.zeros(count)
         beyond[list(approach.beyond)] = list(approach.beyond.values())
         waiting = self._lanes @ view.lanes.accumulated_waiting
-        walks = np.zeros(count, bool)
-        walks[list(instant.list_wanted_walks(signal))] = True
+        walks, wanted = np.zeros(count, bool), instant.list_wanted_walks(signal)
+        walks[list(wanted)] = True
+        delays = self._forecast.measure_delays(view, approach, wanted)
         served = self._green & walks
         present = np.arange(len(red)) == view.phase
         columns = (
@@ -120,6 +113,7 @@ class PhaseReader:
             (self._green * ~self._is_walk) @ beyond / np.maximum(self._green.sum(axis=1), 1) / _VEHICLES,
             self._change[view.phase],
             self._kept[view.phase],
+            np.minimum(delays / DELAY, _MOST_DELAY),
         )
         return np.stack(columns, axis=1).astype(np.float32)
 

@@ -194,11 +194,12 @@ class TrafficReading:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Approach:
-    """Who is on the way to a signal within 150 m, and where there is no room to go to.
+    """Who is on the way to a signal, and where there is no room to go to.
 
     Attributes:
-        links: the link that each vehicle will take, by its place in the state.
+        links: the link that each vehicle within 150 m will take, by its place in the state.
         halting: whether it is slower than 0.1 m/s.
+        coming: the link, metres to the stop line and m/s of each vehicle, of those farther away, too.
         blocked: the links behind which every lane is full of standing vehicles.
         beyond: standing vehicles on the lanes behind each link, as many as one of these has in the mean.
         urgent: the links to which somebody comes with blue lights on; of a lane that serves several, where it
@@ -207,6 +208,7 @@ class Approach:
 
     links: tuple[int, ...]
     halting: tuple[bool, ...]
+    coming: tuple[tuple[int, float, float], ...]
     blocked: frozenset[int]
     beyond: Mapping[int, float]
     urgent: frozenset[int] = frozenset()

@@ -54,6 +54,34 @@ def test_policies_side_by_side_add_up_their_scores(tmp_path: Path, weights: dict
     np.testing.assert_allclose(both, sum(alone), rtol=1e-4, atol=1e-4)
 
 
+def test_what_a_forecast_tells_can_be_added_to_a_policy(
+    tmp_path: Path, weights: dict[str, np.ndarray]
+) -> None:
+    pytest.importorskip("stable_baselines3")
+    done = run_tool("join_policies", "learned", "--delay", 0.5, "--out", tmp_path / "more.npz")
+    assert done.returncode == 0, done.stderr
+    phases, rules = np.zeros((3, len(PHASE_FEATURES)), np.float32), np.zeros(5, np.float32)
+    phases[1, PHASE_FEATURES.index("delay")] = 0.2
+    less = score_phases(weights, phases, rules, 0) - score_phases(
+        read_weights(tmp_path / "more.npz"), phases, rules, 0
+    )
+    assert less == pytest.approx([0.0, 0.5 * 20, 0.0], abs=1e-3)
+
+
+def test_policies_from_before_the_forecast_are_read(tmp_path: Path, weights: dict[str, np.ndarray]) -> None:
+    known = PHASE_FEATURES.index("delay")
+    old = {name: np.delete(array, known, axis=1) if array.shape[-1] == INPUTS else array
+           for name, array in weights.items()}  # fmt: skip
+    np.savez(tmp_path / "old.npz", **old)
+    draw = np.random.default_rng(1)
+    phases, rules = draw.random((5, len(PHASE_FEATURES)), np.float32), draw.random(5, np.float32)
+    without = phases.copy()
+    without[:, known] = 0.0
+    scores = [score_phases(read_weights(tmp_path / "old.npz"), each, rules, 2) for each in (phases, without)]
+    assert scores[0] == pytest.approx(scores[1])
+    assert scores[0] == pytest.approx(score_phases(weights, without, rules, 2), rel=1e-4)
+
+
 def test_phases_are_observed_in_gymnasiums_way_and_tell_who_waits() -> None:
     env = gymnasium.make("dojo_env/TrafficSignal-v0", scenario="cologne1", observation="phases",
                          num_seconds=200)  # fmt: skip

@@ -97,7 +97,7 @@ def test_blue_lights_get_a_phase_that_lets_them_go() -> None:
     (signal,), now = world.signals, world.instant
     plan = world.map.plans[signal]
     for link in dict.fromkeys(link for link, _, _ in plan.links):
-        coming = build_approach(plan, [0] * 9, [True] * 9, [0.0] * len(plan.out_lanes), [link])
+        coming = build_approach(plan, [(0, 0.0, 0.0)] * 9, [0.0] * len(plan.out_lanes), [link])
         hurried = Instant.of_views(now.time, now.signals)
         hurried._approaches = {signal: coming}
         chosen = PhaseCompetition().choose(signal, hurried)

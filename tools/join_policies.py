@@ -1,8 +1,9 @@
 """Put policies for any junction side by side: one whose scores are the sums of theirs.
 
-The policy `learned` that ships with the package is two trainings with different seeds, joined so.
+The policy `learned` that ships with the package is two trainings with different seeds, joined so, to which a
+forecast of the queues is added.
 
-    python tools/join_policies.py runs/one runs/other --out both.npz
+    python tools/join_policies.py runs/one runs/other --delay 1.5 --out both.npz
 """
 
 import argparse
@@ -11,6 +12,7 @@ from pathlib import Path
 
 from dojo_env.learning.universal.joining import join_policies
 from dojo_env.learning.universal.training import read_start, write_weights
+from dojo_env.phase_features import DELAY, PHASE_FEATURES
 
 
 def main() -> int:
@@ -18,8 +20,17 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
     parser.add_argument("policies", nargs="+", metavar="POLICY", help="`learned`, files, or runs' folders")
     parser.add_argument("--out", type=Path, required=True, metavar="FILE")
+    parser.add_argument(
+        "--delay",
+        type=float,
+        default=0.0,
+        metavar="W",
+        help="what a second of waiting ahead takes off a score",
+    )
     options = parser.parse_args()
-    write_weights(join_policies([read_start(name) for name in options.policies]), options.out)
+    joined = join_policies([read_start(name) for name in options.policies])
+    joined["rule_weight"][0, PHASE_FEATURES.index("delay")] -= options.delay * DELAY
+    write_weights(joined, options.out)
     return 0
 
 

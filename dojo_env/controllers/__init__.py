@@ -13,6 +13,14 @@ from dojo_env.controllers.webster import Webster
 from dojo_env.errors import ConfigError
 from dojo_maps.wording import did_you_mean
 
+
+def _make_rolling_horizon() -> Controller:
+    # numba takes a third of a second to load, which nobody else need wait for.
+    from dojo_env.controllers.rolling_horizon import RollingHorizon  # noqa: PLC0415
+
+    return RollingHorizon()
+
+
 _MAKERS: Mapping[str, Callable[[], Controller]] = {
     "fixed-time": lambda: Controller(settings={"fixed_ts": True}),
     "pretimed": lambda: Controller(settings={"fixed_ts": True, "program": "fixed"}),
@@ -25,6 +33,7 @@ _MAKERS: Mapping[str, Callable[[], Controller]] = {
     "max-pressure": MaxPressure,
     "max-pressure-paper": MaxPressureOfThePaper,
     "queue-pressure": QueuePressure,
+    "rolling-horizon": _make_rolling_horizon,
     "random": RandomChoice,
     "learned": PhaseCompetition,
     "learned-vision": lambda: PhaseCompetition(settings={"observation": "lane-strips"}),

@@ -1,6 +1,6 @@
 """A learned policy for any junction: every phase gets a score from its vector, in the light of the others.
 
-The network is small, and runs here on numpy alone: who installs the package needs no torch to use it.
+The network is small, and runs here on numpy: who installs the package needs no torch to use it.
 `learning.universal` trains it.
 
 Source: Zheng et al., Learning phase competition for traffic signal control (FRAP), CIKM 2019; deep sets,
@@ -75,6 +75,10 @@ def read_weights(path: Path) -> dict[str, Array]:
     """
     what = "a universal policy, such as dojo-env train --universal keeps"
     weights = read_arrays(path, dict.fromkeys(WEIGHTS, "<f4"), most=_MOST, error=PolicyError, what=what)
+    if weights["encode1_weight"].shape[1:] == weights["rule_weight"].shape[1:] == (INPUTS - 1,):
+        # Of the first version, which knew no `delay`: it counts for nothing.
+        for name in ("encode1_weight", "rule_weight"):
+            weights[name] = np.insert(weights[name], PHASE_FEATURES.index("delay"), 0.0, axis=1)
     sizes = [weights[f"{layer}_weight"].shape for layer in LAYERS]
     fits = all(len(size) == 2 for size in sizes) and all(
         weights[f"{layer}_bias"].shape == size[:1] for layer, size in zip(LAYERS, sizes, strict=True)

@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+import dojo_env.queue_forecast  # noqa: F401 - here once, not anew in each fork
 from dojo_env.config import build_config
 from dojo_env.controllers.phase_competition import score_phases
 from dojo_env.forks import call_in_fork
