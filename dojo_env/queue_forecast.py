@@ -29,19 +29,18 @@ _DECIDES = 5
 """Seconds between the model's own decisions."""
 _FREE_FLOW = 0.8
 """Share of the speed limit at which vehicles come."""
-_HEADWAY, _START, _YELLOW, _GAP = 1.9, 1.5, 2.0, 3.0
-"""Seconds: from one vehicle to the next, until the first one starts, of yellow that is used, and the gap in
-which somebody who yields goes."""
+_HEADWAY, _START, _GAP = 1.9, 2.5, 3.0
+"""Seconds: from one vehicle to the next, until the first one starts, and the gap in which somebody who yields
+goes; nobody uses the yellow."""
 _BLOCKED = 10
 """Seconds for which nobody leaves a link that has no room behind it."""
 _STAY, _YIELDING, _COMING, _SOON = 0.3, 0.4, 0.5, 12.0
 """What the model's own decisions count beside 1 for a vehicle that waits and has priority: for the present
 phase, for one that yields, and for one that comes within so many seconds."""
-_LEFT = 10.0
-"""Seconds that each who is left at the end waits beyond it."""
-_IMPATIENCE = 0.01
-"""How much more a second of waiting counts for each second that somebody has waited before."""
-_SINCE, _UNTIL, _WENT = range(3)
+_IMPATIENCE, _TIRED = 0.02, 40.0
+"""How much more a second of waiting counts for each second that somebody has waited before, up to so many:
+where all queues are full, phases must not change without end."""
+_SINCE, _WENT = range(2)
 
 
 class SignalModel(NamedTuple):
@@ -104,6 +103,10 @@ class QueueForecast:
         for link, lane, _ in plan.links:
             self._queues[link] = plan.lanes.index(lane)
             self._speeds[link] = plan.limits[self._queues[link]] * _FREE_FLOW
+        room = dict(zip(plan.out_lanes, plan.room, strict=True))
+        self._room = np.full(count, np.inf)
+        for link, lanes in plan.exits.items():
+            self._room[link] = max(1.0, sum(room[lane] for lane in lanes) / len(lanes))
         for place, (link, _) in enumerate(plan.walks):
             self._queues[link] = len(plan.lanes) + place
         self._count = len(plan.lanes) + len(plan.walks)
@@ -133,14 +136,17 @@ class QueueForecast:
         order = np.lexsort((metres, queues))
         blocked = np.zeros(len(self._queues), bool)
         blocked[list(approach.blocked)] = True
+        full = np.zeros(len(self._queues))
+        full[list(approach.beyond)] = list(approach.beyond.values())
+        full = np.minimum(full / self._room, 1.0)
         bounds = np.searchsorted(queues[order], np.arange(self._count + 1))
         all_queued = _Queued(bounds, links[order], arrivals[order])
-        delays: Floats = _try_phases(all_queued, self.signal, blocked, view.phase, view.green_time)
+        delays: Floats = _try_phases(all_queued, self.signal, blocked, full, view.phase, view.green_time)
         return delays - delays.min()
 
 
 @kernel
-def _try_phases(queued, signal, blocked, present, green_time):
+def _try_phases(queued, signal, blocked, full, present, green_time):
     """Find the least delay of the plans that begin with each phase."""
     bounds, arrivals = queued.bounds, queued.arrivals
     for queue in range(len(bounds) - 1):
@@ -148,8 +154,8 @@ def _try_phases(queued, signal, blocked, present, green_time):
             arrivals[k] = max(arrivals[k], arrivals[k - 1])  # Nobody overtakes in a lane.
     phases, links = signal.green.shape
     delays, heads, free = np.empty(phases), np.empty(len(bounds) - 1, np.int64), np.empty(len(bounds) - 1)
-    # By link: since when it is green, until when who comes still goes, and when the last one went.
-    times = np.empty((3, links))
+    # By link: since when it is green, and when the last one went.
+    times = np.empty((2, links))
     for phase in range(phases):
         delays[phase] = np.inf
         for duration in _DURATIONS:
@@ -157,7 +163,7 @@ def _try_phases(queued, signal, blocked, present, green_time):
                 heads[queue], free[queue] = bounds[queue], 0.0
             for link in range(links):
                 times[_SINCE, link] = -np.inf if signal.green[present, link] else np.inf
-                times[_UNTIL, link] = times[_WENT, link] = -np.inf
+                times[_WENT, link] = -np.inf
             shown, begun, settled, delay = present, -green_time, 0.0, 0.0
             for second in range(_HORIZON):
                 if second % _DECIDES == 0 and second >= settled:
@@ -168,11 +174,9 @@ def _try_phases(queued, signal, blocked, present, green_time):
                         wanted = _choose(shown, second, queued, signal, heads)
                     if wanted != shown:
                         settled = second + signal.changes[shown, wanted]
-                        _change(shown, wanted, second, settled, signal, times)
+                        _change(shown, wanted, settled, signal, times)
                         shown, begun = wanted, settled
-                delay += _discharge(shown, second, queued, signal, blocked, heads, free, times)
-            for queue in range(len(heads)):
-                delay += _LEFT * (bounds[queue + 1] - heads[queue])
+                delay += _discharge(shown, second, queued, signal, blocked, full, heads, free, times)
             delays[phase] = min(delays[phase], delay)
     return delays
 
@@ -195,25 +199,25 @@ def _choose(shown, second, queued, signal, heads):
 
 
 @inner
-def _change(shown, wanted, second, settled, signal, times):
-    """Note since when links are green, and until when those are used that no longer are."""
+def _change(shown, wanted, settled, signal, times):
+    """Note since when links are green."""
     for link in range(times.shape[1]):
         if signal.green[shown, link] and not signal.green[wanted, link]:
-            times[_SINCE, link], times[_UNTIL, link] = np.inf, second + _YELLOW
+            times[_SINCE, link] = np.inf
         elif signal.green[wanted, link] and not signal.green[shown, link]:
             times[_SINCE, link] = settled + _START
 
 
 @inner
-def _discharge(shown, second, queued, signal, blocked, heads, free, times):
-    """Let the first of each queue go who can; returns how many wait then."""
+def _discharge(shown, second, queued, signal, blocked, full, heads, free, times):
+    """Let the first of each queue go who can; returns what this second of waiting counts."""
     waiting = 0.0
     for queue in range(len(heads)):
         k, last = heads[queue], queued.bounds[queue + 1]
         if k == last or queued.arrivals[k] > second:
             continue
         link = queued.links[k]
-        goes = free[queue] <= second and (times[_SINCE, link] <= second or times[_UNTIL, link] > second)
+        goes = free[queue] <= second and times[_SINCE, link] <= second
         goes = goes and not (blocked[link] and second < _BLOCKED)
         if goes and not signal.first[shown, link]:
             for other in range(times.shape[1]):
@@ -221,8 +225,9 @@ def _discharge(shown, second, queued, signal, blocked, heads, free, times):
                 goes = goes and not (opposes and times[_WENT, other] > second - _GAP)
         if goes:
             k += 1
+            waiting += full[link] * (_HORIZON - second)  # He waits on, behind those who stand there.
             heads[queue], free[queue], times[_WENT, link] = k, second + _HEADWAY, second
         while k < last and queued.arrivals[k] <= second:
-            waiting += 1.0 + _IMPATIENCE * (second - queued.arrivals[k])
+            waiting += 1.0 + _IMPATIENCE * min(second - queued.arrivals[k], _TIRED)
             k += 1
     return waiting

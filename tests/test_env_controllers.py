@@ -99,7 +99,7 @@ def test_every_link_with_demand_is_served(
     assert not figures["violations"]
 
 
-@pytest.mark.parametrize("controller", ["queue-pressure", "max-pressure", "sotl"])
+@pytest.mark.parametrize("controller", ["queue-pressure", "rolling-horizon", "max-pressure", "sotl"])
 def test_who_waits_before_a_lane_that_holds_nobody_is_served(controller: str, tmp_path: Path) -> None:
     ends = {"w": (-200, 0), "m": (-30, 0), "c": (0, 0), "e": (200, 0), "s": (0, -200), "n": (0, 200)}
     nodes = "".join(

@@ -36,8 +36,8 @@ def delays(
 
 
 def impatient(*waits: tuple[int, int]) -> float:
-    """Sum the seconds from which until which each waits; one after s seconds of waiting counts 1 + .01 s."""
-    return sum(1 + 0.01 * second for first, last in waits for second in range(first, last))
+    """Sum the seconds from which until which each waits; one after s seconds of waiting counts 1 + .02 s."""
+    return sum(1 + 0.02 * second for first, last in waits for second in range(first, last))
 
 
 def test_where_nobody_comes_no_phase_costs_anything() -> None:
@@ -45,10 +45,10 @@ def test_where_nobody_comes_no_phase_costs_anything() -> None:
 
 
 def test_a_queue_leaves_by_headways_once_its_phase_is_green() -> None:
-    """Two seconds of yellow and a start of 1.5 s; then one goes every other second. Or 5 s later."""
+    """Two seconds of yellow and a start of 2.5 s; then one goes every other second. Or 5 s later."""
     found = delays(*[(LEFT, 0.0, 0.0)] * 3)
-    now = impatient((0, 4), (0, 6), (0, 8))
-    later = impatient((0, 9), (0, 11), (0, 13))
+    now = impatient((0, 5), (0, 7), (0, 9))
+    later = impatient((0, 10), (0, 12), (0, 14))
     assert found[1] == 0.0
     assert found[0] == pytest.approx(later - now)
 
@@ -60,11 +60,11 @@ def test_a_present_phase_that_may_not_change_yet_keeps_its_green() -> None:
 
 
 def test_who_comes_costs_nothing_before_he_is_there() -> None:
-    """At four fifths of 13.9 m/s, 100 m take 9 s: long enough for 4 s of change and start."""
-    assert delays((LEFT, 100.0, 13.9))[:2] == pytest.approx([0.0, 0.0])
+    """At four fifths of 13.9 m/s, 140 m take 12.6 s: long enough for a change that begins in 5 s, too."""
+    assert delays((LEFT, 140.0, 13.9))[:2] == pytest.approx([0.0, 0.0])
     near = delays((LEFT, 10.0, 13.9))
     assert near[1] == 0.0
-    assert near[0] == pytest.approx(impatient((0, 8)) - impatient((0, 3)), abs=0.3)
+    assert near[0] == pytest.approx(impatient((0, 9)) - impatient((0, 4)), abs=0.3)
 
 
 def test_who_has_waited_for_long_counts_more() -> None:
@@ -79,7 +79,8 @@ def test_who_has_waited_for_long_counts_more() -> None:
         QueueForecast(view.plan).measure_delays(each, approach, ())[0]
         for each in (view, replace(view, lanes=Waited()))
     )
-    assert tired == pytest.approx(fresh + 5 * 0.01 * 60.0)
+    assert fresh == pytest.approx(impatient((5, 10)))
+    assert tired == pytest.approx(5 * (1 + 0.02 * 40))  # More than 40 s do not count.
 
 
 def test_nobody_leaves_where_there_is_no_room_behind() -> None:

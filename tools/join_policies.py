@@ -1,9 +1,9 @@
 """Put policies for any junction side by side: one whose scores are the sums of theirs.
 
-The policy `learned` that ships with the package is two trainings with different seeds, joined so, to which a
-forecast of the queues is added.
+The policy `learned` that ships with the package is two trainings with different seeds, joined so.
 
-    python tools/join_policies.py runs/one runs/other --delay 1.5 --out both.npz
+    python tools/join_policies.py runs/one runs/other --out both.npz
+    python tools/join_policies.py runs/one --delay 1.5 --out ahead.npz
 """
 
 import argparse
