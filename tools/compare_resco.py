@@ -28,7 +28,10 @@ COLUMNS = ("controller", "scenario", "delay", "spread", "seeds")
 PUBLISHED = ("method", "scenario", "delay", "best_episode")
 SCENARIOS = ("grid4x4", "arterial4x4", "cologne1", "cologne3", "cologne8", "ingolstadt1", "ingolstadt7",
              "ingolstadt21")  # fmt: skip
-CONTROLLERS = ("fixed-time", "actuated", "max-pressure-paper", "max-pressure", "queue-pressure", "learned")
+CONTROLLERS = (
+    "fixed-time", "actuated", "max-pressure-paper", "max-pressure", "queue-pressure", "rolling-horizon",
+    "learned",
+)  # fmt: skip
 _USUAL = {"delta_time": 10, "yellow_time": 3, "min_green": 7}
 """A decision every 10 s, of which a change takes 3: what is left is green."""
 _ARTERIAL = {"delta_time": 5, "yellow_time": 2, "min_green": 3}
