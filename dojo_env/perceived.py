@@ -88,7 +88,7 @@ def _list_approach(measured: LaneMeasurements, plan: SignalPlan) -> Approach:
         count, standing = (int(each[number[lane]]) for each in (measured.vehicles, measured.halting))
         # Who stands is in front; the others are spread over what is left of the lane.
         queue = min(standing * ROOM_OF_A_VEHICLE, REACH)
-        apart = max(0.0, min(length, REACH) - queue) / (count - standing + 1)
+        apart = max(0.0, min(length, REACH) - queue) / max(1, count - standing + 1)
         for k, link in enumerate(islice(cycle(own), count)):
             if k < standing:
                 coming.append((link, min(k * ROOM_OF_A_VEHICLE, REACH), 0.0))

@@ -7,8 +7,10 @@ import numpy as np
 import pytest
 
 from dojo_env.config import build_config
+from dojo_env.detectors.measuring import LaneMeasurements
 from dojo_env.instant import SignalView, build_approach
 from dojo_env.local_world import LocalWorld
+from dojo_env.perceived import PerceivedInstant
 from dojo_env.queue_forecast import QueueForecast
 from dojo_env.runs import run_controller
 
@@ -111,3 +113,26 @@ def test_looking_ahead_beats_the_rule_that_counts(scenario: str) -> None:
     assert not any(each["violations"] for each in ahead)
     times = [sum(each["travel_time_all"] for each in episodes) for episodes in (ahead, counts)]
     assert times[0] < 0.97 * times[1]
+
+
+def test_who_stands_in_a_lane_that_a_camera_counts_is_in_front() -> None:
+    world = LocalWorld(build_config(scenario="two-way", num_seconds=60))
+    world.reset(1)
+    (signal,), now = world.signals, world.instant
+    plan = now.signals[signal].plan
+    lanes = (*plan.lanes, *plan.out_lanes)
+    counts = {"n_t_0": (3, 1), "e_t_0": (1, 2)}  # The second more than there are, which noise may tell.
+    vehicles, halting = (np.array([counts.get(lane, (0, 0))[k] for lane in lanes], float) for k in range(2))
+    none = np.zeros(len(lanes))
+    measured = LaneMeasurements(
+        time=now.time, lanes=lanes, vehicles=vehicles, halting=halting, mean_speed=none, mean_length=none,
+        waiting=none, tracks=((),) * len(lanes),
+    )  # fmt: skip
+    coming = PerceivedInstant(now, {signal: measured}).approach(signal).coming
+    world.close()
+    assert [(link, speed) for link, _, speed in coming] == [
+        (0, 0.0), (1, pytest.approx(13.9, abs=0.1)), (0, pytest.approx(13.9, abs=0.1)), (3, 0.0),
+    ]  # fmt: skip
+    metres = [far for _, far, _ in coming[:3]]
+    assert metres[0] == 0.0
+    assert 7.5 < metres[1] < metres[2] < 150.0
