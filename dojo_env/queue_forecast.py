@@ -126,12 +126,10 @@ class QueueForecast:
         came = [*approach.coming, *((link, 0.0, 0.0) for link in walks)]
         links = np.array([link for link, _, _ in came], np.int64)
         metres, speeds = np.array([(far, fast) for _, far, fast in came], float).reshape(-1, 2).T
-        stands = speeds < HALTING
-        queued = np.bincount(self._queues[links[stands]], minlength=self._count)
+        queues, stands = self._queues[links], speeds < HALTING
         waited = np.zeros(self._count)
         waited[: len(view.plan.lanes)] = view.lanes.accumulated_waiting
-        waited /= np.maximum(queued, 1)
-        queues = self._queues[links]
+        waited /= np.maximum(np.bincount(queues[stands], minlength=self._count), 1)
         arrivals = np.where(stands, -waited[queues], metres / self._speeds[links])
         order = np.lexsort((metres, queues))
         blocked = np.zeros(len(self._queues), bool)
@@ -140,8 +138,8 @@ class QueueForecast:
         full[list(approach.beyond)] = list(approach.beyond.values())
         full = np.minimum(full / self._room, 1.0)
         bounds = np.searchsorted(queues[order], np.arange(self._count + 1))
-        all_queued = _Queued(bounds, links[order], arrivals[order])
-        delays: Floats = _try_phases(all_queued, self.signal, blocked, full, view.phase, view.green_time)
+        queued = _Queued(bounds, links[order], arrivals[order])
+        delays: Floats = _try_phases(queued, self.signal, blocked, full, view.phase, view.green_time)
         return delays - delays.min()
 
 
@@ -164,18 +162,18 @@ def _try_phases(queued, signal, blocked, full, present, green_time):
             for link in range(links):
                 times[_SINCE, link] = -np.inf if signal.green[present, link] else np.inf
                 times[_WENT, link] = -np.inf
-            shown, begun, settled, delay = present, -green_time, 0.0, 0.0
+            shown, begun, delay = present, -green_time, 0.0
             for second in range(_HORIZON):
-                if second % _DECIDES == 0 and second >= settled:
+                if second % _DECIDES == 0 and second >= begun:
                     wanted = shown
                     if second < duration:
                         wanted = phase
                     elif second - begun >= signal.min_green:
                         wanted = _choose(shown, second, queued, signal, heads)
                     if wanted != shown:
-                        settled = second + signal.changes[shown, wanted]
-                        _change(shown, wanted, settled, signal, times)
-                        shown, begun = wanted, settled
+                        begun = second + signal.changes[shown, wanted]
+                        _change(shown, wanted, begun, signal, times)
+                        shown = wanted
                 delay += _discharge(shown, second, queued, signal, blocked, full, heads, free, times)
             delays[phase] = min(delays[phase], delay)
     return delays
@@ -199,13 +197,13 @@ def _choose(shown, second, queued, signal, heads):
 
 
 @inner
-def _change(shown, wanted, settled, signal, times):
+def _change(shown, wanted, begun, signal, times):
     """Note since when links are green."""
     for link in range(times.shape[1]):
         if signal.green[shown, link] and not signal.green[wanted, link]:
             times[_SINCE, link] = np.inf
         elif signal.green[wanted, link] and not signal.green[shown, link]:
-            times[_SINCE, link] = settled + _START
+            times[_SINCE, link] = begun + _START
 
 
 @inner
