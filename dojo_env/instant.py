@@ -50,8 +50,10 @@ class Instant:
         time: simulated seconds.
         traffic: figures of the whole network.
         signals: each signal that agents control, by id.
+        tells_places: where on its lane each vehicle is, and which link it takes, is known and not guessed.
     """
 
+    tells_places = True
     __slots__ = (
         "_approaches",
         "_crossings",

@@ -23,6 +23,7 @@ class PerceivedInstant(Instant):
     who waits on foot, and nobody counts as waiting.
     """
 
+    tells_places = False
     __slots__ = ()
 
     def __init__(self, instant: Instant, measured: Mapping[str, LaneMeasurements]) -> None:

@@ -32,6 +32,8 @@ _FREE_FLOW = 0.8
 _HEADWAY, _START, _GAP = 1.9, 2.5, 3.0
 """Seconds: from one vehicle to the next, until the first one starts, and the gap in which somebody who yields
 goes; nobody uses the yellow."""
+_APART = 40.0
+"""Metres to the vehicle ahead, or to the stop line, beyond which who stands does not stand in the queue."""
 _BLOCKED = 10
 """Seconds for which nobody leaves a link that has no room behind it."""
 _STAY, _YIELDING, _COMING, _SOON = 0.3, 0.4, 0.5, 12.0
@@ -131,7 +133,7 @@ class QueueForecast:
         waited[: len(view.plan.lanes)] = view.lanes.accumulated_waiting
         waited /= np.maximum(np.bincount(queues[stands], minlength=self._count), 1)
         arrivals = np.where(stands, -waited[queues], metres / self._speeds[links])
-        order = np.lexsort((metres, queues))
+        order = _leave_out_distant(np.lexsort((metres, queues)), queues, metres, stands)
         blocked = np.zeros(len(self._queues), bool)
         blocked[list(approach.blocked)] = True
         full = np.zeros(len(self._queues))
@@ -141,6 +143,22 @@ class QueueForecast:
         queued = _Queued(bounds, links[order], arrivals[order])
         delays: Floats = _try_phases(queued, self.signal, blocked, full, view.phase, view.green_time)
         return delays - delays.min()
+
+
+def _leave_out_distant(
+    order: NDArray[np.int64], queues: NDArray[np.int64], metres: Floats, stands: NDArray[np.bool_]
+) -> NDArray[np.int64]:
+    """Leave out who stands far behind the queue, for whatever reason: green here does not help him."""
+    kept: list[int] = []
+    queue, ahead, is_apart = -1, 0.0, False
+    for one in order:
+        if queues[one] != queue:
+            queue, ahead, is_apart = queues[one], 0.0, False
+        is_apart = is_apart or bool(stands[one] and metres[one] - ahead > _APART)
+        ahead = metres[one]
+        if not (is_apart and stands[one]):
+            kept.append(one)
+    return np.array(kept, np.int64)
 
 
 @kernel

@@ -11,6 +11,7 @@ from dojo_env.detectors.measuring import LaneMeasurements
 from dojo_env.instant import SignalView, build_approach
 from dojo_env.local_world import LocalWorld
 from dojo_env.perceived import PerceivedInstant
+from dojo_env.phase_features import PHASE_FEATURES, PhaseReader
 from dojo_env.queue_forecast import QueueForecast
 from dojo_env.runs import run_controller
 
@@ -94,6 +95,16 @@ def test_nobody_leaves_where_there_is_no_room_behind() -> None:
     assert 0.0 < full[1] < free[1]
 
 
+def test_who_stands_far_behind_the_queue_counts_for_nothing() -> None:
+    """He waits for something else, and so do those who stand behind him; who drives there still comes."""
+    queue = [(LEFT, 0.0, 0.0), (LEFT, 7.5, 0.0)]
+    alone = delays(*queue)
+    assert delays(*queue, (LEFT, 90.0, 0.0), (LEFT, 97.5, 0.0)) == pytest.approx(alone)
+    assert delays(*queue, (LEFT, 15.0, 0.0))[0] > alone[0]
+    assert delays(*queue, (LEFT, 90.0, 0.0), (LEFT, 97.5, 9.0))[0] > alone[0]
+    assert delays((LEFT, 90.0, 0.0)).tolist() == delays().tolist()
+
+
 def test_the_order_in_which_vehicles_are_told_does_not_matter() -> None:
     draw = np.random.default_rng(1)
     links = [link for link, _, _ in two_way().plan.links]
@@ -128,7 +139,8 @@ def test_who_stands_in_a_lane_that_a_camera_counts_is_in_front() -> None:
         time=now.time, lanes=lanes, vehicles=vehicles, halting=halting, mean_speed=none, mean_length=none,
         waiting=none, tracks=((),) * len(lanes),
     )  # fmt: skip
-    coming = PerceivedInstant(now, {signal: measured}).approach(signal).coming
+    perceived = PerceivedInstant(now, {signal: measured})
+    approach, coming = perceived.approach(signal), perceived.approach(signal).coming
     world.close()
     assert [(link, speed) for link, _, speed in coming] == [
         (0, 0.0), (1, pytest.approx(13.9, abs=0.1)), (0, pytest.approx(13.9, abs=0.1)), (3, 0.0),
@@ -136,3 +148,9 @@ def test_who_stands_in_a_lane_that_a_camera_counts_is_in_front() -> None:
     metres = [far for _, far, _ in coming[:3]]
     assert metres[0] == 0.0
     assert 7.5 < metres[1] < metres[2] < 150.0
+    # Where they are is guessed: a policy is told no delay of it.
+    view = perceived.signals[signal]
+    assert QueueForecast(plan).measure_delays(view, approach, ()).max() > 0.0
+    told = PhaseReader(plan).read(signal, perceived)
+    assert not told[:, PHASE_FEATURES.index("delay")].any()
+    assert told[:, PHASE_FEATURES.index("halting")].any()

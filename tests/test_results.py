@@ -2,6 +2,8 @@
 
 import json
 import re
+import shutil
+from pathlib import Path
 
 import pytest
 from commands import REPOSITORY, TOOLS
@@ -20,6 +22,19 @@ def test_kept_row_needs_no_new_run(kept: dict[str, object]) -> None:
     asked = {name: kept[name] for name in names if name in kept}
     task = row_runs.describe(find_row(kept["row"]), kept["scenario"], **asked)
     assert row_runs.is_done(task, RESULTS)
+
+
+@pytest.mark.parametrize("row", ["Learned", "Learned-vision"])
+def test_figures_that_other_weights_made_are_old(row: str, tmp_path: Path) -> None:
+    task = row_runs.describe(find_row(row), "cologne1", seeds=5, seconds=3600)
+    folder = row_runs.find_folder(row, "cologne1", tmp_path)
+    shutil.copytree(row_runs.find_folder(row, "cologne1", RESULTS), folder)
+    assert row_runs.is_done(task, tmp_path)
+    path = folder / row_runs.FIGURES
+    kept = json.loads(path.read_text(encoding="utf-8"))
+    kept["weights"][-1] = "0" * 64
+    path.write_text(json.dumps(kept), encoding="utf-8")
+    assert not row_runs.is_done(task, tmp_path)
 
 
 def test_documents_tell_what_was_measured() -> None:

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from dojo_env.benchmark.rows import CONSTRAINTS, Row
+from dojo_env.controllers import Controller, make_controller
 from dojo_env.controllers.timed import Timed
 from dojo_env.errors import ConfigError
 from dojo_env.learning.result_files import read_result
@@ -19,6 +20,7 @@ from dojo_env.plan_search import VALIDATION_SEEDS, Memory, search_plan
 from dojo_env.runs import run_controller, summarize
 from dojo_env.series import CURVES
 from dojo_env.timing_plans import write_plan
+from dojo_maps.input_files import sha256_of
 from dojo_maps.whole_file import write_json, write_table
 
 FIGURES, SERIES, PLAN, SEARCH = "figures.json", "series.csv", "plan.json", "search.json"
@@ -78,7 +80,21 @@ def describe(
         return {**task, "trainings": trainings, "training": asdict(row.find_training(scenario))}
     settings = {**CONSTRAINTS[constraints], **row.find_settings(scenario)}
     acting = {"controller": row.controller} if row.logic is None else {"logic": row.logic}
-    return {**task, **acting, "constraints": constraints, "settings": settings}
+    told = {**task, **acting, "constraints": constraints, "settings": settings}
+    weights = hash_weights(make_controller(row.controller)) if row.controller else []
+    return {**told, "weights": weights} if weights else told
+
+
+def hash_weights(controller: Controller) -> list[str]:
+    """Hash the files of what a controller has learned, so that figures made with others are known as old.
+
+    Args:
+        controller: a rule has none.
+
+    Returns:
+        64 hexadecimal digits of each.
+    """
+    return [sha256_of(path, error=RunFileError) for path in controller.weights]
 
 
 def is_done(task: Mapping[str, Any], results: Path) -> bool:

@@ -15,10 +15,18 @@ from dojo_maps.wording import did_you_mean
 
 
 def _make_rolling_horizon() -> Controller:
-    # numba takes a third of a second to load, which nobody else need wait for.
+    # numba takes a third of a second to load, which only those two need wait for.
     from dojo_env.controllers.rolling_horizon import RollingHorizon  # noqa: PLC0415
 
     return RollingHorizon()
+
+
+def _make_learned_vision() -> Controller:
+    from dojo_env.sensors.lane_network import PACKAGED  # noqa: PLC0415
+
+    controller = PhaseCompetition(settings={"observation": "lane-strips"})
+    controller.weights = (*controller.weights, PACKAGED)
+    return controller
 
 
 _MAKERS: Mapping[str, Callable[[], Controller]] = {
@@ -36,7 +44,7 @@ _MAKERS: Mapping[str, Callable[[], Controller]] = {
     "rolling-horizon": _make_rolling_horizon,
     "random": RandomChoice,
     "learned": PhaseCompetition,
-    "learned-vision": lambda: PhaseCompetition(settings={"observation": "lane-strips"}),
+    "learned-vision": _make_learned_vision,
 }
 CONTROLLERS = tuple(_MAKERS)
 """The controllers' names."""

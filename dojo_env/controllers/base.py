@@ -1,6 +1,7 @@
 """What a controller is: it is told of an episode, and chooses a phase for each signal at each decision."""
 
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any
 
 from gymnasium import spaces
@@ -14,9 +15,11 @@ class Controller:
     Attributes:
         name: what people call it.
         settings: keywords that the environment needs for it.
+        weights: the files of what it has learned; a rule has none.
     """
 
     name = ""
+    weights: tuple[Path, ...] = ()
 
     def __init__(self, settings: Mapping[str, Any] | None = None) -> None:
         """Note the settings.

@@ -104,6 +104,8 @@ class PhaseCompetition(Controller):
             PolicyError: the file holds none.
         """
         super().__init__(settings)
+        if isinstance(weights, Path):
+            self.weights = (weights,)
         self._weights = read_weights(weights) if isinstance(weights, Path) else dict(weights)
         self._readers: dict[str, PhaseReader] = {}
 
