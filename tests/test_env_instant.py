@@ -26,6 +26,7 @@ QUESTIONS: dict[str, Callable[[Instant], Any]] = {
     "list_wanted_walks": lambda instant: instant.list_wanted_walks("t"),
     "measure_all": lambda instant: instant.measure_all().time,
     "of_views": lambda instant: Instant.of_views(7.0, instant.signals).time,
+    "tells_places": lambda instant: instant.tells_places,
 }
 """One for every public name of an instant."""
 LATE = ("snapshot", "list_vehicles", "count_vehicles", "approach", "measure_all")
