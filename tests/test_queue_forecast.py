@@ -140,7 +140,8 @@ def test_who_stands_in_a_lane_that_a_camera_counts_is_in_front() -> None:
         waiting=none, tracks=((),) * len(lanes),
     )  # fmt: skip
     perceived = PerceivedInstant(now, {signal: measured})
-    approach, coming = perceived.approach(signal), perceived.approach(signal).coming
+    approach = perceived.approach(signal)
+    coming = approach.coming
     world.close()
     assert [(link, speed) for link, _, speed in coming] == [
         (0, 0.0), (1, pytest.approx(13.9, abs=0.1)), (0, pytest.approx(13.9, abs=0.1)), (3, 0.0),

@@ -1,6 +1,7 @@
 """Put policies for any junction side by side: one whose scores are the sums of theirs.
 
-The policy `learned` that ships with the package is two trainings with different seeds, joined so.
+The policy `learned` that ships with the package is two trainings with different seeds, joined so, with
+`--delay 1.5`.
 
     python tools/join_policies.py runs/one runs/other --out both.npz
     python tools/join_policies.py runs/one --delay 1.5 --out ahead.npz

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from dojo_env.benchmark.kept_rows import KeptRow, read_kept
-from dojo_env.benchmark.row_runs import hash_weights
+from dojo_env.benchmark.row_runs import tell_weights
 from dojo_env.controllers import make_controller
 from dojo_env.errors import ConfigError
 from dojo_env.learning.other_conditions import (
@@ -57,7 +57,7 @@ def run_under(row: KeptRow, names: Sequence[str], seeds: int, seconds: int) -> N
         basis["policy"] = sha256_of(row.folder / POLICY, error=RunFileError)
     else:
         controller = make_controller(row.result["controller"])
-        basis |= {"weights": weights} if (weights := hash_weights(controller)) else {}
+        basis |= tell_weights(controller)
         known = choose_for_controller(controller, [ALL])
     path = row.folder / FILE
     kept = read_result(path, "under") if path.is_file() else {}

@@ -80,21 +80,21 @@ def describe(
         return {**task, "trainings": trainings, "training": asdict(row.find_training(scenario))}
     settings = {**CONSTRAINTS[constraints], **row.find_settings(scenario)}
     acting = {"controller": row.controller} if row.logic is None else {"logic": row.logic}
-    told = {**task, **acting, "constraints": constraints, "settings": settings}
-    weights = hash_weights(make_controller(row.controller)) if row.controller else []
-    return {**told, "weights": weights} if weights else told
+    learned = tell_weights(make_controller(row.controller)) if row.controller else {}
+    return {**task, **acting, "constraints": constraints, "settings": settings, **learned}
 
 
-def hash_weights(controller: Controller) -> list[str]:
-    """Hash the files of what a controller has learned, so that figures made with others are known as old.
+def tell_weights(controller: Controller) -> dict[str, list[str]]:
+    """Tell what a controller has learned, so that figures made with other weights are known as old.
 
     Args:
-        controller: a rule has none.
+        controller: a rule has no weights.
 
     Returns:
-        64 hexadecimal digits of each.
+        `weights`: 64 hexadecimal digits of each file; nothing of a rule.
     """
-    return [sha256_of(path, error=RunFileError) for path in controller.weights]
+    weights = [sha256_of(path, error=RunFileError) for path in controller.weights]
+    return {"weights": weights} if weights else {}
 
 
 def is_done(task: Mapping[str, Any], results: Path) -> bool:
