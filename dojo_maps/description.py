@@ -146,7 +146,8 @@ class Connection:
     `joints` tells how far apart the parts lie where one meets the next, from the lane's end over each
     internal lane to the next lane's start: metres across and metres up; none without internal lanes.
     `waits` tells how far from the lane's end its vehicles wait inside the junction for others, metres; None
-    where they do not.
+    where they do not. `allow` names SUMO's vehicle classes that may take it; None for all
+    that may use both of its lanes.
     """
 
     from_lane: str = field(metadata={"json": "from"})
@@ -159,6 +160,7 @@ class Connection:
     shape: Points
     joints: tuple[tuple[float, float], ...] = ()
     waits: float | None = None
+    allow: tuple[str, ...] | None = None
 
     @property
     def id(self) -> str:

@@ -93,6 +93,18 @@ class MapIndex:
             found[pair].append(connection)
         return found
 
+    def users(self, link: Connection) -> frozenset[str]:
+        """Tell who may take a connection.
+
+        Args:
+            link: between two lanes of the map.
+
+        Returns:
+            SUMO's vehicle classes that may use both lanes and are not barred from the connection itself.
+        """
+        both = frozenset(self.lanes[link.from_lane].allow) & frozenset(self.lanes[link.to_lane].allow)
+        return both if link.allow is None else both.intersection(link.allow)
+
     def kind(self, junction: str) -> str:
         """Name a junction's type; an unknown junction has none.
 

@@ -257,6 +257,23 @@ def test_a_crossing_that_nothing_is_connected_with_has_no_walkers(
     assert less < whole or len(names) == 1
 
 
+def test_no_car_takes_a_connection_that_is_for_bicycles(tmp_path: Path) -> None:
+    """SUMO ends at a route over a connection that bars its vehicle, though both of its lanes are open."""
+    drawn, _ = convert(str(osm_drawings.cross().write(tmp_path / "a.osm")), tmp_path / "a.dojo")
+    barred = next(link for link in drawn.road_map.connections if link.direction == "s" and link.signal)
+    roads = {lane.id: lane.road for lane in drawn.road_map.lanes}
+    turn = roads[barred.from_lane], roads[barred.to_lane]
+    record = f'<connection from="{turn[0]}" to="{turn[1]}" '
+    path = tmp_path / "b.net.xml"
+    path.write_text(drawn.network.read_text().replace(record, f'{record}allow="bicycle" '))
+    bundle, _ = convert(str(path), tmp_path / "b.dojo", WITH_DEMAND)
+    links = {(roads[link.from_lane], roads[link.to_lane]): link.allow for link in bundle.road_map.connections}
+    assert links.pop(turn) == ("bicycle",)
+    assert set(links.values()) == {None}
+    assert turn not in used_movements(bundle)
+    assert simulate(bundle, tmp_path).loaded > 100
+
+
 def test_nobody_walks_to_the_other_side_of_the_same_street(tmp_path: Path) -> None:
     """SUMO may look for the crossing at the street's other end, and stops where there is none."""
     path = osm_drawings.cross().write(tmp_path / "cross.osm")

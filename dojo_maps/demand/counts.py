@@ -198,11 +198,7 @@ class _Places:
             for road in road_map.roads
         }
         self._turns = {
-            pair: {
-                name
-                for link in links
-                for name in {*index.lanes[link.from_lane].allow} & {*index.lanes[link.to_lane].allow}
-            }
+            pair: {name for link in links for name in index.users(link)}
             for pair, links in index.road_links.items()
         }
 

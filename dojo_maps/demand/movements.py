@@ -108,18 +108,18 @@ class RoadNet:
 
     def __init__(self, road_map: RoadMap, vehicle_class: str) -> None:
         """Take the roads with lanes that are open to a class, by SUMO's word for it."""
-        open_lanes = {lane.id: lane.road for lane in road_map.lanes if vehicle_class in lane.allow}
+        index = MapIndex(road_map)
+        lanes = index.lanes
         self.arcs = {
-            (open_lanes[c.from_lane], open_lanes[c.to_lane])
+            (lanes[c.from_lane].road, lanes[c.to_lane].road)
             for c in road_map.connections
-            if c.from_lane in open_lanes and c.to_lane in open_lanes and c.direction not in TURNAROUNDS
+            if vehicle_class in index.users(c) and c.direction not in TURNAROUNDS
         }
         self._before: dict[str, list[str]] = defaultdict(list)
         self._after: dict[str, list[str]] = defaultdict(list)
         for start, end in sorted(self.arcs):
             self._after[start].append(end)
             self._before[end].append(start)
-        lanes = MapIndex(road_map).lanes
         self._length = {road.id: lanes[road.lanes[0]].length for road in road_map.roads if road.lanes}
         self._ends = {road.id: (road.from_junction, road.to_junction) for road in road_map.roads}
         self._to_entry = self._distances(self._before, self._after)

@@ -181,13 +181,14 @@ def _road_flows(road_map: RoadMap, routes: Sequence[Route]) -> tuple[dict[str, f
 
 def _links_by_arc(road_map: RoadMap, routes: Sequence[Route]) -> _Links:
     """List the connections that vehicles of a route may take from each road to the next, one per lane."""
-    lanes = MapIndex(road_map).lanes
+    index = MapIndex(road_map)
+    users = {link.id: index.users(link) for link in road_map.connections}
     found: dict[Arc, dict[str, Connection]] = defaultdict(dict)
     for name in sorted({route.vehicle_class for route in routes}, reverse=True):
         for link in road_map.connections:
-            before, after = lanes[link.from_lane], lanes[link.to_lane]
-            if name in before.allow and name in after.allow:
-                found[before.road, after.road].setdefault(before.id, link)
+            if name in users[link.id]:
+                arc = (index.lanes[link.from_lane].road, index.lanes[link.to_lane].road)
+                found[arc].setdefault(link.from_lane, link)
     return {arc: list(links.values()) for arc, links in found.items()}
 
 

@@ -13,6 +13,7 @@ from dojo_maps.description import Connection, Lane, Points, Walk, points
 from dojo_maps.geometry.polylines import along
 from dojo_maps.issue import Element, Issue, Severity
 from dojo_maps.safe_xml import Attributes
+from dojo_maps.sources.permissions import allowed_classes
 from dojo_maps.sources.values import read_link
 
 
@@ -114,6 +115,11 @@ class ConnectionReader:
                 shape=shape,
                 joints=joints if via else (),
                 waits=float(along(self._internal[via[0]])[-1]) if len(via) > 1 else None,
+                allow=(
+                    allowed_classes(a.get("allow"), a.get("disallow"))
+                    if "allow" in a or "disallow" in a
+                    else None
+                ),
             )
         )
 

@@ -125,11 +125,7 @@ def _walk_groups(facts: Facts) -> list[list[str]]:
     sidewalks = [lane.id for lane in facts.map.lanes if lane.kind is LaneKind.SIDEWALK]
     joined: dict[str, set[str]] = defaultdict(set)
     steps = [(walk.from_id, walk.to_id) for walk in facts.map.walks]
-    steps += [
-        (c.from_lane, c.to_lane)
-        for c in facts.map.connections
-        if all("pedestrian" in facts.lanes[lane].allow for lane in (c.from_lane, c.to_lane))
-    ]
+    steps += [(c.from_lane, c.to_lane) for c in facts.map.connections if "pedestrian" in facts.users(c)]
     for one, other in steps:
         joined[one].add(other)
         joined[other].add(one)
