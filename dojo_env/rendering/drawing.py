@@ -122,7 +122,8 @@ def draw_users(near, users, models, light, plain, colours, view, target, count):
         first, last = models.spans[model, detail, 0], models.spans[model, detail, 1]
         away = _see(models.vertices, first, last, users, k, view, seen)
         is_ahead = project(seen[: last - first], view, screen)
-        touch(screen[: last - first], is_ahead, target)
+        if not touch(screen[: last - first], is_ahead, target):
+            continue
         _look_from_inside(users, k, view, light, inside)
         veil = 1.0 - exp(-light[WEATHER, 2] * away)
         for face in range(models.spans[model, detail, 2], models.spans[model, detail, 3]):

@@ -209,9 +209,11 @@ def _fill(lit, shadows, prisms, corners, plane, view, seen, bounds, target):
             else:
                 for prism in range(shadows):
                     shade = max(shade, _inside(prisms[prism], ahead, left))
-                contact = _ramp((half_length - abs(ahead + half_length)) * sharp)
-                contact *= _ramp((half_width - abs(left)) * sharp)
-            target.tags[row, column] = _joined(tag, shade, contact, light)
+                contact = _both(
+                    (half_length - abs(ahead + half_length)) * sharp, (half_width - abs(left)) * sharp
+                )
+            if shade > 0.0 or contact > 0.0 or light > 0.0:
+                target.tags[row, column] = _joined(tag, shade, contact, light)
 
 
 @inner
@@ -258,14 +260,16 @@ def _inside(prism, ahead, left):
     x, y = ahead - prism[0], left - prism[1]
     depth = min(prism[2] - abs(x), prism[6] - abs(prism[4] * x + prism[5] * y))
     side = prism[3] - abs(y)
-    return _ramp(depth * prism[7]) * _ramp(side * prism[7])
+    return _both(depth * prism[7], side * prism[7])
 
 
 @inner
-def _ramp(depth):
-    """Go from 0 to 1, smoothly, from half a unit outside to half a unit inside."""
-    share = min(1.0, max(0.0, 0.5 + depth))
-    return share * share * (3.0 - 2.0 * share)
+def _both(depth, side):
+    """Go from 0 to 1, smoothly, from half a unit outside to half a unit inside, in two directions."""
+    if depth <= -0.5 or side <= -0.5:
+        return 0.0
+    one, other = min(1.0, 0.5 + depth), min(1.0, 0.5 + side)
+    return one * one * (3.0 - 2.0 * one) * (other * other * (3.0 - 2.0 * other))
 
 
 @inner

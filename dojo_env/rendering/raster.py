@@ -46,9 +46,11 @@ def fill_triangle(x0, y0, w0, x1, y1, w1, x2, y2, w2, tag, mode, depths, tags):
         x0, y0, w0, x2, y2, w2 = x2, y2, w2, x0, y0, w0
     if y2 < y1:
         x1, y1, w1, x2, y2, w2 = x2, y2, w2, x1, y1, w1
-    area = (x1 - x0) * (y2 - y0) - (x2 - x0) * (y1 - y0)
     height, width = tags.shape
-    if area == 0.0 or y2 <= 0.5 or y0 > height or max(x0, x1, x2) <= 0.5 or min(x0, x1, x2) > width:
+    top, bottom = max(0, ceil(y0 - 0.5)), min(height, ceil(y2 - 0.5))
+    first, last = max(0, ceil(min(x0, x1, x2) - 0.5)), min(width, ceil(max(x0, x1, x2) - 0.5))
+    area = (x1 - x0) * (y2 - y0) - (x2 - x0) * (y1 - y0)
+    if top >= bottom or first >= last or area == 0.0:
         return 0
     slope_x = ((w1 - w0) * (y2 - y0) - (w2 - w0) * (y1 - y0)) / area
     slope_y = ((w2 - w0) * (x1 - x0) - (w1 - w0) * (x2 - x0)) / area
@@ -56,18 +58,18 @@ def fill_triangle(x0, y0, w0, x1, y1, w1, x2, y2, w2, tag, mode, depths, tags):
     upper_step = (x1 - x0) / (y1 - y0) if y1 > y0 else 0.0
     lower_step = (x2 - x1) / (y2 - y1) if y2 > y1 else 0.0
     changed = 0
-    for row in range(max(0, ceil(y0 - 0.5)), min(height, ceil(y2 - 0.5))):
+    for row in range(top, bottom):
         y = row + 0.5
         a = x0 + (y - y0) * long_step
         b = x0 + (y - y0) * upper_step if y < y1 else x1 + (y - y1) * lower_step
         if area < 0.0:
             a, b = b, a
-        start, stop = max(0.0, ceil(max(a, -1.0) - 0.5)), min(width, ceil(min(b, width + 1.0) - 0.5))
+        start, stop = max(first, ceil(a - 0.5)), min(last, ceil(b - 0.5))
         if mode == COUNT:
-            changed += max(0, int(stop) - int(start))
+            changed += max(0, stop - start)
             continue
         w = w0 + (y - y0) * slope_y + (start + 0.5 - x0) * slope_x
-        for column in range(int(start), int(stop)):
+        for column in range(start, stop):
             if mode == NEARER:
                 if w > depths[row, column]:
                     depths[row, column] = w

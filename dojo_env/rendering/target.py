@@ -86,6 +86,9 @@ def touch(screen, is_ahead, target):
         screen: (k, 3) corners that `project` has filled.
         is_ahead: what `project` has returned; otherwise all of the picture may change.
         target: its spans are widened.
+
+    Returns:
+        Whether they may change anything.
     """
     height, width = target.tags.shape
     left, top, right, bottom = 0.0, 0.0, float(width), float(height)
@@ -95,8 +98,12 @@ def touch(screen, is_ahead, target):
             left, right = min(left, screen[k, 0]), max(right, screen[k, 0])
             top, bottom = min(top, screen[k, 1]), max(bottom, screen[k, 1])
     first, last = int(max(0.0, left)), int(min(float(width), right + 1.0))
-    for row in range(int(max(0.0, top)), int(min(float(height), bottom + 1.0))):
+    upper, lower = int(max(0.0, top)), int(min(float(height), bottom + 1.0))
+    if first >= last or upper >= lower:
+        return False
+    for row in range(upper, lower):
         keep_span(target, row, first, last)
+    return True
 
 
 @inner
