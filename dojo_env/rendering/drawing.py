@@ -226,22 +226,28 @@ def count_alone(whose, users, models, light, plain, view, target):
 @inner
 def _see(vertices, first, last, users, k, view, seen):
     """Bring a model's vertices into camera space; returns how far away it is, metres."""
-    frame = users.frames[k]
-    x = users.places[k, 0] - view.eye[0]
-    y = users.places[k, 1] - view.eye[1]
-    z = users.places[k, 2] - view.eye[2]
-    square = 0.0
-    for row in range(3):
-        a, b, c = view.axes[row, 0], view.axes[row, 1], view.axes[row, 2]
-        shift = a * x + b * y + c * z
-        ahead = a * frame[0, 0] + b * frame[1, 0] + c * frame[2, 0]
-        left = a * frame[0, 1] + b * frame[1, 1] + c * frame[2, 1]
-        up = a * frame[0, 2] + b * frame[1, 2] + c * frame[2, 2]
-        for v in range(first, last):
-            corner = vertices[v]
-            seen[v - first, row] = ahead * corner[0] + left * corner[1] + up * corner[2] + shift
-        square += shift * shift
-    return sqrt(square)
+    ahead_x, left_x, up_x, x = _way_of(users, k, view, 0)
+    ahead_y, left_y, up_y, y = _way_of(users, k, view, 1)
+    ahead_z, left_z, up_z, z = _way_of(users, k, view, 2)
+    for v in range(last - first):
+        ahead, left, up = vertices[first + v, 0], vertices[first + v, 1], vertices[first + v, 2]
+        seen[v, 0] = ahead_x * ahead + left_x * left + up_x * up + x
+        seen[v, 1] = ahead_y * ahead + left_y * left + up_y * up + y
+        seen[v, 2] = ahead_z * ahead + left_z * left + up_z * up + z
+    return sqrt(x * x + y * y + z * z)
+
+
+@inner
+def _way_of(users, k, view, row):
+    """Bring a road user's length, width, height and place onto an axis of the camera."""
+    a, b, c = view.axes[row, 0], view.axes[row, 1], view.axes[row, 2]
+    frame, place = users.frames[k], users.places[k]
+    return (
+        a * frame[0, 0] + b * frame[1, 0] + c * frame[2, 0],
+        a * frame[0, 1] + b * frame[1, 1] + c * frame[2, 1],
+        a * frame[0, 2] + b * frame[1, 2] + c * frame[2, 2],
+        a * (place[0] - view.eye[0]) + b * (place[1] - view.eye[1]) + c * (place[2] - view.eye[2]),
+    )
 
 
 @inner

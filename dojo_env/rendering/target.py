@@ -173,16 +173,13 @@ def resolve_pixels(tags, spans, shades, shaded, headlit, picture):
     for row in range(tags.shape[0]):
         for column in range(spans[row, 0], spans[row, 1]):
             tag = tags[row, column]
-            if tag != STATIC:
+            if tag >= 0:
                 for c in range(3):
-                    picture[row, column, c] = _colour(
-                        tag,
-                        picture[row, column, c],
-                        shades,
-                        shaded[row, column, c],
-                        headlit[row, column, c],
-                        c,
-                    )
+                    picture[row, column, c] = shades[tag, c]
+            elif tag != STATIC:
+                for c in range(3):
+                    dark, bright = shaded[row, column, c], headlit[row, column, c]
+                    picture[row, column, c] = _shaded(tag, picture[row, column, c], dark, bright)
 
 
 @kernel
@@ -215,16 +212,17 @@ def resolve_samples(tags, spans, shades, shaded, headlit, picture):
                 total = (SAMPLES**2 - moving) * int(plain) + SAMPLES**2 // 2
                 for v in range(top, top + SAMPLES):
                     for u in range(left, left + SAMPLES):
-                        if tags[v, u] != STATIC:
-                            total += _colour(tags[v, u], plain, shades, dark, bright, c)
+                        tag = tags[v, u]
+                        if tag >= 0:
+                            total += int(shades[tag, c])
+                        elif tag != STATIC:
+                            total += _shaded(tag, plain, dark, bright)
                 picture[row, column, c] = total // SAMPLES**2
 
 
 @inner
-def _colour(tag, lit, shades, shaded, headlit, c):
-    """Give a channel of a sample that shows what moves, or the background in its shadow or light."""
-    if tag >= 0:
-        return int(shades[tag, c])
+def _shaded(tag, lit, shaded, headlit):
+    """Give a channel of the background in the shadow or light of what moves."""
     held = STATIC - tag
     shadow, light = (held & LEVELS) / LEVELS, (held >> 10) / LEVELS
     left = 1.0 - _CONTACT * (held >> 5 & LEVELS) / LEVELS
