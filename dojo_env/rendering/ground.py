@@ -51,6 +51,7 @@ def draw_on_ground(near, users, models, sun, headlights, plain, view, target):
         target: what to draw into.
     """
     plane, corners, bounds = np.empty((7, 3)), np.empty((8, 2)), np.empty((view.height, 2))
+    bounds[:, 0], bounds[:, 1] = view.width, 0.0
     prisms, seen = np.empty((2, 8)), np.empty((8, 3))
     one = Users(
         np.empty((1, 3, 3)),
@@ -192,6 +193,7 @@ def _fill(lit, shadows, prisms, corners, plane, view, seen, bounds, target):
     for row in range(top, bottom):
         first = int(max(0.0, min(float(view.width), bounds[row, 0])))
         last = int(max(0.0, min(float(view.width), ceil(bounds[row, 1]))))
+        bounds[row, 0], bounds[row, 1] = view.width, 0.0
         keep_span(target, row, first, last)
         start_x = plane[0, 0] * 0.5 + plane[0, 1] * (row + 0.5) + plane[0, 2]
         start_y = plane[1, 0] * 0.5 + plane[1, 1] * (row + 0.5) + plane[1, 2]
@@ -220,11 +222,10 @@ def _fill(lit, shadows, prisms, corners, plane, view, seen, bounds, target):
 def _bound(corners, plane, view, seen, bounds):
     """Find the columns that the hull of corners on the plane covers in each row; returns the rows.
 
+    Rows of `bounds` begin as (width, 0), and whoever has read them leaves them so.
     What lies before the near plane is cut off from each edge; the ground is far outside the picture there.
     """
-    height, width, near = view.height, view.width, view.lens[3]
-    for row in range(height):
-        bounds[row, 0], bounds[row, 1] = width, 0.0
+    height, near = view.height, view.lens[3]
     for corner in range(8):
         for axis in range(3):
             seen[corner, axis] = plane[5, axis] + corners[corner, 0] * plane[3, axis]
