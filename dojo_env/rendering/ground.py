@@ -160,7 +160,8 @@ def _throw(users, k, profiles, sun, view, plane, prisms, corners):
     shines = up > 0.0
     up = max(_LOW_SUN, up)
     x, y = -along / up * height, -across / up * height
-    reach = 0.5 + _SOFT
+    soft = max(_SOFT, _SOFT_PIXELS * max(plane[5, 2], view.lens[3]) / view.lens[0])
+    reach = 0.5 * max(soft, _contact_edge(width))
     for corner in range(8):
         thrown = (corner >> 2) * shines
         corners[corner, 0] = -length - reach + (corner & 1) * (length + 2.0 * reach) + thrown * x
@@ -168,7 +169,6 @@ def _throw(users, k, profiles, sun, view, plane, prisms, corners):
     if not shines:
         return 0
     size = sqrt(x * x + y * y)
-    pixel = max(plane[5, 2], view.lens[3]) / view.lens[0]
     for prism in range(2):
         row = prisms[prism]
         share = profile[0] if prism == 0 else 0.95
@@ -180,15 +180,21 @@ def _throw(users, k, profiles, sun, view, plane, prisms, corners):
         row[2], row[3] = half_length + 0.5 * share * abs(x), half_width + 0.5 * share * abs(y)
         row[4], row[5] = (-y / size, x / size) if size > 1e-6 else (0.0, 0.0)
         row[6] = abs(row[4]) * half_length + abs(row[5]) * half_width if size > 1e-6 else 1.0
-        row[7] = 1.0 / max(_SOFT, _SOFT_PIXELS * pixel)
+        row[7] = 1.0 / soft
     return 2
+
+
+@inner
+def _contact_edge(width):
+    """Width of the edge of a contact shadow, metres."""
+    return _CONTACT_REACH * min(0.5 * width, 1.0) + 0.12
 
 
 @inner
 def _fill(lit, shadows, prisms, corners, plane, view, seen, bounds, target):
     """Darken or light what lies on the plane within the hull of eight corners."""
     half_length, half_width = 0.5 * plane[6, 0], 0.5 * plane[6, 1]
-    sharp = 1.0 / (_CONTACT_REACH * min(half_width, 1.0) + 0.12)
+    sharp = 1.0 / _contact_edge(plane[6, 1])
     top, bottom = _bound(corners, plane, view, seen, bounds)
     for row in range(top, bottom):
         first = int(max(0.0, min(float(view.width), bounds[row, 0])))
