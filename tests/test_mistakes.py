@@ -173,7 +173,7 @@ CALLS: dict[str, tuple[type[Exception], Callable[[], Any]]] = {
             dojo_env.replay(dojo_env.record("o", scenario="two-way", num_seconds=5), condition="day")
         ),
     ),
-    "seconds=7: expected a multiple of 5": (ConfigError, lambda: Training(seconds=7)),
+    "seconds=7: expected a multiple of delta_time=5": (ConfigError, lambda: Training(seconds=7)),
     "n_steps=90: expected a divisor of 60, the decisions of an episode of 300 s": (
         ConfigError,
         lambda: Training(seconds=300, hyperparameters={"n_steps": 90}),

@@ -17,8 +17,11 @@ from gymnasium import spaces
 
 from dojo_env.cli import build_parser, main
 from dojo_env.commands.train import choose_folder, read_pairs, read_training
+from dojo_env.config import build_config
 from dojo_env.errors import ConfigError
+from dojo_env.learning.policy_controller import PolicyController
 from dojo_env.learning.settings import Training
+from dojo_env.local_world import LocalWorld
 
 if TYPE_CHECKING:
     from stable_baselines3.common.vec_env import VecEnv
@@ -224,6 +227,20 @@ def test_bad_arguments_are_one_line_before_any_work(
         assert words in told
         assert len(told.strip().splitlines()) == 1, told
     assert not (tmp_path / "a").exists()
+
+
+@pytest.mark.slow
+def test_a_policy_acts_as_often_as_it_learned_to(tmp_path: Path) -> None:
+    pace = ["--delta-time", "10", "--yellow-time", "3", "--min-green", "7"]
+    rest = ["--scenario", "two-way", *ONE, "--set", "n_steps=12", "batch_size=12"]
+    done = train(*rest, *pace, "--out", tmp_path / "run")
+    assert done.returncode == 0, done.stderr
+    controller = PolicyController(tmp_path / "run")
+    config = build_config(scenario="two-way", num_seconds=120, **controller.settings)
+    assert (config.signals.yellow_time, config.signals.min_green) == (3, 7)
+    with closing(LocalWorld(config)) as world:
+        infos, _ = world.run(controller, 1)
+    assert [info["step"] for info in infos] == list(range(10, 130, 10))
 
 
 @pytest.mark.parametrize("value", ['"fast"', "-1", "true", "NaN", "Infinity", "null", "[1]"])

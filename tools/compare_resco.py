@@ -1,6 +1,11 @@
 """Run controllers on RESCO's eight scenarios under its settings, and put them beside its published delays.
 
 A delay is time loss plus depart delay, of all vehicles, those that have not arrived too: RESCO's own figure.
+Rows of the benchmark that learn are trained anew under these settings, once on each scenario; a training that
+is in its folder already is measured, one that was interrupted goes on.
+
+    python tools/compare_resco.py
+    python tools/compare_resco.py --controllers --learners MPLight --scenarios cologne3 --runs runs/resco
 
 Source: Ault, Sharon, Reinforcement learning benchmarks for traffic signal control, NeurIPS 2021; its settings
 from `config/map_config.py`, its figures from `utils/avg_timeLoss.py` of github.com/Pi-Star-Lab/RESCO.
@@ -10,13 +15,20 @@ import argparse
 import sys
 from collections.abc import Iterable, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
+from dataclasses import replace
+from functools import partial
 from itertools import product
 from multiprocessing import get_context
 from pathlib import Path
 from statistics import fmean, median, pstdev
-from typing import Any
 
+from dojo_env.benchmark.row_runs import find_folder
+from dojo_env.benchmark.rows import find_row
+from dojo_env.learning.learner import is_trained, train
+from dojo_env.learning.policy_controller import PolicyController
+from dojo_env.learning.settings import CHECKPOINT
 from dojo_env.runs import run_controller
+from dojo_env.scenario import find_scenario, open_map
 from dojo_maps.command import Parser, run_command
 from dojo_maps.input_files import read_table
 from dojo_maps.interruption import begin
@@ -32,6 +44,10 @@ CONTROLLERS = (
     "fixed-time", "actuated", "max-pressure-paper", "max-pressure", "queue-pressure", "rolling-horizon",
     "learned",
 )  # fmt: skip
+LEARNERS = ("MPLight", "PPO-F shared")
+"""Rows of the benchmark; one signal alone learns by the same network and algorithm."""
+EPISODES = {"grid4x4": 60, "arterial4x4": 30, "ingolstadt21": 30}
+"""Of each training, hours of traffic; 100 where no other number is given, as RESCO's DQN has everywhere."""
 _USUAL = {"delta_time": 10, "yellow_time": 3, "min_green": 7}
 """A decision every 10 s, of which a change takes 3: what is left is green."""
 _ARTERIAL = {"delta_time": 5, "yellow_time": 2, "min_green": 3}
@@ -59,22 +75,66 @@ NeurIPS 2021; `avg_timeLoss.py` of Pi-Star-Lab/RESCO.
 """
 
 
-def run_all(controllers: Sequence[str], seeds: int, processes: int) -> dict[tuple[str, str], list[float]]:
-    """Measure each controller's delays on each scenario: seconds, one a seed."""
-    tasks = list(product(controllers, SCENARIOS, range(seeds)))
+def run_all(
+    tasks: Sequence[tuple[str, str]], seeds: int, processes: int, *, policies: Path | None = None
+) -> dict[tuple[str, str], list[float]]:
+    """Measure delays, seconds, one a seed.
+
+    Args:
+        tasks: controllers, or rows that learn, each with a scenario.
+        seeds: of the episodes, from 0.
+        processes: at once.
+        policies: holds the trainings, if the tasks are of rows that learn.
+
+    Returns:
+        The delays of each task.
+    """
+    whole = list(product(tasks, range(seeds)))
     found: dict[tuple[str, str], list[float]] = {}
     with ProcessPoolExecutor(processes, mp_context=get_context("spawn")) as pool:
-        for (name, scenario, seed), delay in zip(tasks, pool.map(_measure, tasks), strict=True):
+        measured = pool.map(partial(_measure, policies=policies), whole)
+        for ((name, scenario), seed), delay in zip(whole, measured, strict=True):
             found.setdefault((name, scenario), []).append(delay)
             print(f"{scenario}: {name}, seed {seed}: {delay:.1f} s", file=sys.stderr, flush=True)
     return found
 
 
-def _measure(task: tuple[str, str, int]) -> float:
-    name, scenario, seed = task
-    settings: Mapping[str, Any] = _ARTERIAL if scenario == "arterial4x4" else _USUAL
-    (figures,) = run_controller(name, [seed], scenario=scenario, max_red=None, **settings)
+def _measure(task: tuple[tuple[str, str], int], *, policies: Path | None) -> float:
+    (name, scenario), seed = task
+    acting = name if policies is None else PolicyController(find_folder(name, scenario, policies))
+    (figures,) = run_controller(acting, [seed], scenario=scenario, max_red=None, **_settings(scenario))
     return float(figures["time_loss"] + figures["depart_delay"])
+
+
+def _settings(scenario: str) -> Mapping[str, int]:
+    return _ARTERIAL if scenario == "arterial4x4" else _USUAL
+
+
+def train_row(name: str, scenario: str, folder: Path) -> None:
+    """Train a row of the benchmark under RESCO's settings, or go on with what was interrupted.
+
+    Args:
+        name: of a row that learns.
+        scenario: one of `SCENARIOS`.
+        folder: for the training; one that holds it whole is left as it is.
+
+    Raises:
+        ConfigError: there is no such row, or the folder holds another training.
+    """
+    settings, episodes = _settings(scenario), EPISODES.get(scenario, 100)
+    signals = open_map(find_scenario(scenario)).road_map.signals
+    training = replace(
+        find_row(name).find_training(scenario),
+        agents="shared" if len(signals) > 1 else "single",
+        steps=episodes * 3600 // settings["delta_time"],
+        processes=2,
+        every=10,
+        hyperparameters={},
+        **settings,
+    )
+    if not is_trained(training, folder):
+        print(f"{scenario}: {name} learns for {episodes} hours of traffic", file=sys.stderr, flush=True)
+        train(training, folder, resume=(folder / CHECKPOINT).is_file())
 
 
 def format_page(ours: Iterable[Mapping[str, str]], published: Iterable[Mapping[str, str]]) -> str:
@@ -98,7 +158,10 @@ def format_page(ours: Iterable[Mapping[str, str]], published: Iterable[Mapping[s
 def build_parser() -> Parser:
     """Declare what the command takes."""
     parser = Parser(description=__doc__)
-    parser.add_argument("--controllers", nargs="+", default=list(CONTROLLERS), metavar="NAME")
+    parser.add_argument("--controllers", nargs="*", default=list(CONTROLLERS), metavar="NAME")
+    parser.add_argument("--learners", nargs="*", default=list(LEARNERS), metavar="ROW")
+    parser.add_argument("--scenarios", nargs="+", default=list(SCENARIOS), choices=SCENARIOS, metavar="NAME")
+    parser.add_argument("--runs", type=Path, default=Path("runs", "resco"), help="folder of the trainings")
     parser.add_argument("--seeds", type=int, default=5, help="episodes each, seeds 0 to N-1; 0 for none")
     parser.add_argument("--processes", type=int, default=2)
     parser.set_defaults(run=run)
@@ -109,7 +172,13 @@ def run(options: argparse.Namespace) -> int:
     """Measure what is asked for, keep it beside what is known of other controllers, and write the page."""
     kept = read_table(OURS, COLUMNS) if OURS.is_file() else []
     known = {(each["controller"], each["scenario"]): each for each in kept}
-    for (name, scenario), delays in run_all(options.controllers, options.seeds, options.processes).items():
+    learned = list(product(options.learners, options.scenarios))
+    for name, scenario in learned if options.seeds else ():
+        train_row(name, scenario, find_folder(name, scenario, options.runs))
+    acting = list(product(options.controllers, options.scenarios))
+    found = run_all(acting, options.seeds, options.processes)
+    found |= run_all(learned, options.seeds, options.processes, policies=options.runs)
+    for (name, scenario), delays in found.items():
         measures = (f"{measure(delays):.2f}" for measure in (fmean, pstdev, median))
         figures = (name, scenario, *measures, str(len(delays)))
         known[name, scenario] = dict(zip(COLUMNS, figures, strict=True))

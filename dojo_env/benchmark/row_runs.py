@@ -14,7 +14,7 @@ from dojo_env.controllers import Controller, make_controller
 from dojo_env.controllers.timed import Timed
 from dojo_env.errors import ConfigError
 from dojo_env.learning.result_files import read_result
-from dojo_env.learning.settings import CHECKPOINT, INTERVAL, RunFileError, Training, list_versions
+from dojo_env.learning.settings import CHECKPOINT, RunFileError, Training, list_versions
 from dojo_env.metrics import SIX
 from dojo_env.plan_search import VALIDATION_SEEDS, Memory, search_plan
 from dojo_env.runs import run_controller, summarize
@@ -25,8 +25,6 @@ from dojo_maps.whole_file import write_json, write_table
 
 FIGURES, SERIES, PLAN, SEARCH = "figures.json", "series.csv", "plan.json", "search.json"
 KEPT = (*SIX, "mean_trip_duration", "travel_time_all", "arrived", "departed", "late", "violations", "seed")
-_MINUTE = 60 // INTERVAL
-"""Decisions."""
 
 
 def find_folder(row: str, scenario: str, results: Path) -> Path:
@@ -138,7 +136,7 @@ def run_row(task: Mapping[str, Any], results: Path) -> None:
     else:
         episodes, infos = _run_controller(task, _find_plan(task, folder) if "logic" in task else None)
     if task.get("constraints", "paper") == "paper":
-        _write_series(folder / SERIES, infos)
+        _write_series(folder / SERIES, infos, interval=task.get("training", {}).get("delta_time", 5))
     result = {
         **task,
         "command": _tell_command(task),
@@ -161,9 +159,10 @@ def _tell_command(task: Mapping[str, Any]) -> str:
     return shlex.join(words)
 
 
-def _write_series(path: Path, infos: Sequence[Mapping[str, Any]]) -> None:
+def _write_series(path: Path, infos: Sequence[Mapping[str, Any]], *, interval: int) -> None:
     """Write the curves of an hour, the mean of each minute; those that pictures show are the paper's."""
-    minutes = [infos[start : start + _MINUTE] for start in range(0, len(infos), _MINUTE)]
+    minute = max(1, 60 // interval)
+    minutes = [infos[start : start + minute] for start in range(0, len(infos), minute)]
     series = (
         [int(part[-1]["step"]), *(round(fmean(info[name] for info in part), 3) for name in CURVES.values())]
         for part in minutes

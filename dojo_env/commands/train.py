@@ -67,6 +67,8 @@ def add_train(commands: Commands) -> None:
     train.add_argument(
         "--processes", type=int, metavar="N", help="environments, each in its own process (default: 8)"
     )
+    train.add_argument("--delta-time", type=int, metavar="S", help="seconds between decisions (default: 5)")
+    train.add_argument("--yellow-time", type=int, metavar="S", help="seconds of yellow (default: 2)")
     train.add_argument("--min-green", type=int, metavar="S", help="seconds before a change (default: 10)")
     train.add_argument(
         "--every", type=int, metavar="N", help="episodes between validations and checkpoints (default: 3)"
@@ -220,7 +222,7 @@ def read_any_junction(
     """
     others = ("scenario", "row", "algorithm", "observation", "encoder", "steps", "reward", "size", "agents",
               "conditions", "blind", "shared_views", "background_subtraction", "averaged_weights",
-              "min_green", "network")  # fmt: skip
+              "delta_time", "yellow_time", "min_green", "network")  # fmt: skip
     if wrong := [name for name in others if getattr(options, name) is not None]:
         raise ConfigError(
             f"--{wrong[0].replace('_', '-')} is for one scenario; leave it out, or --junctions and --vision"

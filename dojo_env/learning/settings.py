@@ -53,8 +53,6 @@ REWARD = {"queue": 0.01, "diff-waiting-time": 0.05}
 """The queue keeps everyone's trip short, the difference of waiting forgets nobody in a side street."""
 _SEEDS = 2**32
 """As many as numpy's and Stable-Baselines3's generators take."""
-INTERVAL = 5
-"""Seconds from decision to decision."""
 
 
 class RunFileError(SourceError, ConfigError):
@@ -74,6 +72,8 @@ class Training:
         steps: decisions of all environments together.
         seconds: of an episode.
         processes: environments, each in a process of its own.
+        delta_time: seconds from decision to decision.
+        yellow_time: seconds of yellow before a red.
         min_green: seconds of green alone before a change is granted.
         reward: names of rewards and their weights.
         height: pixels, where the policy sees images.
@@ -101,6 +101,8 @@ class Training:
     steps: int = 200_000
     seconds: int = 3600
     processes: int = 8
+    delta_time: int = 5
+    yellow_time: int = 2
     min_green: int = 10
     reward: Mapping[str, float] = field(default_factory=lambda: dict(REWARD))
     height: int = 84
@@ -134,14 +136,14 @@ class Training:
         for name, values in known.items():
             if getattr(self, name) not in values:
                 raise ConfigError(f"{name}={getattr(self, name)!r}: expected one of {', '.join(values)}")
-        for name in ("steps", "processes", "seconds", "min_green", "every"):
+        for name in ("steps", "processes", "seconds", "delta_time", "yellow_time", "min_green", "every"):
             if getattr(self, name) < 1:
                 raise ConfigError(f"{name}={getattr(self, name)}: expected at least 1")
         if not 0 <= self.seed < _SEEDS:
             raise ConfigError(f"seed={self.seed}: expected 0 to {_SEEDS - 1}")
         _check_together(self)
-        if self.seconds % INTERVAL:
-            raise ConfigError(f"seconds={self.seconds}: expected a multiple of {INTERVAL}, a decision's time")
+        if self.seconds % self.delta_time:
+            raise ConfigError(f"seconds={self.seconds}: expected a multiple of delta_time={self.delta_time}")
         own = _complete(self.algorithm, self.hyperparameters, self.decisions, self.processes)
         object.__setattr__(self, "hyperparameters", own)
         rollout = _rollout(self.algorithm)
@@ -154,7 +156,7 @@ class Training:
     @property
     def decisions(self) -> int:
         """Decisions in an episode."""
-        return self.seconds // INTERVAL
+        return self.seconds // self.delta_time
 
     @property
     def round_steps(self) -> int:
@@ -184,6 +186,8 @@ class Training:
         keywords: dict[str, Any] = {
             "scenario": self.scenario,
             "observation": self._shown,
+            "delta_time": self.delta_time,
+            "yellow_time": self.yellow_time,
             "min_green": self.min_green,
             "num_seconds": self.seconds,
             "max_red": None,  # The paper sets no limit.
