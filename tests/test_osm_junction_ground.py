@@ -79,6 +79,18 @@ def test_crossing_is_built_where_a_one_way_road_leaves_the_extract(tmp_path: Pat
     assert any(road.startswith("1002") for road in crossing.roads)
 
 
+def test_roads_cut_before_they_meet_do_not_lie_on_each_other(tmp_path: Path) -> None:
+    """The extract ends between two crossings of a junction: what each road is led on by crosses the other."""
+    d = Drawing()
+    d.way((150, 20), (19, 3.6), (8.6, 1), (6.9, 0.6), highway="primary", oneway="yes", lanes="3")
+    d.way((1, -1), (-7, 9.6), (-59, 78), highway="primary", oneway="yes", lanes="2")
+    d.node(19, 3.6, **SIGNAL)
+    for place in ((8.6, 1), (-7, 9.6)):
+        d.node(*place, **SIGNAL_CROSSING)
+    _, report = convert(str(d.write(tmp_path / "a.osm")), tmp_path / "a.dojo")
+    assert not [i["message"] for i in report["issues"] if i["check"] == "geometry.lane_overlap"]
+
+
 def test_crossing_inside_a_junction_goes_to_the_street_that_leads_to_it(tmp_path: Path) -> None:
     """Between a street's end and the junction's middle, nearer to the middle, where two roads begin."""
     d = Drawing()

@@ -35,29 +35,39 @@ def extend_ends(graph: RoadGraph, crossings: list[MappedCrossing], signals: Sequ
         section = graph.sections[name]
         at_end = section.end == vertex
         before, last = (graph.places[n] for n in (section.nodes[-2:] if at_end else section.nodes[1::-1]))
+        place = _lead_on(graph, section, before, last)
+        if place is None:
+            continue
         node = free_number(graph.places)
         nodes = (*section.nodes, node) if at_end else (node, *section.nodes)
         ways = (*section.ways, section.ways[-1]) if at_end else (section.ways[0], *section.ways)
         graph = replace(
             graph,
-            places={**graph.places, node: _lead_on(graph, section, before, last)},
+            places={**graph.places, node: place},
             sections={**graph.sections, name: replace(section, nodes=nodes, ways=ways)},
         )
     return graph
 
 
-def _lead_on(graph: RoadGraph, section: Section, before: _Place, last: _Place) -> _Place:
-    """Find where a road that is led straight on ends: before the ground of other roads, if there is room."""
+def _lead_on(graph: RoadGraph, section: Section, before: _Place, last: _Place) -> _Place | None:
+    """Find where a road that is led straight on ends: before the ground of other roads, if there is room.
+
+    None where it would lie across another road: the two meet there, and the extract does not hold how.
+    """
     rules = graph.rules.crossings
     (x, y), (a, b) = before, last
     way = np.array([a - x, b - y]) / max(math.dist(before, last), 1e-3)
     at = np.arange(rules.least_beyond_border, rules.beyond_border + 0.5)
     places = shapely.points(np.array(last) + at[:, None] * way)
+    shortest = shapely.LineString([last, np.array(last) + at[0] * way])
     free = np.ones(len(at), dtype=bool)
     for other in graph.sections.values():
         reach = (section.road.drives + other.road.drives) / 2
         if other.road.layer == section.road.layer and not {*other.nodes} & {*section.nodes}:
-            free &= ~shapely.dwithin(places, shapely.LineString(graph.line(other)), reach)
+            line = shapely.LineString(graph.line(other))
+            if line.intersects(shortest):
+                return None
+            free &= ~shapely.dwithin(places, line, reach)
     # Up to the first place that lies on another road.
     metres = at[-1] if free.all() else at[max(int(free.argmin()) - 1, 0)]
     return round(a + float(way[0] * metres), 3), round(b + float(way[1] * metres), 3)
