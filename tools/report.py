@@ -16,7 +16,7 @@ from dojo_env.benchmark.rows import SCENARIOS, list_rows, read_packaged_rows
 from dojo_env.benchmark.tables import write_tables
 from dojo_env.config import SignalConfig
 from dojo_env.learning.result_files import Published, read_published
-from dojo_env.learning.settings import ALGORITHMS, INTERVAL, REWARD, RunFileError, Training
+from dojo_env.learning.settings import ALGORITHMS, REWARD, RunFileError, Training
 from dojo_env.metrics import SIX
 from dojo_env.series import TITLES
 from dojo_maps.command import Parser, run_command
@@ -154,7 +154,7 @@ def _intergreen(results: Path) -> list[str]:
 def _opening() -> str:
     rules = SignalConfig()
     return _OPENING.format(
-        interval=INTERVAL,
+        interval=Training().delta_time,
         yellow=rules.yellow_time,
         least=rules.min_green,
         meanings="\n".join(f"| {TITLES[name]} | {MEANINGS[name]} |" for name in SIX),
@@ -244,8 +244,8 @@ def _settings() -> str:
     )
     return f"""## Settings
 
-- A decision every {INTERVAL} s, {rules.yellow_time:g} s yellow, {rules.min_green:g} s minimum green (but \
-{others}).
+- A decision every {usual.delta_time} s, {rules.yellow_time:g} s yellow, {rules.min_green:g} s minimum green \
+(but {others}).
 - Trainings: {usual.steps:,} decisions in {usual.processes} environments side by side, episodes of \
 {usual.seconds:,} s, images of {usual.height} x {usual.width} pixels unless a row's settings say otherwise.
 - Reward, unless a row has its own: {_tell_reward(REWARD)}; what is bad counts as negative.
