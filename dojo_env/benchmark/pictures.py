@@ -148,7 +148,8 @@ def draw_training(scenario: str, kept: Mapping[str, KeptRow]) -> Figure | None:
     panels: dict[str, list[tuple[KeptRow, dict[str, Numbers]]]] = {}
     for row in kept.values():
         if row.learned and (curve := row.read_curve()):
-            panels.setdefault(row.name.partition("-")[2], []).append((row, curve))
+            seen = row.name.partition("-")[2] or row.result["training"]["observation"]
+            panels.setdefault(seen, []).append((row, curve))
     if not panels:
         return None
     columns = min(len(panels), 4)
