@@ -44,8 +44,8 @@ CONTROLLERS = (
     "fixed-time", "actuated", "max-pressure-paper", "max-pressure", "queue-pressure", "rolling-horizon",
     "learned",
 )  # fmt: skip
-LEARNERS = ("MPLight", "PPO-F shared")
-"""Rows of the benchmark; one signal alone learns by the same network and algorithm."""
+LEARNERS = ("MPLight",)
+"""Rows of the benchmark that the page has; a signal alone learns by the same network and algorithm."""
 EPISODES = {"grid4x4": 60, "arterial4x4": 30, "ingolstadt21": 30}
 """Hours of traffic of a training; 100 where no other number is given, as RESCO's program has by default."""
 _USUAL = {"delta_time": 10, "yellow_time": 3, "min_green": 7}
@@ -66,10 +66,10 @@ time* beside fixed-time tells how far that goes: both are the networks' own prog
 
 Published figures of rules are means of all episodes; of learners, the mean of the last ten episodes of \
 training, and in brackets the best episode, which is what its paper shows. `learned` met these scenarios \
-in its training, with other seeds. {learners} are trained for this page, once on each scenario and under \
-the settings above: for 100 hours of its traffic, on grid4x4 60, on arterial4x4 and ingolstadt21 30; the \
-policy that did best on yet other seeds is measured. Source: Ault and Sharon, \
-NeurIPS 2021; `avg_timeLoss.py` of Pi-Star-Lab/RESCO.
+in its training, with other seeds. What learns and is not in italics ({learners}) was trained for this page, \
+once on each scenario and under the settings above: for 100 hours of its traffic, on grid4x4 60, on \
+arterial4x4 and ingolstadt21 30. The policy that did best on yet other seeds is measured. Source: Ault \
+and Sharon, NeurIPS 2021; `avg_timeLoss.py` of Pi-Star-Lab/RESCO.
 
 `{command}` makes this page again.
 
@@ -154,7 +154,7 @@ def format_page(ours: Iterable[Mapping[str, str]], published: Iterable[Mapping[s
     for name, cells in rows.items():
         lines.append(f"| {name} | {' | '.join(cells.get(scenario, '') for scenario in SCENARIOS)} |")
     command = f"python tools/compare_resco.py --seeds {seeds}"
-    learners = " and ".join(LEARNERS)
+    learners = ", ".join(LEARNERS)
     return _TEXT.format(seeds=seeds, command=command, learners=learners, table="\n".join(lines))
 
 
