@@ -24,9 +24,8 @@ from statistics import fmean, median, pstdev
 
 from dojo_env.benchmark.row_runs import find_folder
 from dojo_env.benchmark.rows import find_row
-from dojo_env.learning.learner import is_trained, train
+from dojo_env.learning.learner import finish_training
 from dojo_env.learning.policy_controller import PolicyController
-from dojo_env.learning.settings import CHECKPOINT
 from dojo_env.runs import run_controller
 from dojo_env.scenario import find_scenario, open_map
 from dojo_maps.command import Parser, run_command
@@ -134,9 +133,8 @@ def train_row(name: str, scenario: str, folder: Path) -> None:
         hyperparameters={},
         **settings,
     )
-    if not is_trained(training, folder):
-        print(f"{scenario}: {name} learns for {episodes} hours of traffic", file=sys.stderr, flush=True)
-        train(training, folder, resume=(folder / CHECKPOINT).is_file())
+    print(f"{scenario}: {name} learns for {episodes} hours of traffic", file=sys.stderr, flush=True)
+    finish_training(training, folder)
 
 
 def format_page(ours: Iterable[Mapping[str, str]], published: Iterable[Mapping[str, str]]) -> str:

@@ -14,7 +14,7 @@ from dojo_env.controllers import Controller, make_controller
 from dojo_env.controllers.timed import Timed
 from dojo_env.errors import ConfigError
 from dojo_env.learning.result_files import read_result
-from dojo_env.learning.settings import CHECKPOINT, RunFileError, Training, list_versions
+from dojo_env.learning.settings import RunFileError, Training, list_versions
 from dojo_env.metrics import SIX
 from dojo_env.plan_search import VALIDATION_SEEDS, Memory, search_plan
 from dojo_env.runs import run_controller, summarize
@@ -136,7 +136,7 @@ def run_row(task: Mapping[str, Any], results: Path) -> None:
     else:
         episodes, infos = _run_controller(task, _find_plan(task, folder) if "logic" in task else None)
     if task.get("constraints", "paper") == "paper":
-        _write_series(folder / SERIES, infos, interval=task.get("training", {}).get("delta_time", 5))
+        _write_series(folder / SERIES, infos)
     result = {
         **task,
         "command": _tell_command(task),
@@ -159,9 +159,10 @@ def _tell_command(task: Mapping[str, Any]) -> str:
     return shlex.join(words)
 
 
-def _write_series(path: Path, infos: Sequence[Mapping[str, Any]], *, interval: int) -> None:
+def _write_series(path: Path, infos: Sequence[Mapping[str, Any]]) -> None:
     """Write the curves of an hour, the mean of each minute; those that pictures show are the paper's."""
-    minute = max(1, 60 // interval)
+    pace = infos[1]["step"] - infos[0]["step"] if len(infos) > 1 else 60
+    minute = max(1, int(60 // pace))
     minutes = [infos[start : start + minute] for start in range(0, len(infos), minute)]
     series = (
         [int(part[-1]["step"]), *(round(fmean(info[name] for info in part), 3) for name in CURVES.values())]
@@ -209,15 +210,14 @@ def _run_controller(task: Mapping[str, Any], plan: Timed | None) -> Outcome:
 def _run_policies(task: Mapping[str, Any], folder: Path) -> Outcome:
     """Train, where that is not done, and evaluate each policy on the same seeds."""
     from dojo_env.learning.evaluation import run_policy  # torch takes long to load
-    from dojo_env.learning.learner import is_trained, train
+    from dojo_env.learning.learner import finish_training
 
     usual = Training(**task["training"])
     episodes: list[dict[str, Any]] = []
     first: list[dict[str, Any]] = []
     for number in range(task.get("trainings", 1)):
         training, own = replace(usual, seed=usual.seed + number), find_training_folder(folder, number)
-        if not is_trained(training, own):
-            train(training, own, resume=(own / CHECKPOINT).is_file())
+        finish_training(training, own)
         figures, infos = run_policy(training, own, range(task["seeds"]), num_seconds=task["seconds"])
         episodes += [{**each, "training": number} for each in figures]
         first = first or infos

@@ -41,19 +41,8 @@ def prepare_folder(training: Training, folder: Path) -> None:
     write_training(training, folder / SETTINGS)
 
 
-def is_trained(training: Training, folder: Path) -> bool:
-    """Tell whether a run has come to its end in a folder.
-
-    Args:
-        training: the run's settings.
-        folder: of the run; it may be missing.
-
-    Returns:
-        True where a policy is there, and the curve goes to the run's last step.
-
-    Raises:
-        ConfigError: the folder holds another run, or a file of it is damaged.
-    """
+def _is_trained(training: Training, folder: Path) -> bool:
+    """Tell whether a run has come to its end: its policy is there, and its curve goes to the last step."""
     if not (folder / SETTINGS).is_file():
         return False
     if read_training(folder / SETTINGS) != training:
@@ -61,6 +50,21 @@ def is_trained(training: Training, folder: Path) -> bool:
     if not (folder / POLICY).is_file() or not (folder / CURVE).is_file():
         return False
     return bool((read_columns(folder / CURVE, ("steps",))["steps"] >= training.whole_steps).any())
+
+
+def finish_training(training: Training, folder: Path) -> None:
+    """Train unless the run has come to its end in its folder; what was interrupted goes on.
+
+    Args:
+        training: the run's settings.
+        folder: of the run; it may be missing.
+
+    Raises:
+        ConfigError: the folder holds another run, or a file of it is damaged.
+        SimulationError: SUMO refuses the scenario, or stopped.
+    """
+    if not _is_trained(training, folder):
+        train(training, folder, resume=(folder / CHECKPOINT).is_file())
 
 
 def train(

@@ -109,18 +109,17 @@ class RoadNet:
     def __init__(self, road_map: RoadMap, vehicle_class: str) -> None:
         """Take the roads with lanes that are open to a class, by SUMO's word for it."""
         index = MapIndex(road_map)
-        lanes = index.lanes
         self.arcs = {
-            (lanes[c.from_lane].road, lanes[c.to_lane].road)
-            for c in road_map.connections
-            if vehicle_class in index.users(c) and c.direction not in TURNAROUNDS
+            arc
+            for arc, links in index.road_links.items()
+            if any(vehicle_class in index.users(c) and c.direction not in TURNAROUNDS for c in links)
         }
         self._before: dict[str, list[str]] = defaultdict(list)
         self._after: dict[str, list[str]] = defaultdict(list)
         for start, end in sorted(self.arcs):
             self._after[start].append(end)
             self._before[end].append(start)
-        self._length = {road.id: lanes[road.lanes[0]].length for road in road_map.roads if road.lanes}
+        self._length = {road.id: index.lanes[road.lanes[0]].length for road in road_map.roads if road.lanes}
         self._ends = {road.id: (road.from_junction, road.to_junction) for road in road_map.roads}
         self._to_entry = self._distances(self._before, self._after)
         self._to_exit = self._distances(self._after, self._before)

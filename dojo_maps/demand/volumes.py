@@ -182,13 +182,12 @@ def _road_flows(road_map: RoadMap, routes: Sequence[Route]) -> tuple[dict[str, f
 def _links_by_arc(road_map: RoadMap, routes: Sequence[Route]) -> _Links:
     """List the connections that vehicles of a route may take from each road to the next, one per lane."""
     index = MapIndex(road_map)
-    users = {link.id: index.users(link) for link in road_map.connections}
     found: dict[Arc, dict[str, Connection]] = defaultdict(dict)
     for name in sorted({route.vehicle_class for route in routes}, reverse=True):
-        for link in road_map.connections:
-            if name in users[link.id]:
-                arc = (index.lanes[link.from_lane].road, index.lanes[link.to_lane].road)
-                found[arc].setdefault(link.from_lane, link)
+        for arc, links in index.road_links.items():
+            for link in links:
+                if name in index.users(link):
+                    found[arc].setdefault(link.from_lane, link)
     return {arc: list(links.values()) for arc, links in found.items()}
 
 
