@@ -284,6 +284,20 @@ def test_nobody_walks_to_the_other_side_of_the_same_street(tmp_path: Path) -> No
     assert all(junctions[start] != junctions[end] for start, end in walks)
 
 
+def test_people_on_a_narrow_sidewalk_meet_nobody(tmp_path: Path) -> None:
+    """SUMO lets two who meet on a single stripe stand for 300 s, and then walk through each other."""
+    path = tmp_path / "a.net.xml"
+    command = [
+        *(find_netconvert().with_name("netgenerate"), "--spider", "--spider.arm-number", "4"),
+        *("--spider.circle-number", "1", "--default.sidewalk-width", "1"),
+        *("--sidewalks.guess", "--crossings.guess", "-j", "traffic_light", "-o", path),
+    ]
+    subprocess.run([str(part) for part in command], check=True, capture_output=True)
+    bundle, report = convert(str(path), tmp_path / "a.dojo", WITH_DEMAND)
+    assert report["demand"]["walkers"] > 200
+    assert "jammed" not in simulate(bundle, tmp_path, patience=-1).complaints
+
+
 def test_bundle_without_demand_is_none(tmp_path: Path) -> None:
     bundle, report = convert("cologne1", tmp_path / "cologne1.dojo")
     assert "demand" not in report

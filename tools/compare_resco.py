@@ -43,7 +43,7 @@ CONTROLLERS = (
     "fixed-time", "actuated", "max-pressure-paper", "max-pressure", "queue-pressure", "rolling-horizon",
     "learned",
 )  # fmt: skip
-LEARNERS = ("MPLight",)
+LEARNERS = ("MPLight", "CoLight", "MAPPO")
 """Rows of the benchmark that the page has; a signal alone learns by the same network and algorithm."""
 EPISODES = {"grid4x4": 60, "arterial4x4": 30, "ingolstadt21": 30}
 """Hours of traffic of a training; 100 where no other number is given, as RESCO's program has by default."""

@@ -65,13 +65,13 @@ def find_walks(road_map: RoadMap, network: Path) -> tuple[Walk, ...]:
     doors = _doors(joined, sidewalks)
     ends = {road.id: {road.from_junction, road.to_junction} for road in road_map.roads}
     walks = []
-    starts: dict[str, bool] = {}
+    taken: dict[tuple[str, bool], bool] = {}
     for crossing in crossings:
         sides = _choose_sides(
             [doors[area] for area in sorted(joined.get(crossing.id, ())) if area in doors], ends
         )
         if sides is not None:
-            ways = [pair for pair in (sides, sides[::-1]) if _has_room(pair, starts)]
+            ways = [pair for pair in (sides, sides[::-1]) if _has_room(pair, taken)]
             walks += [_walk(crossing, *pair) for pair in ways]
     share = min(1.0, _MOST / max(sum(walk.rate for walk in walks), 1.0))
     return tuple(replace(walk, rate=walk.rate * share) for walk in walks)
@@ -124,22 +124,24 @@ def _choose_sides(areas: Sequence[Sequence[_Door]], ends: dict[str, set[str]]) -
     return next((pair for pair in pairs if ends[pair[0][0].road] != ends[pair[1][0].road]), None)
 
 
-def _has_room(pair: Sequence[_Door], starts: dict[str, bool]) -> bool:
+def _has_room(pair: Sequence[_Door], taken: dict[tuple[str, bool], bool]) -> bool:
     """Tell whether walks of a direction meet nobody on a narrow sidewalk; then they decide its direction.
 
     Walks of one crossing only end there: where more people come together at its mouth they block each other.
+    At the sidewalk's other end others walk, see `_place`.
 
     Args:
         pair: where they start and where they end.
-        starts: by narrow sidewalk, whether walks start there.
+        taken: by narrow sidewalk and end, whether walks start there.
     """
-    (start, _), (end, _) = pair
-    is_narrow = [lane.width < _PASSING for lane in (start, end)]
-    if (is_narrow[0] and not starts.get(start.road, True)) or (is_narrow[1] and end.road in starts):
+    start, end = ((lane.road, at_end) for lane, at_end in pair)
+    starts_narrow, ends_narrow = (lane.width < _PASSING for lane, _ in pair)
+    if (starts_narrow and not taken.get(start, True)) or (ends_narrow and end in taken):
         return False
-    starts |= {
-        lane.road: lane is start for lane, narrow in zip((start, end), is_narrow, strict=True) if narrow
-    }
+    if starts_narrow:
+        taken[start] = True
+    if ends_narrow:
+        taken[end] = False
     return True
 
 
@@ -155,5 +157,6 @@ def _walk(crossing: Crossing, start: _Door, end: _Door) -> Walk:
 
 
 def _place(lane: Lane, at_end: bool) -> float:
-    reach = min(_WALK, lane.length * 0.9)
+    """Choose the place on a sidewalk; on a narrow one nobody comes as far as those of its other end."""
+    reach = min(_WALK, lane.length * (0.45 if lane.width < _PASSING else 0.9))
     return round(lane.length - reach if at_end else reach, 2)
