@@ -321,8 +321,8 @@ def test_crossing_of_lanes_mapped_one_by_one_is_built_once_where_it_is_mapped(tm
     assert max(lane.shape[-1, 0] for lane in lanes) - bundle.road_map.origin[0] < 20.0
 
 
-def test_lanes_that_part_far_before_a_crossing_are_one_road_up_to_it(tmp_path: Path) -> None:
-    """The ways inside the junction also lead there from behind, and farther."""
+def test_lanes_that_part_far_before_a_crossing_are_crossed_where_they_are_mapped(tmp_path: Path) -> None:
+    """They reach the crossing one by one; netconvert alone would make one large junction of them."""
     d = Drawing()
     d.way((180, 0), (58, 0), highway="primary", oneway="yes", lanes="3")
     d.way((0, 150), (0, 7), (0, 0), (0, -7), (0, -150), **STREET)
@@ -334,9 +334,28 @@ def test_lanes_that_part_far_before_a_crossing_are_one_road_up_to_it(tmp_path: P
         d.node(0, beyond, highway="traffic_signals")
     bundle, report = built(d, tmp_path)
     assert report["osm"]["crossings"]["kept"] == 3
-    assert {road.id.split("#")[0].lstrip("-") for road in bundle.road_map.roads} == {"1001", "1002"}
-    (road,) = (road for road in bundle.road_map.roads if road.id.startswith("1001#"))
-    assert min(lane.length for lane in bundle.road_map.lanes if lane.id in road.lanes) > 155
+    (crossing,) = bundle.road_map.crossings
+    assert {road.split("#")[0] for road in crossing.roads} == {"1003", "1004", "1005"}
+    assert not [issue for issue in report["issues"] if issue["check"] == "geometry.lane_overlap"]
+
+
+def test_junctions_that_netconvert_would_draw_into_each_other_stay_two(tmp_path: Path) -> None:
+    """It cuts roads that part slowly where their borders meet, and leaves nothing of those in between."""
+    d = Drawing()
+    d.way((-150, 0), (0, 0), highway="secondary", oneway="yes", lanes="4")
+    d.way((0, 0), (42, -1), (160, -2), highway="secondary", oneway="yes", lanes="3")
+    d.way((0, 0), (20, 4), (52, 10), (75, 40), (78, 150), highway="secondary", oneway="yes", lanes="2")
+    for x, y in ((42, -1), (52, 10)):
+        d.way((x, -120), (x, y), *([] if x == 42 else [(x, 120)]), **STREET)
+    d.way((0, -120), (0, 0), (0, 120), **STREET)
+    for x, y in ((0, 0), (42, -1)):
+        d.node(x, y, highway="traffic_signals")
+    bundle, _ = built(d, tmp_path)
+    grounds = [
+        shapely.Polygon(each.polygon[:, :2]) for each in bundle.road_map.junctions if len(each.polygon)
+    ]
+    assert sum(ground.area > 100 for ground in grounds) == 2
+    assert max(ground.area for ground in grounds) < 1000
 
 
 def test_lane_that_leaves_beside_a_short_road_lies_on_no_other(tmp_path: Path) -> None:

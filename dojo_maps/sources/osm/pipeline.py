@@ -85,7 +85,8 @@ def build_network(
     wanted, unsettled = Corrections(), []
     for _ in range(rules.network.attempts):
         known = wanted
-        layout = lay_out(plan_junctions(graph, known.joined, known.moved), known.paved, raster)
+        plan = plan_junctions(graph, known.joined, known.moved)
+        layout = lay_out(plan, known.paved, known.outlined, raster)
         plain, converted, road_map = build(layout)
         wanted = find_corrections(known, road_map, converted.warnings, layout, plain)
         if wanted is known:

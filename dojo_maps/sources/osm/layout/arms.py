@@ -20,6 +20,10 @@ if TYPE_CHECKING:
     from dojo_maps.sources.osm.layout.track_layout import TrackLayout
 
 
+_STRAIGHT = 3.0
+"""m of a road that lead straight to where it is drawn back to: a bend there would twist its lanes."""
+
+
 class Arm(NamedTuple):
     """A road of a junction: a section's id, and whether its end lies there rather than its start."""
 
@@ -53,6 +57,8 @@ class Layout:
         heights: metres above the ground, of the nodes that are not on it.
         ground: how high that lies; None where it is flat.
         sidewalks: metres across those on the left and the right of each section that is built; 0 for none.
+        outlined: junctions, each by its vertices, that reach to the ends of their roads, whatever netconvert
+            would draw.
         tracks: of trams, trains and bicycles; None where there are none.
     """
 
@@ -67,6 +73,7 @@ class Layout:
     heights: Mapping[int, float] = field(default_factory=dict)
     ground: Ground | None = None
     sidewalks: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    outlined: frozenset[frozenset[int]] = frozenset()
     tracks: "TrackLayout | None" = None
 
     @property
@@ -227,7 +234,8 @@ def trim(line: Floats, start: float, end: float) -> Floats:
     if start + end > max(total - 1.0, 0.0):
         share = max(total - 1.0, 0.0) / max(start + end, 1e-9)
         start, end = start * share, end * share
-    inner = (lengths > start + 0.3) & (lengths < total - end - 0.3)
+    clear = [_STRAIGHT if drawn_back else 0.3 for drawn_back in (start, end)]
+    inner = (lengths > start + clear[0]) & (lengths < total - end - clear[1])
     wanted = np.concatenate([[start], lengths[inner], [total - end]])
     return np.column_stack([np.interp(wanted, lengths, values) for values in line.T])
 

@@ -18,13 +18,17 @@ from dojo_maps.sources.osm.layout.track_meetings import meet_roads
 
 
 def lay_out(
-    plan: JunctionPlan, paved: AbstractSet[str] = frozenset(), raster: ElevationGrid | None = None
+    plan: JunctionPlan,
+    paved: AbstractSet[str] = frozenset(),
+    outlined: frozenset[frozenset[int]] = frozenset(),
+    raster: ElevationGrid | None = None,
 ) -> Layout:
     """Place crossings, and give each road its ground.
 
     Args:
         plan: the junctions.
         paved: sections with pavement on both sides whatever is mapped, because crossings lead there.
+        outlined: junctions, each by its vertices, that reach to the ends of their roads.
         raster: elevations of the ground.
 
     Returns:
@@ -38,6 +42,7 @@ def lay_out(
         junctions=plan.junctions,
         crossings=plan.crossings,
         inner=plan.inner,
+        outlined=outlined,
         asides={
             name: section.road.offset for name, section in plan.graph.sections.items() if section.road.offset
         },

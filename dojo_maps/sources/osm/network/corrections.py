@@ -16,7 +16,7 @@ from dojo_maps.index import MapIndex
 from dojo_maps.issue import Element, Issue, Severity
 from dojo_maps.sources.osm.graph.edge_id import EdgeId
 from dojo_maps.sources.osm.graph.road_graph import RoadGraph
-from dojo_maps.sources.osm.layout.arms import Layout
+from dojo_maps.sources.osm.layout.arms import Arm, Layout
 from dojo_maps.sources.osm.network.overlap_merging import lying_on_neighbours
 from dojo_maps.sources.osm.plain.plain_xml import Plain
 from dojo_maps.sources.osm.read.data import link_to
@@ -35,6 +35,7 @@ class Corrections:
         joined: pairs of vertices to join.
         moved: crossings to move, by node: towards which node, and how many metres.
         paved: sections with pavement on both sides.
+        outlined: junctions, each by its vertices, with outlines of our own: netconvert's took whole roads.
         closed: junctions that tracks lead over without a link.
         absorbed: tracks that are part of the junction at one of their ends.
     """
@@ -42,6 +43,7 @@ class Corrections:
     joined: tuple[tuple[int, int], ...] = ()
     moved: Mapping[int, tuple[int, float]] = field(default_factory=dict)
     paved: frozenset[str] = frozenset()
+    outlined: frozenset[frozenset[int]] = frozenset()
     closed: frozenset[int] = frozenset()
     absorbed: frozenset[str] = frozenset()
 
@@ -62,14 +64,19 @@ def find_corrections(
         The same object where nothing is new.
     """
     short, unpaved = _too_short(road_map, plain, layout.rules.network.shortest_edge), _unpaved(warnings)
-    moves = _moves(layout, short)
-    pairs = [pair for pair in short if not {*pair} & (moves.keys() - known.moved.keys())]
-    if moves.keys() <= known.moved.keys() and set(pairs) <= set(known.joined) and unpaved <= known.paved:
+    moves, outlined = _moves(layout, short), _overdrawn(layout, short) - known.outlined
+    changed = (moves.keys() - known.moved.keys()).union(*outlined)
+    pairs = [pair for pair in short if not changed & {*pair}]
+    if not changed and set(pairs) <= set(known.joined) and unpaved <= known.paved:
         pairs = lying_on_neighbours(road_map, layout, plain)
         if set(pairs) <= set(known.joined):
             return known
     return replace(
-        known, joined=(*known.joined, *pairs), moved=moves | {**known.moved}, paved=known.paved | unpaved
+        known,
+        joined=(*known.joined, *pairs),
+        moved=moves | {**known.moved},
+        paved=known.paved | unpaved,
+        outlined=known.outlined | outlined,
     )
 
 
@@ -146,7 +153,7 @@ def not_converged(known: Corrections, wanted: Corrections, graph: RoadGraph, *, 
     nodes = {node for pair in wanted.joined if pair not in known.joined for node in pair}
     nodes |= wanted.moved.keys() - known.moved.keys()
     nodes |= {graph.sections[name].start for name in wanted.paved - known.paved}
-    nodes |= wanted.closed - known.closed
+    nodes |= (wanted.closed - known.closed).union(*(wanted.outlined - known.outlined))
     first = max(nodes)  # Not one below 0, which OpenStreetMap does not know, if there is another.
     return Issue(
         check="osm.not_converged",
@@ -192,6 +199,25 @@ def _too_short(road_map: RoadMap, plain: Plain, shortest: float) -> dict[tuple[i
             pair = (min(section.start, section.end), max(section.start, section.end))
             found[pair] = min(length, found.get(pair, length))
     return dict(sorted(found.items()))
+
+
+def _overdrawn(layout: Layout, short: Mapping[tuple[int, int], float]) -> frozenset[frozenset[int]]:
+    """Find the junctions of roads that came out short though the layout leaves enough of them.
+
+    Where one end has an outline of its own already, the other must reach no farther either.
+    """
+    graph, rules, found = layout.graph, layout.rules, set()
+    members = {junction: frozenset(each) for junction, each in layout.junctions.members().items()}
+    for section in graph.sections.values():
+        arms = Arm(section.id, at_end=False), Arm(section.id, at_end=True)
+        ends = {members[layout.junction(arm)] for arm in arms}
+        lost = sum(max(layout.cuts.get(arm, 0.0), rules.forks.others) for arm in arms)
+        is_long = graph.length(section) - lost >= rules.network.left_by_layout
+        if (min(section.start, section.end), max(section.start, section.end)) in short and (
+            is_long or ends & layout.outlined
+        ):
+            found |= ends
+    return frozenset(found)
 
 
 def _short_tracks(road_map: RoadMap, layout: Layout) -> set[str]:

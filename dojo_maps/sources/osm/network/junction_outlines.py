@@ -70,7 +70,7 @@ def untwist(corners: Floats) -> Floats | None:
     parts = shapely.make_valid(shapely.Polygon(corners[:, :2]))
     joined = parts.buffer(_GAP, join_style="mitre").buffer(-_GAP, join_style="mitre")
     for whole in (joined, shapely.convex_hull(parts)):
-        rounded = shapely.set_precision(whole, _GRID)
+        rounded = shapely.make_valid(shapely.set_precision(whole, _GRID, mode="pointwise"))
         if rounded.geom_type == "Polygon" and rounded.area:
             return outline_of(rounded, corners)
     return None

@@ -51,9 +51,9 @@ def _overlapping(road_map: RoadMap, rules: NetworkRules) -> Iterator[tuple[str, 
     shapes = [ground[name] for name in names]
     for a, b in sorted(map(tuple, shapely.STRtree(shapes).query(shapes, predicate="overlaps").T.tolist())):
         common = ends[names[a]] & ends[names[b]]
-        if a >= b or len(common) != 1:
+        if a >= b or not common:
             continue
-        border = _surround(outlines[common.pop()], rules.junction_border)
+        border = shapely.union_all([_surround(outlines[each], rules.junction_border) for each in common])
         if shapes[a].intersection(shapes[b]).difference(border).area > rules.least_overlap:
             yield names[a], names[b]
 

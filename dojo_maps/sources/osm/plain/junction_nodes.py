@@ -43,7 +43,8 @@ def write_nodes(
         if any(layout.graph.sections[name].road.roundabout for name, _ in arms[junction]):
             kind += f' radius="{layout.rules.roundabouts.corner_radius}"'
         kept = outlines.get(junction)
-        outline = _outline_without_stem(layout, arms[junction]) if kept is None else kept
+        reaches = frozenset(members[junction]) in layout.outlined or _lacks_stem(layout, arms[junction])
+        outline = _outline(layout, arms[junction]) if kept is None and reaches else kept
         if outline is not None:
             kind += f' shape="{" ".join(f"{x:.2f},{y:.2f},{z:.2f}" for x, y, z in outline)}"'
         z = sum(layout.height(vertex) for vertex in members[junction]) / len(places)
@@ -51,27 +52,35 @@ def write_nodes(
     return lines
 
 
-def _outline_without_stem(layout: Layout, arms: Sequence[Arm]) -> Floats | None:
-    """Outline a fork whose stem is not mapped, so that its roads begin where they are drawn back to.
+def _lacks_stem(layout: Layout, arms: Sequence[Arm]) -> bool:
+    """Tell whether this is a fork whose stem is not mapped, and whose roads are drawn back.
 
     netconvert takes roads that all leave in one direction for one, and draws them to the junction's middle.
+
+    Args:
+        layout: with its cuts.
+        arms: of one junction.
+    """
+    goes_through = any(map(layout.arriving, arms)) and any(map(layout.leaving, arms))
+    return not goes_through and len(arms) > 1 and any(layout.cuts.get(arm) for arm in arms)
+
+
+def _outline(layout: Layout, arms: Sequence[Arm]) -> Floats | None:
+    """Outline the ground between the ends of a junction's roads, where they are drawn back to.
 
     Args:
         layout: with its sidewalks.
         arms: of one junction.
 
     Returns:
-        (n, 3), metres, map frame; None where traffic arrives and leaves, or no road is drawn back.
+        (n, 3), metres, map frame; None where they lie on one line.
     """
-    goes_through = any(map(layout.arriving, arms)) and any(map(layout.leaving, arms))
-    if goes_through or len(arms) < 2 or not any(layout.cuts.get(arm) for arm in arms):
-        return None
     hull = shapely.MultiPoint(np.concatenate([_borders(layout, arm) for arm in arms])).convex_hull
     return shapely.get_coordinates(hull.exterior, include_z=True)[:-1] if hull.area else None
 
 
 def _borders(layout: Layout, arm: Arm) -> Floats:
-    """Give both borders of a road, sidewalks included, at the end that it is drawn back to.
+    """Give both borders of a road, sidewalks included, where its junction begins.
 
     Args:
         layout: with its sidewalks.
