@@ -68,6 +68,8 @@ def _lacks_stem(layout: Layout, arms: Sequence[Arm]) -> bool:
 def _outline(layout: Layout, arms: Sequence[Arm]) -> Floats | None:
     """Outline the ground between the ends of a junction's roads, where they are drawn back to.
 
+    It leads from road to road; where that is twisted, or leaves most of the ground out, around all of them.
+
     Args:
         layout: with its sidewalks.
         arms: of one junction.
@@ -75,8 +77,12 @@ def _outline(layout: Layout, arms: Sequence[Arm]) -> Floats | None:
     Returns:
         (n, 3), metres, map frame; None where they lie on one line.
     """
-    hull = shapely.MultiPoint(np.concatenate([_borders(layout, arm) for arm in arms])).convex_hull
-    return shapely.get_coordinates(hull.exterior, include_z=True)[:-1] if hull.area else None
+    ends = np.array([_borders(layout, arm) for arm in arms])
+    x, y = (ends.mean(axis=1) - ends.mean(axis=(0, 1)))[:, :2].T
+    ring = shapely.Polygon(ends[np.argsort(np.arctan2(y, x))].reshape(-1, 3))
+    hull = shapely.convex_hull(shapely.multipoints(ends.reshape(-1, 3)))
+    outline = ring if ring.is_valid and ring.area > hull.area / 2 else hull
+    return shapely.get_coordinates(outline.exterior, include_z=True)[:-1] if hull.area else None
 
 
 def _borders(layout: Layout, arm: Arm) -> Floats:
@@ -87,10 +93,11 @@ def _borders(layout: Layout, arm: Arm) -> Floats:
         arm: of a road that is built.
 
     Returns:
-        (2, 3), metres, map frame.
+        (2, 3), metres, map frame; counterclockwise around the junction.
     """
     section = layout.graph.sections[arm.section]
     lanes = [section.road.across(section.road.backward), section.road.across(section.road.forward)]
     left, right = np.add(lanes[::-1] if layout.graph.left_hand else lanes, layout.sidewalks[arm.section])
     line = divider(layout, section)
-    return np.array([shift(line, metres)[-1 if arm.at_end else 0] for metres in (left, -right)])
+    sides = (left, -right) if arm.at_end else (-right, left)
+    return np.array([shift(line, metres)[-1 if arm.at_end else 0] for metres in sides])
