@@ -206,17 +206,16 @@ def _overdrawn(layout: Layout, short: Mapping[tuple[int, int], float]) -> frozen
 
     Where one end has an outline of its own already, the other must reach no farther either.
     """
-    graph, rules, found = layout.graph, layout.rules, set()
+    rules, found = layout.rules, set()
     members = {junction: frozenset(each) for junction, each in layout.junctions.members().items()}
-    for section in graph.sections.values():
-        arms = Arm(section.id, at_end=False), Arm(section.id, at_end=True)
-        ends = {members[layout.junction(arm)] for arm in arms}
-        lost = sum(max(layout.cuts.get(arm, 0.0), rules.forks.others) for arm in arms)
-        is_long = graph.length(section) - lost >= rules.network.left_by_layout
-        if (min(section.start, section.end), max(section.start, section.end)) in short and (
-            is_long or ends & layout.outlined
-        ):
-            found |= ends
+    for section in layout.graph.sections.values():
+        if (min(section.start, section.end), max(section.start, section.end)) in short:
+            arms = Arm(section.id, at_end=False), Arm(section.id, at_end=True)
+            ends = {members[layout.junction(arm)] for arm in arms}
+            lost = sum(max(layout.cuts.get(arm, 0.0), rules.forks.others) for arm in arms)
+            left = layout.graph.length(section) - lost
+            if left >= rules.network.left_by_layout or ends & layout.outlined:
+                found |= ends
     return frozenset(found)
 
 

@@ -78,11 +78,13 @@ def _outline(layout: Layout, arms: Sequence[Arm]) -> Floats | None:
         (n, 3), metres, map frame; None where they lie on one line.
     """
     ends = np.array([_borders(layout, arm) for arm in arms])
+    hull = shapely.convex_hull(shapely.multipoints(ends.reshape(-1, 3)))
+    if not hull.area:
+        return None
     x, y = (ends.mean(axis=1) - ends.mean(axis=(0, 1)))[:, :2].T
     ring = shapely.Polygon(ends[np.argsort(np.arctan2(y, x))].reshape(-1, 3))
-    hull = shapely.convex_hull(shapely.multipoints(ends.reshape(-1, 3)))
     outline = ring if ring.is_valid and ring.area > hull.area / 2 else hull
-    return shapely.get_coordinates(outline.exterior, include_z=True)[:-1] if hull.area else None
+    return shapely.get_coordinates(outline.exterior, include_z=True)[:-1]
 
 
 def _borders(layout: Layout, arm: Arm) -> Floats:
