@@ -417,8 +417,9 @@ class NetworkRules:
     """s that one may take."""
     shortest_edge: float = 5.0
     """m of a road between two junctions: it stores a car."""
-    left_by_layout: float = 12.0
-    """m of such a road that the layout leaves, from which its junctions are outlined anew."""
+    left_by_layout: float = 20.0
+    """m of a shorter one that the layout leaves, from which its junctions are outlined anew: on a road of
+    less, vehicles that must change lanes to go on would stand in each other's way."""
     room_to_move: float = 25.0
     """m of the road beyond a crossing, from which the crossing may move onto it."""
     move_margin: float = 1.0

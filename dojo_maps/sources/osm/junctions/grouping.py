@@ -161,11 +161,9 @@ def joins_carriageways(graph: RoadGraph, ends: dict[int, list[str]], section: Se
         section: the road.
 
     Returns:
-        Whether a carriageway leads past each of its ends: another one-way road arrives there, and one leaves.
+        Whether two other roads or more at each of its ends are one-way.
     """
-    for vertex in (section.start, section.end):
-        others = [graph.sections[name] for name in ends[vertex] if name != section.id]
-        one_way = [other for other in others if other.road.oneway]
-        if {other.start == vertex for other in one_way} != {True, False}:
-            return False
-    return True
+    return all(
+        sum(graph.sections[name].road.oneway for name in ends[vertex] if name != section.id) >= 2
+        for vertex in (section.start, section.end)
+    )

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from dojo_maps.sources.osm.layout.track_layout import TrackLayout
 
 
-_STRAIGHT = 3.0
+_STRAIGHT = 1.5
 """m of a road that lead straight to where it is drawn back to: a bend there would twist its lanes."""
 
 

@@ -202,21 +202,17 @@ def _too_short(road_map: RoadMap, plain: Plain, shortest: float) -> dict[tuple[i
 
 
 def _overdrawn(layout: Layout, short: Mapping[tuple[int, int], float]) -> frozenset[frozenset[int]]:
-    """Find the junctions of roads that came out short though the layout leaves enough of them.
-
-    Where one end has an outline of its own already, the other must reach no farther either.
-    """
+    """Find the junctions of roads that came out short though the layout leaves enough of them."""
     rules, found = layout.rules, set()
-    members = {junction: frozenset(each) for junction, each in layout.junctions.members().items()}
     for section in layout.graph.sections.values():
-        if (min(section.start, section.end), max(section.start, section.end)) in short:
-            arms = Arm(section.id, at_end=False), Arm(section.id, at_end=True)
-            ends = {members[layout.junction(arm)] for arm in arms}
-            lost = sum(max(layout.cuts.get(arm, 0.0), rules.forks.others) for arm in arms)
-            left = layout.graph.length(section) - lost
-            if left >= rules.network.left_by_layout or ends & layout.outlined:
-                found |= ends
-    return frozenset(found)
+        arms = Arm(section.id, at_end=False), Arm(section.id, at_end=True)
+        lost = sum(max(layout.cuts.get(arm, 0.0), rules.forks.others) for arm in arms)
+        if (min(section.start, section.end), max(section.start, section.end)) in short and (
+            layout.graph.length(section) - lost >= rules.network.left_by_layout
+        ):
+            found |= {layout.junction(arm) for arm in arms}
+    members = layout.junctions.members()
+    return frozenset(frozenset(members[junction]) for junction in found)
 
 
 def _short_tracks(road_map: RoadMap, layout: Layout) -> set[str]:
