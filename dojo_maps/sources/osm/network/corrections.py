@@ -1,7 +1,8 @@
 """What the next attempt must do otherwise, by what netconvert made of this one.
 
-Roads that came out shorter than a car, or on top of a neighbour, become part of their junction; crossings
-between junctions move where that gives their road enough length; crossings get the pavement that they lack.
+Junctions that took whole roads for theirs get an outline; roads that still came out shorter than a car, or on
+top of a neighbour, become part of their junction; crossings between junctions move where that gives their
+road enough length; crossings get the pavement that they lack.
 """
 
 import re
