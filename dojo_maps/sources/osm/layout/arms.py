@@ -226,8 +226,8 @@ def trim(line: Floats, start: float, end: float) -> Floats:
         end: metres along it to draw its end back.
 
     Returns:
-        As many columns, with new ends; both are drawn back less, in proportion, where too little would be
-        left.
+        As many columns, with new ends and no bend right at these; both are drawn back less, in proportion,
+        where too little would be left.
     """
     lengths = along(line)
     total = float(lengths[-1])
