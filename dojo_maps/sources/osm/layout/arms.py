@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 
 _STRAIGHT = 1.5
-"""m of a road that lead straight to where it is drawn back to: a bend there would twist its lanes."""
+"""m of a road that lead straight to where it is drawn back to: a bend there would twist its outer lanes."""
 
 
 class Arm(NamedTuple):
@@ -102,7 +102,7 @@ class Layout:
             (n, 2), metres, map frame, in the order of its nodes.
         """
         cuts = [self.cuts.get(Arm(name, at_end), 0.0) for at_end in (False, True)]
-        return trim(self.graph.line(self.graph.sections[name]), *cuts)
+        return trim(self.graph.line(self.graph.sections[name]), *cuts, straight=_STRAIGHT)
 
     def junction(self, arm: Arm) -> int:
         """Name the junction that an arm ends at.
@@ -217,24 +217,25 @@ def ray(graph: RoadGraph, arm: Arm) -> tuple[Floats, Floats]:
     return line[0], way / max(float(np.hypot(*way)), 1e-6)
 
 
-def trim(line: Floats, start: float, end: float) -> Floats:
+def trim(line: Floats, start: float, end: float, *, straight: float = 0.3) -> Floats:
     """Draw a line back at its ends, as far as a metre of it is left.
 
     Args:
         line: (n, 2), or (n, 3) with heights; metres, n >= 2.
         start: metres along it to draw its start back.
         end: metres along it to draw its end back.
+        straight: metres next to an end that is drawn back, within which it does not bend.
 
     Returns:
-        As many columns, with new ends and no bend right at these; both are drawn back less, in proportion,
-        where too little would be left.
+        As many columns, with new ends; both are drawn back less, in proportion, where too little would be
+        left.
     """
     lengths = along(line)
     total = float(lengths[-1])
     if start + end > max(total - 1.0, 0.0):
         share = max(total - 1.0, 0.0) / max(start + end, 1e-9)
         start, end = start * share, end * share
-    clear = [_STRAIGHT if drawn_back else 0.3 for drawn_back in (start, end)]
+    clear = [straight if drawn_back else 0.3 for drawn_back in (start, end)]
     inner = (lengths > start + clear[0]) & (lengths < total - end - clear[1])
     wanted = np.concatenate([[start], lengths[inner], [total - end]])
     return np.column_stack([np.interp(wanted, lengths, values) for values in line.T])
@@ -257,7 +258,7 @@ def divider(layout: Layout, section: Section) -> Floats:
     )
     line = layout.ground.under(section.id, line) if layout.ground else line
     cuts = [layout.cuts.get(Arm(section.id, at_end), 0.0) for at_end in (False, True)]
-    line = trim(line, *cuts)
+    line = trim(line, *cuts, straight=_STRAIGHT)
     road = section.road
     aside = (road.across(road.forward) - road.across(road.backward)) / 2
     aside = -aside if layout.graph.left_hand else aside
