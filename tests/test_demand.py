@@ -285,7 +285,7 @@ def test_nobody_walks_to_the_other_side_of_the_same_street(tmp_path: Path) -> No
 
 
 def test_people_on_a_narrow_sidewalk_meet_nobody(tmp_path: Path) -> None:
-    """SUMO lets two who meet on a single stripe stand for 300 s, and then walk through each other."""
+    """Who meets on a single stripe stands, up to 300 s, until SUMO lets one walk through the other."""
     path = tmp_path / "a.net.xml"
     command = [
         *(find_netconvert().with_name("netgenerate"), "--spider", "--spider.arm-number", "4"),
