@@ -126,7 +126,7 @@ def test_cycle_lane_at_the_inner_side_of_a_oneway_street_goes_on_there(tmp_path:
     assert report["counts"]["error"] == 0
 
 
-def test_nobody_changes_lanes_where_a_lane_opens_or_waits_on_a_cycle_lane(tmp_path: Path) -> None:
+def test_nobody_changes_lanes_inside_a_junction_or_waits_on_a_cycle_lane(tmp_path: Path) -> None:
     drawing = Drawing()
     drawing.way((-150, 0), (-60, 0), highway="secondary", oneway="yes", lanes="1")
     drawing.way((-60, 0), (0, 0), highway="secondary", oneway="yes", lanes="3", cycleway="lane")
@@ -139,7 +139,9 @@ def test_nobody_changes_lanes_where_a_lane_opens_or_waits_on_a_cycle_lane(tmp_pa
     opening = [link for link in links if link.get("from") == "1001#0"]
     turning = [link for link in links if link.get("from") == "1002#0" and link.get("dir") == "r"]
     assert len(opening) >= 3
-    assert all({"changeLeft", "changeRight"} <= link.attrib.keys() for link in opening)
+    straight = [link for link in links if link.get("from") == "1002#0" and link.get("to") == "1003#0"]
+    assert len(straight) >= 2
+    assert all({"changeLeft", "changeRight"} <= link.attrib.keys() for link in (*opening, *straight))
     cars = [link for link in turning if link.get("fromLane") != "1"]
     assert cars
     assert all(link.get("contPos") == "0.00" for link in cars)

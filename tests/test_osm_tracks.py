@@ -236,6 +236,42 @@ def test_cyclists_do_not_stop_for_who_stands_where_a_track_meets_a_pavement(tmp_
     assert walk(bundle, tmp_path, walks) == len(walks) > 2
 
 
+def walkers_of(bundle: Bundle, edges: set[str]) -> set[str]:
+    """List the lanes of edges that people get onto or off."""
+    lanes = {lane.id for lane in bundle.road_map.lanes if lane.road in edges}
+    return lanes & {end for walk in bundle.road_map.walks for end in (walk.from_id, walk.to_id)}
+
+
+@pytest.mark.parametrize(("foot", "walked"), [("designated", True), ("no", False)])
+def test_people_walk_on_cycle_tracks_where_they_may(tmp_path: Path, foot: str, walked: bool) -> None:
+    drawing = crossed_by_a_track()
+    drawing.ways[2][1]["foot"] = foot
+    bundle, report = built(drawing, tmp_path)
+    net = network(bundle)
+    tracks = cycle_tracks(net)
+    assert {track.allows("pedestrian") for track in tracks} == {walked}
+    assert bool(walkers_of(bundle, {track.getID() for track in tracks})) is walked
+    assert report["osm"]["track_metres"]["cycleway"]["share"] == 1.0
+    assert report["osm"]["crossings"]["share"] == 1.0
+    assert not [issue for issue in report["issues"] if issue["check"] == "pedestrians.walk_components"]
+
+
+@pytest.mark.parametrize("segregated", ["yes", "no"])
+def test_people_walk_on_the_pavement_beside_a_segregated_track(tmp_path: Path, segregated: str) -> None:
+    drawing = Drawing()
+    tags = {"highway": "cycleway", "foot": "designated", "segregated": segregated}
+    drawing.way((-150, 0), (0, 0), (150, 0), sidewalk="both", **STREET)
+    drawing.way((0, 0), (0, 150), sidewalk="both", **STREET)
+    drawing.way((-150, -8), (0, -8), (150, -8), **tags)
+    drawing.way((0, -8), (0, 0), **tags)
+    drawing.way((0, 150), (0, 300), **tags)
+    bundle, _ = built(drawing, tmp_path)
+    tracks = cycle_tracks(network(bundle))
+    walked = {track.getID().lstrip("-").split("#")[0]: track.allows("pedestrian") for track in tracks}
+    assert walked["1003"] is (segregated == "no")
+    assert walked["1005"]
+
+
 def test_bicycles_ride_around_the_corner_where_the_track_is_mapped(tmp_path: Path) -> None:
     drawing = cross()
     drawing.way((-80, -12), (0, -12), (12, -12), (12, 0), (12, 80), highway="cycleway")
@@ -249,6 +285,22 @@ def test_bicycles_ride_around_the_corner_where_the_track_is_mapped(tmp_path: Pat
     road = {lane.id: lane.road for lane in bundle.road_map.lanes}
     trips = [("bicycle", road[link.from_lane], road[link.to_lane]) for link in links] * 3
     assert_flows(drive(bundle, tmp_path, trips), len(trips))
+
+
+def test_cyclists_who_meet_inside_a_junction_are_a_lane_apart(tmp_path: Path) -> None:
+    drawing = cross()
+    drawing.way((-80, -12), (0, -12), (12, -12), highway="cycleway")
+    drawing.way((12, -12), (12, 0), (12, 80), highway="cycleway")
+    drawing.way((12, -12), (80, -12), highway="cycleway", oneway="yes")
+    bundle, _ = built(drawing, tmp_path)
+    road = {lane.id: lane.road for lane in bundle.road_map.lanes}
+    ways = {
+        (road[link.from_lane][:5], road[link.to_lane][:5]): shapely.LineString(link.shape[:, :2])
+        for link in track_links(bundle)
+    }
+    for onto in ("-1003", "1005#"):
+        middle = ways["-1004", onto].interpolate(0.5, normalized=True)
+        assert middle.distance(ways["1003#", "1004#"]) == pytest.approx(1.5, abs=0.1)
 
 
 def test_bicycles_take_the_shortest_way_where_a_track_leads_all_around(tmp_path: Path) -> None:
@@ -286,6 +338,18 @@ def test_nobody_waits_in_a_circle_where_tracks_meet_at_a_road(
     tracks = [e for e in network(bundle).getEdges() if e.getType() == "highway.cycleway"]
     trips = [("bicycle", e.getID(), onto.getID()) for e in tracks for onto in e.getOutgoing()] * 5
     assert_flows(drive(bundle, tmp_path, trips), len(trips))
+
+
+def test_turning_cars_that_wait_inside_a_junction_look_for_cyclists(tmp_path: Path) -> None:
+    bundle, _ = built(crossed_by_a_track(), tmp_path)
+    cycled = {link.id for link in track_links(bundle)}
+    (signal,) = [junction for junction in bundle.road_map.junctions if junction.kind == "traffic_light"]
+    turns = {number for number, way in enumerate(signal.right_of_way) if way.cont}
+    ridden = [(number, way) for number, way in enumerate(signal.right_of_way) if way.link in cycled]
+    assert len([foe for _, way in ridden for foe in way.foes if foe in turns]) > 1
+    for number, way in ridden:
+        assert not turns & {*way.response}
+        assert all(number in signal.right_of_way[foe].response for foe in turns & {*way.foes})
 
 
 def test_track_without_room_between_two_junctions_is_part_of_one(tmp_path: Path) -> None:

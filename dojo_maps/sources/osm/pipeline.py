@@ -31,6 +31,7 @@ from dojo_maps.sources.osm.network.osm_network import OsmNetwork
 from dojo_maps.sources.osm.network.outline_filling import fill_outlines
 from dojo_maps.sources.osm.network.outline_trimming import trim_outlines
 from dojo_maps.sources.osm.network.precedence import settle_precedence
+from dojo_maps.sources.osm.network.track_clearing import clear_cycle_tracks
 from dojo_maps.sources.osm.network.track_walkers import part_walkers_from_cyclists
 from dojo_maps.sources.osm.network.waiting_places import move_waiting_places
 from dojo_maps.sources.osm.plain.plain_xml import Plain, write_plain
@@ -106,7 +107,10 @@ def build_network(
         else:
             tried = rules.network.track_attempts
             unsettled.append(not_converged(known, wanted, layout.graph, attempts=tried))
-    built = settle_precedence(follow_tracks(converted.data, road_map, layout), road_map)
+    built = follow_tracks(converted.data, road_map, layout)
+    if layout.tracks is not None:
+        built = clear_cycle_tracks(built, road_map, layout.tracks, rules.tracks)
+    built = settle_precedence(built, road_map)
     if built != converted.data:  # Programs and waiting places go by where bicycles ride, and by who waits.
         road_map, _ = read_network(built, path=path, name=name, sha256=sha256)
     built = move_waiting_places(program_signals(built, road_map), road_map, rules.waiting)

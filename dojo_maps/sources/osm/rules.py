@@ -107,6 +107,10 @@ class TrackRules:
     """cosine of the sharpest turn of rails."""
     beside_ahead: float = 15.0
     """m from a junction at which it is told which roads lie beside a track."""
+    pavement_beside: float = 6.0
+    """m from a segregated cycle track to the middle of a sidewalk that is the strip where people walk, ..."""
+    pavement_share: float = 0.8
+    """... along this share of it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -10,7 +10,7 @@ import shapely
 from shapely.ops import substring
 
 from dojo_maps.description import Lane, RoadMap
-from dojo_maps.geometry.polylines import Floats, along, offset_lines, place_on
+from dojo_maps.geometry.polylines import Floats, along, offset_lines
 from dojo_maps.index import MapIndex
 from dojo_maps.sources.osm.graph.road_graph import RoadGraph
 from dojo_maps.sources.osm.layout.arms import Layout
@@ -42,14 +42,14 @@ def _paths(road_map: RoadMap, layout: Layout) -> Iterator[tuple[str, Floats]]:
     if layout.tracks is None:
         return
     links = {(str(link.source.edge), str(link.target.edge)): link for link in layout.tracks.links}
-    lanes = MapIndex(road_map).lanes
+    graph, lanes = layout.tracks.graph, MapIndex(road_map).lanes
     for connection in road_map.connections:
         source, target = lanes[connection.from_lane], lanes[connection.to_lane]
         link = links.get((source.road, target.road))
         if link is None or len(connection.via) != 1:
             continue
-        line = _mapped_line(layout.tracks.graph, link)
-        path = None if line is None else _path(line, source, target)
+        line = _mapped_line(graph, link)
+        path = None if line is None else _path(line, source, target, _aside(graph, link, source, target))
         if path is None:
             continue
         ridden, mapped = (shapely.LineString(shape[:, :2]) for shape in (connection.shape, path))
@@ -69,17 +69,20 @@ def _mapped_line(graph: RoadGraph, link: TrackLink) -> shapely.LineString | None
     return shapely.LineString(np.concatenate(lines)) if len(lines) == len(edges) else None
 
 
-def _path(line: shapely.LineString, source: Lane, target: Lane) -> Floats | None:
-    """Follow a line from a lane's end to the other's start, on their side of it; None where it leads back."""
+def _aside(graph: RoadGraph, link: TrackLink, source: Lane, target: Lane) -> float:
+    """Tell how far from the mapped middle cyclists ride, metres, positive to the left."""
+    ends = (link.source.edge, source), (link.target.edge, target)
+    apart = max(0.0 if graph.sections[edge.section].road.oneway else lane.width / 2 for edge, lane in ends)
+    return apart if graph.left_hand else -apart
+
+
+def _path(line: shapely.LineString, source: Lane, target: Lane, aside: float) -> Floats | None:
+    """Follow a line from a lane's end to the other's start, beside it; None where it leads back."""
     ends = np.array([source.shape[-1], target.shape[0]])
     begins, stops = shapely.line_locate_point(line, shapely.points(ends[:, :2]))
     if begins >= stops:
         return None
-    place, heading = place_on(shapely.get_coordinates(line), float(stops))
-    east, north = ends[1, :2] - place
-    aside = np.cos(heading) * north - np.sin(heading) * east
-    inside = substring(line, begins, stops)
-    beside = offset_lines(np.array([inside]), np.clip([aside], -target.width / 2, target.width / 2))[0]
+    beside = offset_lines(np.array([substring(line, begins, stops)]), np.array([aside]))[0]
     between = shapely.get_coordinates(beside)
     far = shapely.distance(shapely.points(between), shapely.multipoints(ends[:, :2])) > _CORNER
     path = np.concatenate([ends[:1, :2], between[far], ends[1:, :2]])

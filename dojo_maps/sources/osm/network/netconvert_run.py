@@ -9,7 +9,7 @@ from pathlib import Path
 
 from dojo_maps.errors import SourceError
 from dojo_maps.sources.netconvert import NetconvertError, run_netconvert
-from dojo_maps.sources.osm.network.rail_clearing import clear_rails
+from dojo_maps.sources.osm.network.track_clearing import clear_rails
 from dojo_maps.sources.osm.plain.plain_xml import CONNECTIONS, EDGES, NODES
 
 _ALWAYS = (

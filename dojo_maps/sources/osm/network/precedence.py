@@ -40,9 +40,10 @@ def settle_precedence(data: bytes, road_map: RoadMap) -> bytes:
     turned: dict[str, list[tuple[int, int]]] = {}
     for junction in road_map.junctions:
         if junction.kind in ("priority", "traffic_light"):
-            settled = list(_list_unsettled(junction.right_of_way, ranks))
-            ways = _settled(junction.right_of_way, settled)
             is_signal = junction.kind == "traffic_light"
+            settled = list(_list_unsettled(junction.right_of_way, ranks))
+            settled += _list_unseen(junction.right_of_way, ranks) if is_signal else ()
+            ways = _settled(junction.right_of_way, settled)
             pairs = list(_list_merges(ways, targets) if is_signal else _list_circles(ways))
             pairs += [pair for pair in settled if pair[::-1] not in pairs]
             if pairs:
@@ -65,10 +66,28 @@ def _list_unsettled(ways: Sequence[RightOfWay], ranks: Mapping[str, int]) -> Ite
             yield first, sum(pair) - first
 
 
+def _list_unseen(ways: Sequence[RightOfWay], ranks: Mapping[str, int]) -> Iterator[tuple[int, int]]:
+    """List the ways of bicycles, each with a car's that it waits for and that waits inside the junction.
+
+    Who waits there has passed his stop line: nobody looks for him, but he looks for those whom he lets pass.
+    """
+    for number, way in enumerate(ways):
+        if ranks.get(way.link) == _FIRST[LaneKind.BICYCLE]:
+            for other in way.response:
+                if ways[other].cont and ranks.get(ways[other].link) == len(_FIRST):
+                    yield number, other
+
+
 def _settled(ways: Sequence[RightOfWay], pairs: Sequence[tuple[int, int]]) -> list[RightOfWay]:
-    """Let the second way of each pair wait for the first."""
+    """Let the second way of each pair wait for the first, and the first not for the second."""
     return [
-        replace(way, response=(*way.response, *(first for first, other in pairs if other == number)))
+        replace(
+            way,
+            response=tuple(
+                ({*way.response} | {first for first, other in pairs if other == number})
+                - {other for first, other in pairs if first == number}
+            ),
+        )
         for number, way in enumerate(ways)
     ]
 

@@ -201,13 +201,13 @@ def _lane_links(layout: Layout, movements: Sequence[Movement]) -> list[str]:
         pairs = connect_lanes(lanes, targets, [m.angle for m in found], left_hand=layout.graph.left_hand)
         links += [(source, lane, found[number], onto) for lane, number, onto in pairs]
     links = _with_entries(layout, links)
-    fans = _find_fans(links)
+    abreast = Counter((source, movement.target) for source, _, movement, _ in links)
     entries = Counter((source, movement.target, onto) for source, _, movement, onto in links)
     for link in links:
         source, lane, movement, onto = link
         origin, goal = source.incoming, movement.target.outgoing
         shifts = [bool(layout.walk(edge)) for edge in (origin, goal)]
-        more = _NO_LANE_CHANGE if (source, movement.target) in fans else ""
+        more = _NO_LANE_CHANGE if abreast[source, movement.target] > 1 else ""
         # Lanes that become one have no room to wait beside each other.
         merges = entries[source, movement.target, onto] > 1
         more += NO_WAIT_INSIDE if merges or _cuts_cycle_lane(layout, link) else ""
@@ -216,15 +216,6 @@ def _lane_links(layout: Layout, movements: Sequence[Movement]) -> list[str]:
             f'toLane="{onto + shifts[1]}"{more}/>'
         )
     return lines
-
-
-def _find_fans(links: Sequence[_Link]) -> set[tuple[Arm, Arm]]:
-    """Find the movements in which a lane opens to several: these lie on each other at first.
-
-    A vehicle that changed from one to the next would hit another that is beside it only on paper.
-    """
-    opened = Counter((source, lane, movement.target) for source, lane, movement, _ in links)
-    return {(source, target) for (source, _, target), count in opened.items() if count > 1}
 
 
 def _cuts_cycle_lane(layout: Layout, link: _Link) -> bool:

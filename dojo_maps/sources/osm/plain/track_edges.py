@@ -13,16 +13,15 @@ from dojo_maps.sources.osm.layout.arms import Layout, trim
 from dojo_maps.sources.osm.layout.heights import clear_by_nature, compute_heights
 from dojo_maps.sources.osm.layout.track_layout import TrackEdge, TrackLayout
 from dojo_maps.sources.osm.plain.rail_crossings import crossing_line, rail_crossings
-from dojo_maps.sources.osm.read.lane_tags import LaneUse
 from dojo_maps.sources.osm.read.track_tags import CYCLEWAY, RAIL, TRAM
 
 _WHO = {
-    LaneUse.CYCLEWAY: "pedestrian bicycle",
-    LaneUse.TRAM: "pedestrian tram",
-    LaneUse.RAIL: "rail_urban rail rail_electric rail_fast",
+    CYCLEWAY: "pedestrian bicycle",
+    TRAM: "pedestrian tram",
+    RAIL: "rail_urban rail rail_electric rail_fast",
 }
-"""Vehicle classes of SUMO's. People are let onto cycle tracks and trams', so that pavements lead over them;
-netconvert knows a railway by nobody but trains using it."""
+"""Vehicle classes of SUMO's. People are let onto all tracks of bicycles and trams, so that pavements lead
+over them; netconvert knows a railway by nobody but trains using it."""
 NO_WAIT_INSIDE = ' contPos="0"'
 """Of a connection: who waits on it does so before the junction, where it is in nobody's way."""
 _PRIORITIES = {CYCLEWAY: 1, TRAM: 20, RAIL: 21}
@@ -96,7 +95,7 @@ class TrackEdges:
         return (
             f'<edge id="{edge}" from="{source}" to="{target}" {name}'
             f'type="{road.kind}" priority="{_PRIORITIES[road.kind]}" numLanes="1" speed="{road.speed:.2f}" '
-            f'spreadType="{spread}" shape="{shape}" allow="{_WHO[lane.use]}" '
+            f'spreadType="{spread}" shape="{shape}" allow="{_WHO[road.kind]}" '
             f'width="{lane.width or road.width:.2f}"/>'
         )
 

@@ -32,6 +32,8 @@ class LaneUse(StrEnum):
     BICYCLE = "bicycle"
     CYCLEWAY = "cycleway"
     """A cycle track of its own, where people walk besides."""
+    SEGREGATED = "segregated"
+    """A cycle track beside which people have a strip of their own."""
     PARKING = "parking"
     TRAM = "tram"
     RAIL = "rail"

@@ -13,7 +13,7 @@ TRAM, RAIL, CYCLEWAY = "railway.tram", "railway.rail", "highway.cycleway"
 _RAILWAYS = {"tram": TRAM, "light_rail": TRAM, "rail": RAIL, "narrow_gauge": RAIL}
 _SHARED_WAYS = ("path", "footway", "bridleway", "pedestrian")
 """Ways that are cycle tracks where bicycles are named as who they are for."""
-_USES = {TRAM: LaneUse.TRAM, RAIL: LaneUse.RAIL, CYCLEWAY: LaneUse.CYCLEWAY}
+_USES = {TRAM: LaneUse.TRAM, RAIL: LaneUse.RAIL}
 _WIDTHS = {TRAM: 2.6, RAIL: 3.0, CYCLEWAY: 1.5}
 """Metres of one direction."""
 _ONE_WAY_CYCLEWAY = 1.8
@@ -59,7 +59,8 @@ def read_track(tags: Tags) -> RoadTags | None:
     if kind is None:
         return None
     direction = _direction(tags, kind)
-    lane = LaneTags(use=_USES[kind], width=_lane_width(tags, kind, 1 if direction else 2))
+    use, width = _USES.get(kind) or _cycled(tags), _lane_width(tags, kind, 1 if direction else 2)
+    lane = LaneTags(use=use, width=width)
     speed = _SPEEDS[kind] if kind == CYCLEWAY else read_speed(tags.get("maxspeed", "")) or _SPEEDS[kind]
     return RoadTags(
         kind=kind,
@@ -84,6 +85,13 @@ def is_crossing_track(tags: Tags) -> bool:
         Whether it does.
     """
     return "crossing" in (tags.get("cycleway"), tags.get("path"), tags.get("footway"))
+
+
+def _cycled(tags: Tags) -> LaneUse:
+    """Tell whom a cycle track is for besides bicycles."""
+    if tags.get("foot") in _NO:
+        return LaneUse.BICYCLE
+    return LaneUse.SEGREGATED if tags.get("segregated") == "yes" else LaneUse.CYCLEWAY
 
 
 def _direction(tags: Tags, kind: str) -> int:
