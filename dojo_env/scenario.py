@@ -16,7 +16,7 @@ from dojo_env.errors import ConfigError, ScenarioError
 from dojo_env.notes import say_once
 from dojo_env.scenario_folders import NETWORKS, find_start, first_departure, is_other_project_s
 from dojo_env.sumo_options import ROOTS, Configuration, read_configuration
-from dojo_maps.bundle import DEMAND, DESCRIPTION, NETWORK, REPORT, Bundle, open_bundle
+from dojo_maps.bundle import DEMAND, DESCRIPTION, JUNCTION_BLOCKER, NETWORK, REPORT, Bundle, open_bundle
 from dojo_maps.demand.patterns import Pattern, find_pattern, split_pattern
 from dojo_maps.input_files import is_there
 from dojo_maps.safe_json import read_json
@@ -43,7 +43,7 @@ class Scenario:
         config: a .sumocfg whose options hold where nothing else is said, as far as a simulation needs them.
         name: shown in tables.
         licence: of the network and the demand.
-        options: what `config` asks for, by SUMO's own names.
+        options: SUMO's, by its own names, that hold where nothing else is said; those of `config`, if given.
         outputs: what `config` wants written; it is, where the user names a folder.
         left_out: the names of all else that `config` asks for.
     """
@@ -57,7 +57,7 @@ class Scenario:
     config: Path | None = None
     name: str = ""
     licence: str = ""
-    options: Mapping[str, str] = field(init=False, default_factory=dict)
+    options: Mapping[str, str] = field(default_factory=dict)
     outputs: Mapping[str, str] = field(init=False, default_factory=dict)
     left_out: tuple[str, ...] = field(init=False, default=())
 
@@ -202,7 +202,8 @@ def _read_scenario(path: Path) -> Scenario:
         return _read_sumocfg(path)
     if is_there(path / DEMAND):
         begin, end = _read_times(path / REPORT)
-        return Scenario(map=path, routes=(path / DEMAND,), begin=begin, end=end)
+        options = {"ignore-junction-blocker": JUNCTION_BLOCKER}
+        return Scenario(map=path, routes=(path / DEMAND,), begin=begin, end=end, options=options)
     if is_there(path) and is_other_project_s(path):
         return _read_folder(path)
     if is_there(path):

@@ -200,9 +200,7 @@ def _settle_interval(interval: float | None, step: float) -> float:
 
 
 def _note_overridden(scenario: Scenario, asked: Mapping[str, str]) -> tuple[str, ...]:
-    if scenario.config is None:
-        return ()
-    name = scenario.config.name
+    name = scenario.name if scenario.config is None else scenario.config.name
     return tuple(
         f"{name}: {option} {scenario.options[option]} gives way to {value}, as you ask"
         for option, value in asked.items()

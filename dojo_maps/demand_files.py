@@ -118,5 +118,8 @@ def _configuration(network: Path, routes: Path, demand: Demand) -> str:
         <begin value="{demand.begin:g}"/>
         <end value="{demand.end:g}"/>
     </time>
+    <processing>
+        <ignore-junction-blocker value="{bundle.JUNCTION_BLOCKER}"/>
+    </processing>
 </configuration>
 """

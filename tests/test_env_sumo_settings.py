@@ -9,6 +9,7 @@ from typing import Any
 
 import pytest
 from conftest import command_environment
+from osm_drawings import cross
 
 from dojo_env.config import build_config
 from dojo_env.elements import read_elements
@@ -16,6 +17,8 @@ from dojo_env.env import TrafficSignalEnv
 from dojo_env.errors import ConfigError, ScenarioError
 from dojo_env.local_world import LocalWorld
 from dojo_env.sumo_settings import read_words
+from dojo_maps import DemandOptions, add_demand
+from dojo_maps.conversion import ConvertOptions, convert
 from dojo_maps.sumo_programs import find_program
 
 OWN = """
@@ -111,6 +114,21 @@ def test_what_cannot_be_is_refused(
         build_config(scenario=write(own), **keywords)
     assert words in str(refused.value)
     assert isinstance(refused.value, ScenarioError) == ("'half'" in words or "whole number" in words)
+
+
+def test_with_generated_demand_nobody_waits_for_ever_inside_a_junction(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    convert(str(cross().write(tmp_path / "a.osm")), tmp_path / "a.dojo", ConvertOptions(demand=600))
+    add_demand("cologne1", DemandOptions(volume=600))
+    for scenario in ("a.dojo", "cologne1.demand.sumocfg"):
+        assert build_config(scenario=scenario).sumo.options["ignore-junction-blocker"] == "60"
+        other = build_config(scenario=scenario, additional_sumo_cmd="--ignore-junction-blocker -1").sumo
+        assert other.options["ignore-junction-blocker"] == "-1"
+        (note,) = other.notes
+        assert note.endswith(": ignore-junction-blocker 60 gives way to -1, as you ask")
+    assert "ignore-junction-blocker" not in build_config(scenario="cologne1").sumo.options
 
 
 def test_words_are_read_as_on_sumos_command_line() -> None:

@@ -52,6 +52,11 @@ class Section:
         """The vertex that it leads to."""
         return self.nodes[-1]
 
+    @property
+    def pair(self) -> tuple[int, int]:
+        """Both vertices, the lower one first."""
+        return min(self.start, self.end), max(self.start, self.end)
+
     def lanes_towards(self, *, end: bool) -> tuple[LaneTags, ...]:
         """Give the lanes that lead to its end, or to its start.
 

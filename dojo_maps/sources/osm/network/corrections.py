@@ -197,8 +197,7 @@ def _too_short(road_map: RoadMap, plain: Plain, shortest: float) -> dict[tuple[i
         length = min(lanes[lane].length for lane in road.lanes)
         section = plain.sections.get(EdgeId.read(road.id))
         if length < shortest and section is not None and not section.road.roundabout:
-            pair = (min(section.start, section.end), max(section.start, section.end))
-            found[pair] = min(length, found.get(pair, length))
+            found[section.pair] = min(length, found.get(section.pair, length))
     return dict(sorted(found.items()))
 
 
@@ -208,9 +207,8 @@ def _overdrawn(layout: Layout, short: Mapping[tuple[int, int], float]) -> frozen
     for section in layout.graph.sections.values():
         arms = Arm(section.id, at_end=False), Arm(section.id, at_end=True)
         lost = sum(max(layout.cuts.get(arm, 0.0), rules.forks.others) for arm in arms)
-        if (min(section.start, section.end), max(section.start, section.end)) in short and (
-            layout.graph.length(section) - lost >= rules.network.left_by_layout
-        ):
+        left = layout.graph.length(section) - lost
+        if section.pair in short and left >= rules.network.left_by_layout:
             found |= {layout.junction(arm) for arm in arms}
     members = layout.junctions.members()
     return frozenset(frozenset(members[junction]) for junction in found)

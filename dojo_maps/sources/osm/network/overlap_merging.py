@@ -38,7 +38,7 @@ def lying_on_neighbours(road_map: RoadMap, layout: Layout, plain: Plain) -> list
         drawn = [section for section in sections if not section.road.roundabout]
         short = min(drawn, key=lambda section: (graph.length(section), section.id), default=None)
         if short is not None and graph.length(short) <= rules.longest_merged:
-            found.add((min(short.start, short.end), max(short.start, short.end)))
+            found.add(short.pair)
     return sorted(found)
 
 
