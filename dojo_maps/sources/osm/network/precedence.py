@@ -4,6 +4,7 @@ netconvert lets equal ways give way to the right. Cycle tracks that meet at a ro
 bicycles are enough. Of two ways of a signal into one lane it lets each wait for the other: who is left in the
 junction from the last green and who starts in the next stand nose to nose. Of a cycle lane that goes straight
 on and a car that turns across it neither waits: they would ride into each other, and no signal may show both.
+A cyclist who must let a car pass rides into it where it waits inside the junction: in SUMO nobody looks there.
 """
 
 import re
@@ -25,7 +26,8 @@ _REQUEST = re.compile(r'(<request index="(\d+)"\s+response=")([01]+)("\s+foes=")
 def settle_precedence(data: bytes, road_map: RoadMap) -> bytes:
     """Let one way of each circle at a junction with priorities go first, and one of two into a signal's lane.
 
-    Of two ways that cross without either waiting, the one of a track or else of bicycles goes first.
+    Of two ways that cross without either waiting, the one of a track or else of bicycles goes first; so do
+    bicycles, at a signal, before cars that may wait inside the junction.
 
     Args:
         data: the network.
