@@ -4,7 +4,7 @@ netconvert lets equal ways give way to the right. Cycle tracks that meet at a ro
 bicycles are enough. Of two ways of a signal into one lane it lets each wait for the other: who is left in the
 junction from the last green and who starts in the next stand nose to nose. Of a cycle lane that goes straight
 on and a car that turns across it neither waits: they would ride into each other, and no signal may show both.
-A cyclist who must let a car pass rides into it where it waits inside the junction: in SUMO nobody looks there.
+A cyclist who must let a car pass rides into it where it waits inside the junction: nobody looks there.
 """
 
 import re
