@@ -251,6 +251,8 @@ def test_people_walk_on_cycle_tracks_where_they_may(tmp_path: Path, foot: str, w
     tracks = cycle_tracks(net)
     assert {track.allows("pedestrian") for track in tracks} == {walked}
     assert bool(walkers_of(bundle, {track.getID() for track in tracks})) is walked
+    inside = re.findall(r'<lane id=":[^"]*"[^>]* allow="([^"]*bicycle)"', bundle.network.read_text())
+    assert set(inside) == {"pedestrian bicycle" if walked else "bicycle"}
     assert report["osm"]["track_metres"]["cycleway"]["share"] == 1.0
     assert report["osm"]["crossings"]["share"] == 1.0
     assert not [issue for issue in report["issues"] if issue["check"] == "pedestrians.walk_components"]

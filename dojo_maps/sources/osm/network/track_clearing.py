@@ -19,7 +19,7 @@ from dojo_maps.sources.osm.rules import TrackRules
 
 _RAIL_EDGE = re.compile(rb'<edge id="([^"]*)"[^>]*type="railway\.')
 _EDGE = re.compile(rb'<edge id="([^"]*)".*?</edge>', re.DOTALL)
-_LINK = re.compile(rb' *<connection from="([^"]*)" to="([^"]*)"[^>]*?(?: via="([^"]*)_\d+")?[^>]*/>\n')
+_LINK = re.compile(rb' *<connection from="([^"]*)" to="([^"]*)"(?:[^>]* via="([^"]*)_\d+")?[^>]*/>\n')
 _PAVEMENT = re.compile(rb' *<edge id="(:[^"]*_w\d+)" function="walkingarea">.*?</edge>\n', re.DOTALL)
 _IS_PAVEMENT = re.compile(rb":.*_w\d+")
 _NAME = re.compile(rb'"(:[^"]*_w\d+)"')

@@ -36,6 +36,8 @@ _WITH_TRAM = {
 }
 """The same of a lane that a tram shares."""
 _NO_LANE_CHANGE = ' changeLeft="authority" changeRight="authority"'
+"""Of a connection: a car that changed lanes inside a junction could stand beside another for ever, each in
+the other's way."""
 _Link = tuple[Arm, int, Movement, int]
 """From a lane of an arm, by a movement, into a lane of its road."""
 
