@@ -1,6 +1,7 @@
 """Paint as meshes: lifted off the ground it lies on, and bent with it where the map has heights."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import shapely
@@ -18,20 +19,30 @@ _LEAST_TRIANGLE = 2e-6
 """Square metres, doubled; thinner triangles show nothing and have no direction."""
 
 
-def paint_mesh(paint: Paint, ground: Ground, lines: Mapping[str, Points]) -> Mesh | None:
-    """Build the mesh of one layer of paint.
+def paint_meshes(
+    paints: Sequence[Paint], ground: Ground, lines: Mapping[str, Points], *, jobs: int = 1
+) -> list[Mesh]:
+    """Build the mesh of each layer of paint.
 
     Args:
-        paint: what to draw.
+        paints: what to draw.
         ground: what it lies on.
         lines: the line (n, 3) along which each source id of the paint runs, metres, to tell levels apart.
+        jobs: threads; the result is the same for any number.
 
     Returns:
-        The mesh, a little above the ground; None where nothing is painted.
+        The meshes, a little above the ground, of those that paint something.
     """
+    slopes = _Slopes(ground) if ground.vertices[:, 2].any() else None
+    with ThreadPoolExecutor(max_workers=jobs) as pool:
+        meshes = pool.map(lambda paint: _paint_mesh(paint, slopes, lines), paints)
+        return [mesh for mesh in meshes if mesh is not None]
+
+
+def _paint_mesh(paint: Paint, slopes: "_Slopes | None", lines: Mapping[str, Points]) -> Mesh | None:
     polygons, index = flat_polygons(paint.polygons)
-    if ground.vertices[:, 2].any():
-        polygons, index, planes = _drape(polygons, index, [lines[id_] for id_ in paint.ids], ground)
+    if slopes is not None:
+        polygons, index, planes = slopes.drape(polygons, index, [lines[id_] for id_ in paint.ids])
     else:
         planes = np.zeros((len(polygons), 3))
     if not len(polygons):
@@ -49,30 +60,33 @@ def paint_mesh(paint: Paint, ground: Ground, lines: Mapping[str, Points]) -> Mes
     return compact(paint.layer, np.column_stack([places, z]), faces, sources, ids)
 
 
-def _drape(polygons: Shapes, index: Ints, lines: list[Points], ground: Ground) -> tuple[Shapes, Ints, Floats]:
-    """Cut polygons along the ground's triangles, so that each piece lies on one plane.
+class _Slopes:
+    """The triangles of carriageways that are not flat."""
 
-    Args:
-        polygons: (n,) in the plane.
-        index: (n,) the shape that each polygon is part of.
-        lines: the line along which each shape runs.
-        ground: its carriageways are painted.
+    def __init__(self, ground: Ground) -> None:
+        faces = ground.faces[np.isin(ground.layers, [list(Layer).index(layer) for layer in _PAINTED])]
+        self._corners = ground.vertices[faces]
+        self._triangles = shapely.polygons(self._corners[:, :, :2])
+        self._tree = shapely.STRtree(self._triangles)
 
-    Returns:
-        The pieces, the index of each one's shape, and (m, 3) planes a, b, c with z = a x + b y + c.
-    """
-    faces = ground.faces[np.isin(ground.layers, [list(Layer).index(layer) for layer in _PAINTED])]
-    corners = ground.vertices[faces]
-    polygon, face = shapely.STRtree(shapely.polygons(corners[:, :, :2])).query(
-        polygons, predicate="intersects"
-    )
-    middle = corners[face].mean(axis=1)
-    line_height = HeightLines(lines).at(index[polygon], middle[:, :2])
-    level = np.abs(line_height - middle[:, 2]) < LEVEL_GAP
-    polygon, face = polygon[level], face[level]
-    triangles = shapely.polygons(corners[face][:, :, :2])
-    pieces, part = flat_polygons(shapely.intersection(polygons[polygon], triangles))
-    return pieces, index[polygon[part]], _planes(corners[face[part]])
+    def drape(self, polygons: Shapes, index: Ints, lines: list[Points]) -> tuple[Shapes, Ints, Floats]:
+        """Cut polygons along the triangles, so that each piece lies on one plane.
+
+        Args:
+            polygons: (n,) in the plane.
+            index: (n,) the shape that each polygon is part of.
+            lines: the line along which each shape runs.
+
+        Returns:
+            The pieces, the index of each one's shape, and (m, 3) planes a, b, c with z = a x + b y + c.
+        """
+        polygon, face = self._tree.query(polygons, predicate="intersects")
+        middle = self._corners[face].mean(axis=1)
+        line_height = HeightLines(lines).at(index[polygon], middle[:, :2])
+        level = np.abs(line_height - middle[:, 2]) < LEVEL_GAP
+        polygon, face = polygon[level], face[level]
+        pieces, part = flat_polygons(shapely.intersection(polygons[polygon], self._triangles[face]))
+        return pieces, index[polygon[part]], _planes(self._corners[face[part]])
 
 
 def _planes(corners: Floats) -> Floats:

@@ -12,7 +12,7 @@ from dojo_maps.geometry.lane_lines import line_markings, rail_markings
 from dojo_maps.geometry.paint import Canvas
 from dojo_maps.geometry.pieces import Pieces, add_pieces
 from dojo_maps.geometry.polylines import Shapes
-from dojo_maps.meshes.decals import paint_mesh
+from dojo_maps.meshes.decals import paint_meshes
 from dojo_maps.meshes.furniture import signal_meshes
 from dojo_maps.meshes.mesh import Mesh
 from dojo_maps.meshes.surfaces import build_ground, surface_meshes
@@ -64,7 +64,7 @@ def build_scene(
     shift = np.array([*road_map.origin, 0.0])
     lines = {lane.id: lane.shape - shift for lane in road_map.lanes}
     lines |= {crossing.id: crossing.shape - shift for crossing in road_map.crossings}
-    meshes += [mesh for paint in paints if (mesh := paint_mesh(paint, ground, lines)) is not None]
+    meshes += paint_meshes(paints, ground, lines, jobs=jobs)
     return (*meshes, *signal_meshes(road_map), *surrounding_meshes(road_map))
 
 
