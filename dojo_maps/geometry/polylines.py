@@ -120,27 +120,37 @@ def lift_to_nearest(places: Floats, lines: Sequence[Points]) -> Points:
     heights = HeightLines(lines)
     nearest = np.zeros(len(places), dtype=np.int64)
     if not heights.flat:
-        tree = shapely.STRtree([shapely.linestrings(_at_least_two(line[:, :2])) for line in lines])
+        tree = shapely.STRtree(_line_strings(lines))
         nearest = tree.nearest(shapely.points(places))
     return points(np.column_stack([places, heights.at(nearest, places)]))
 
 
 def strip_outline(shape: Points, width: float) -> Points:
-    """Outline the strip of a centre line, flat at its ends.
+    """Outline the strip of one centre line, as `strip_outlines` does."""
+    return strip_outlines([shape], [width])[0]
+
+
+def strip_outlines(shapes: Sequence[Points], widths: Sequence[float]) -> list[Points]:
+    """Outline the strips of centre lines, flat at their ends.
 
     Args:
-        shape: (k, 3), metres, k >= 1.
-        width: metres.
+        shapes: (k, 3) each, metres, k >= 1.
+        widths: metres.
 
     Returns:
-        (n, 3), metres, with the line's heights; the ring closes implicitly. A line without length has a
+        (n, 3) each, metres, with the line's heights; the ring closes implicitly. A line without length has a
         disc around it.
     """
-    line = shapely.LineString(_at_least_two(shape[:, :2]))
-    strip = line.buffer(width / 2, cap_style="flat", join_style="mitre", mitre_limit=2.0)
-    if not isinstance(strip, shapely.Polygon) or strip.is_empty:
-        strip = line.buffer(width / 2).convex_hull
-    return lift(shapely.get_coordinates(strip.exterior)[:-1], shape)
+    if not shapes:
+        return []
+    lines, halves = _line_strings(shapes), np.asarray(widths) / 2
+    strips = shapely.buffer(lines, halves, cap_style="flat", join_style="mitre", mitre_limit=2.0)
+    odd = (shapely.get_type_id(strips) != shapely.GeometryType.POLYGON) | shapely.is_empty(strips)
+    strips[odd] = shapely.convex_hull(shapely.buffer(lines[odd], halves[odd]))
+    corners, owner = shapely.get_coordinates(shapely.get_exterior_ring(strips), return_index=True)
+    heights = HeightLines(shapes).at(owner, corners)
+    rings = np.split(np.column_stack([corners, heights]), np.flatnonzero(np.diff(owner)) + 1)
+    return [points(ring[:-1]) for ring in rings]
 
 
 class HeightLines:
@@ -156,7 +166,7 @@ class HeightLines:
         self._starts = np.concatenate([[0.0], np.cumsum(spans)])
         self._along = np.concatenate([a + start for a, start in zip(lengths, self._starts, strict=False)])
         self._heights = np.concatenate([line[:, 2] for line in lines])
-        self._lines = np.array([shapely.linestrings(_at_least_two(line[:, :2])) for line in lines])
+        self._lines = _line_strings(lines)
 
     @property
     def flat(self) -> bool:
@@ -177,6 +187,14 @@ class HeightLines:
             return np.zeros(len(places))
         distance = shapely.line_locate_point(self._lines[pieces], shapely.points(places))
         return np.interp(distance + self._starts[pieces], self._along, self._heights)
+
+
+def _line_strings(lines: Sequence[Points]) -> Shapes:
+    """Make line strings in the plane; one of a single point has it twice."""
+    flat = [_at_least_two(line[:, :2]) for line in lines]
+    owner = np.repeat(np.arange(len(flat)), [len(line) for line in flat])
+    strings: Shapes = shapely.linestrings(np.concatenate(flat), indices=owner)
+    return strings
 
 
 def _at_least_two(line: Floats) -> Floats:

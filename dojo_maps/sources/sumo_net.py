@@ -29,7 +29,7 @@ from dojo_maps.sources.permissions import allowed_classes, lane_kind, unknown_cl
 from dojo_maps.sources.right_of_way import read_right_of_way
 from dojo_maps.sources.sumo_connections import ConnectionReader
 from dojo_maps.sources.sumo_pavement import (
-    read_crossing,
+    read_crossings,
     read_walking_area,
     sidewalks_of,
     walk_connections,
@@ -122,9 +122,9 @@ class _Reader:
         self.crossings: dict[str, Crossing] = {}
         self.walking_areas: dict[str, WalkingArea] = {}
         self.internal: dict[str, Points] = {}
-        walks = walk_connections(records.connections)
         for record in records.edges:
-            self._read_edge(record, walks)
+            self._read_edge(record)
+        self._read_crossings(records)
         incoming, outgoing = _roads_by_junction(self.roads.values())
         for attributes in records.junctions:
             if attributes.get("type") != "internal":
@@ -145,7 +145,7 @@ class _Reader:
         measure_bounds([*shapes, *(crossing.shape for crossing in self.crossings.values())], self.path)
         return measure_bounds(shapes, self.path)
 
-    def _read_edge(self, record: EdgeRecord, walks: Mapping[str, Attributes]) -> None:
+    def _read_edge(self, record: EdgeRecord) -> None:
         attributes = record.attributes
         edge, function = (
             read_text(attributes, "id", self.path, "an edge"),
@@ -153,9 +153,6 @@ class _Reader:
         )
         if function in _ROAD_FUNCTIONS:
             self._read_road(edge, record)
-        elif function == "crossing" and record.lanes:
-            crossing = read_crossing(edge, record, walks.get(edge, {}), self.path)
-            self._keep(self.crossings, edge, "crossing", crossing, crossing.shape)
         elif function == "walkingarea" and record.lanes:
             area = read_walking_area(edge, record, self.path)
             self._keep(self.walking_areas, edge, "walking_area", area, area.polygon)
@@ -163,6 +160,11 @@ class _Reader:
             for lane in record.lanes:
                 lane_id = read_text(lane, "id", self.path, "a lane")
                 self.internal[lane_id] = self._shape(lane, f"lane {lane_id}")
+
+    def _read_crossings(self, records: NetRecords) -> None:
+        crossings = [e for e in records.edges if e.attributes.get("function") == "crossing" and e.lanes]
+        for crossing in read_crossings(crossings, walk_connections(records.connections), self.path):
+            self._keep(self.crossings, crossing.id, "crossing", crossing, crossing.shape)
 
     def _read_road(self, edge: str, record: EdgeRecord) -> None:
         if not record.lanes:

@@ -1,12 +1,22 @@
 """Where people walk, from a SUMO network's records: sidewalks, crossings and walking areas."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 
+import numpy as np
 import shapely
 
-from dojo_maps.description import Crossing, Lane, LaneKind, Origin, Points, Sidewalk, WalkingArea
-from dojo_maps.geometry.polylines import strip_outline
+from dojo_maps.description import (
+    Crossing,
+    Lane,
+    LaneKind,
+    Origin,
+    Points,
+    Sidewalk,
+    WalkingArea,
+    points,
+)
+from dojo_maps.geometry.polylines import Flags, strip_outlines
 from dojo_maps.safe_xml import Attributes
 from dojo_maps.sources.sumo_xml import EdgeRecord
 from dojo_maps.sources.values import MIN_WIDTH, read_float, read_link, read_shape
@@ -29,39 +39,43 @@ def walk_connections(connections: list[Attributes]) -> dict[str, Attributes]:
     return {a["to"]: a for a in reversed(connections) if "tl" in a and a.get("to", "").startswith(":")}
 
 
-def read_crossing(edge: str, record: EdgeRecord, walk: Attributes, path: Path) -> Crossing:
-    """Describe a crossing.
+def read_crossings(
+    records: Sequence[EdgeRecord], walks: Mapping[str, Attributes], path: Path
+) -> list[Crossing]:
+    """Describe crossings.
 
     Args:
-        edge: its id, `:J_c0`.
-        record: its edge, with a lane.
-        walk: the attributes of the signalled connection onto it, empty if there is none.
+        records: their edges, `:J_c0`, each with a lane.
+        walks: the attributes of the signalled connections onto edges, by their ids.
         path: where the network came from, for errors.
 
     Returns:
-        The crossing, 4 m wide where it names no width.
+        A crossing for each, 4 m wide where it names no width.
 
     Raises:
-        SourceError: its shape, its width or its link index cannot be used.
+        SourceError: a shape, a width or a link index cannot be used.
     """
-    attributes, what = record.lanes[0], f"crossing {edge}"
-    shape = read_shape(attributes.get("shape", ""), path, what)
-    width = read_float(attributes, "width", path, what, default=_CROSSING_WIDTH, least=MIN_WIDTH)
-    signal, link_index = read_link(walk, path, what)
-    outline = None
-    if "outlineShape" in attributes:
-        outline = read_shape(attributes["outlineShape"], path, what)
-    return Crossing(
-        id=edge,
-        origin=Origin.NETWORK,
-        junction=_junction_of(edge, "c"),
-        roads=tuple(record.attributes.get("crossingEdges", "").split()),
-        width=width,
-        shape=shape,
-        polygon=_crossing_polygon(shape, width, outline),
-        signal=signal,
-        link_index=link_index,
-    )
+    read = [_read_line(record, path) for record in records]
+    strips = strip_outlines([shape for shape, _, _ in read], [width for _, width, _ in read])
+    agrees = _agree([outline for _, _, outline in read], strips)
+    found = []
+    for record, (shape, width, outline), strip, agreed in zip(records, read, strips, agrees, strict=True):
+        edge = record.attributes["id"]
+        signal, link_index = read_link(walks.get(edge, {}), path, f"crossing {edge}")
+        found.append(
+            Crossing(
+                id=edge,
+                origin=Origin.NETWORK,
+                junction=_junction_of(edge, "c"),
+                roads=tuple(record.attributes.get("crossingEdges", "").split()),
+                width=width,
+                shape=shape,
+                polygon=outline if agreed else strip,
+                signal=signal,
+                link_index=link_index,
+            )
+        )
+    return found
 
 
 def read_walking_area(edge: str, record: EdgeRecord, path: Path) -> WalkingArea:
@@ -91,21 +105,32 @@ def sidewalks_of(lanes: Iterable[Lane]) -> Iterator[Sidewalk]:
     Yields:
         The pavement of each sidewalk among them, as wide as its lane.
     """
-    for lane in lanes:
-        if lane.kind is LaneKind.SIDEWALK:
-            ring = strip_outline(lane.shape, lane.width)
-            yield Sidewalk(id=lane.id, origin=Origin.NETWORK, road=lane.road, polygon=ring)
+    walks = [lane for lane in lanes if lane.kind is LaneKind.SIDEWALK]
+    rings = strip_outlines([lane.shape for lane in walks], [lane.width for lane in walks])
+    for lane, ring in zip(walks, rings, strict=True):
+        yield Sidewalk(id=lane.id, origin=Origin.NETWORK, road=lane.road, polygon=ring)
 
 
-def _crossing_polygon(shape: Points, width: float, outline: Points | None) -> Points:
-    """Take the crossing's own outline where it is one; netconvert appends stray corners to some."""
-    strip = strip_outline(shape, width)
-    if outline is None or len(outline) < 3:
-        return strip
-    drawn, expected = shapely.Polygon(outline[:, :2]), shapely.Polygon(strip[:, :2])
-    if not drawn.is_valid or drawn.intersection(expected).area < _OUTLINE_AGREES * drawn.union(expected).area:
-        return strip
-    return outline
+def _read_line(record: EdgeRecord, path: Path) -> tuple[Points, float, Points]:
+    """Read a crossing's centre line, its width, and its own outline; one without corners if it has none."""
+    attributes, what = record.lanes[0], f"crossing {record.attributes['id']}"
+    shape = read_shape(attributes.get("shape", ""), path, what)
+    width = read_float(attributes, "width", path, what, default=_CROSSING_WIDTH, least=MIN_WIDTH)
+    drawn = "outlineShape" in attributes
+    return shape, width, read_shape(attributes["outlineShape"], path, what) if drawn else points([])
+
+
+def _agree(outlines: Sequence[Points], strips: Sequence[Points]) -> Flags:
+    """Tell which crossings' own outlines are such; netconvert appends stray corners to some."""
+    drawn, expected = (
+        np.array([shapely.Polygon(ring[:, :2] if len(ring) > 2 else None) for ring in rings], dtype=object)
+        for rings in (outlines, strips)
+    )
+    agrees: Flags = shapely.is_valid(drawn) & ~shapely.is_empty(drawn)
+    common = shapely.area(shapely.intersection(drawn[agrees], expected[agrees]))
+    either = shapely.area(shapely.union(drawn[agrees], expected[agrees]))
+    agrees[agrees] = common >= _OUTLINE_AGREES * either
+    return agrees
 
 
 def _junction_of(edge: str, letter: str) -> str:

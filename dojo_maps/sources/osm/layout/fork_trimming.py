@@ -30,7 +30,8 @@ def trim_forks(layout: Layout) -> Layout:
     cuts, rules = dict(layout.cuts), layout.rules.forks
     for arms in layout.arms().values():
         drawn = [arm for arm in arms if not layout.graph.sections[arm.section].road.roundabout]
-        wanted = {arm: _parted_after(layout, arm, arms) for arm in drawn}
+        lines = {arm: outward(layout.graph, arm) for arm in arms}
+        wanted = {arm: _parted_after(layout, arm, lines) for arm in drawn}
         if not any(wanted.values()):
             continue
         farthest = {arm: _nearest_crossing(layout, cuts, arm, arms) for arm in drawn}
@@ -42,16 +43,21 @@ def trim_forks(layout: Layout) -> Layout:
     return replace(layout, cuts=cuts)
 
 
-def _parted_after(layout: Layout, arm: Arm, arms: Sequence[Arm]) -> float:
-    """Measure along an arm to where it has left the others' ground; 0 where they only run side by side."""
-    line, rules = outward(layout.graph, arm), layout.rules.forks
+def _parted_after(layout: Layout, arm: Arm, lines: Mapping[Arm, Floats]) -> float:
+    """Measure along an arm to where it has left the others' ground; 0 where they only run side by side.
+
+    Args:
+        layout: with its crossings at their arms.
+        arm: one of a junction.
+        lines: of all its arms, outward.
+    """
+    line, rules = lines[arm], layout.rules.forks
     lengths = along(line)
     at = np.arange(0.0, min(rules.farthest_of_fork, float(lengths[-1])) + 0.5, 1.0)
     places = shapely.points(np.column_stack([np.interp(at, lengths, values) for values in line.T]))
     found = 0.0
-    for other in arms:
+    for other, beside in lines.items():
         if other.section != arm.section:
-            beside = outward(layout.graph, other)
             shorter = min(float(lengths[-1]), float(along(beside)[-1]))
             forks = (beside[0] == line[0]).all()
             begins = _begins_on(line, beside[0], layout.half(arm.section), rules.farthest)
