@@ -14,6 +14,7 @@ costs, in milliseconds of processor time.
 """
 
 import argparse
+import itertools
 import json
 import os
 import statistics
@@ -23,7 +24,6 @@ import tempfile
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -169,6 +169,12 @@ def several(cameras: Sequence[Camera], count: int) -> tuple[Camera, ...]:
     return tuple(replace(cameras[k % len(cameras)], name=f"c{k}") for k in range(count))
 
 
+def drawing(renderer: Renderer, snapshot: Snapshot, cameras: Sequence[Camera]) -> Callable[[], object]:
+    """Draw two like instants in turn: of the one before, the road users are in place already."""
+    instants = itertools.cycle((snapshot, replace(snapshot)))
+    return lambda: renderer.render(next(instants), cameras)
+
+
 def compare(
     label: str, scene: Scene, snapshot: Snapshot, cameras: Sequence[Camera], budget: float
 ) -> dict[str, float]:
@@ -177,8 +183,7 @@ def compare(
     start = time.perf_counter()
     renderer.render(snapshot, cameras)
     first = time.perf_counter() - start
-    # Every time another instant: of the same one the road users are there already.
-    raster = milliseconds(lambda: renderer.render(replace(snapshot), cameras), budget)
+    raster = milliseconds(drawing(renderer, snapshot, cameras), budget)
     row = {"raster": raster / len(cameras)}
     for name, world in (("bullet", BulletWorld), ("panda3d", PandaWorld)):
         try:
@@ -281,8 +286,7 @@ def main() -> None:
         if name == "cologne1":
             dense = compare("dense", densify(scene, 20), real, cameras, budget)["raster"]
             print(f"twenty times the static triangles: {dense / goal['raster']:.2f} times the time")
-            draw_plain = partial(Renderer(scene, look="plain").render, real, cameras)
-            plain = milliseconds(draw_plain, budget) / len(cameras)
+            plain = milliseconds(drawing(Renderer(scene, look="plain"), real, cameras), budget) / len(cameras)
             costs = report_costs(bundle.folder)
     reached = {"frames a second": 1000 / goal["raster"], "plain frames a second": 1000 / plain}
     peers = {"panda3d": "times Panda3D", "bullet": "times pybullet"}

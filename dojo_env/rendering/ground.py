@@ -65,16 +65,14 @@ def draw_on_ground(near, users, models, sun, headlights, plain, view, target):
         k, section = near[number // models.prints.shape[1]], number % models.prints.shape[1]
         if not _stand(users, k, models, section, one) or not _lay_plane(one, 0, view, plane):
             continue
-        shadows = _throw(one, 0, models.profiles, sun, view, plane, prisms, corners)
-        if plain and shadows:
-            shadows = 1
-        _fill(False, shadows, prisms, corners, plane, view, seen, bounds, target)
+        shadows, touches = _throw(one, 0, models.profiles, sun, plain, view, plane, prisms, corners)
+        _fill(False, shadows, touches, prisms, corners, plane, view, seen, bounds, target)
         if headlights and section == 0 and plane[6, 1] > _NARROW and not users.lights[k] & _OFF:
             for corner in range(8):
                 far = corner >> 2
                 half = _BEAM_FOOT + far * _BEAM_SPREAD * BEAM_LENGTH
                 corners[corner, 0], corners[corner, 1] = far * BEAM_LENGTH, half * (2 * (corner & 1) - 1)
-            _fill(True, 0, prisms, corners, plane, view, seen, bounds, target)
+            _fill(True, 0, False, prisms, corners, plane, view, seen, bounds, target)
 
 
 @inner
@@ -143,8 +141,8 @@ def _lay_plane(users, k, view, plane):
 
 
 @inner
-def _throw(users, k, profiles, sun, view, plane, prisms, corners):
-    """Find the outlines of a road user's shadow; returns how many there are.
+def _throw(users, k, profiles, sun, plain, view, plane, prisms, corners):
+    """Find the outlines of a road user's shadow; returns how many there are, and whether it has a contact's.
 
     A shadow is that of two prisms: the body up to its belt, and what stands on it. Each is a rectangle swept
     along the ground, which three pairs of parallel lines bound. A prism's row: its middle, half length, half
@@ -161,13 +159,14 @@ def _throw(users, k, profiles, sun, view, plane, prisms, corners):
     up = max(_LOW_SUN, up)
     x, y = -along / up * height, -across / up * height
     soft = max(_SOFT, _SOFT_PIXELS * max(plane[5, 2], view.lens[3]) / view.lens[0])
-    reach = 0.5 * max(soft, _contact_edge(width))
+    touches = not (plain and shines)
+    reach = 0.5 * (max(soft, _contact_edge(width)) if touches else soft)
     for corner in range(8):
         thrown = (corner >> 2) * shines
         corners[corner, 0] = -length - reach + (corner & 1) * (length + 2.0 * reach) + thrown * x
         corners[corner, 1] = (0.5 * width + reach) * ((corner & 2) - 1) + thrown * y
     if not shines:
-        return 0
+        return 0, touches
     size = sqrt(x * x + y * y)
     for prism in range(2):
         row = prisms[prism]
@@ -181,7 +180,7 @@ def _throw(users, k, profiles, sun, view, plane, prisms, corners):
         row[4], row[5] = (-y / size, x / size) if size > 1e-6 else (0.0, 0.0)
         row[6] = abs(row[4]) * half_length + abs(row[5]) * half_width if size > 1e-6 else 1.0
         row[7] = 1.0 / soft
-    return 2
+    return 1 if plain else 2, touches
 
 
 @inner
@@ -191,7 +190,7 @@ def _contact_edge(width):
 
 
 @inner
-def _fill(lit, shadows, prisms, corners, plane, view, seen, bounds, target):
+def _fill(lit, shadows, touches, prisms, corners, plane, view, seen, bounds, target):
     """Darken or light what lies on the plane within the hull of eight corners."""
     half_length, half_width = 0.5 * plane[6, 0], 0.5 * plane[6, 1]
     sharp = 1.0 / _contact_edge(plane[6, 1])
@@ -217,9 +216,10 @@ def _fill(lit, shadows, prisms, corners, plane, view, seen, bounds, target):
             else:
                 for prism in range(shadows):
                     shade = max(shade, _inside(prisms[prism], ahead, left))
-                contact = _both(
-                    (half_length - abs(ahead + half_length)) * sharp, (half_width - abs(left)) * sharp
-                )
+                if touches:
+                    contact = _both(
+                        (half_length - abs(ahead + half_length)) * sharp, (half_width - abs(left)) * sharp
+                    )
             if shade > 0.0 or contact > 0.0 or light > 0.0:
                 target.tags[row, column] = _joined(tag, shade, contact, light)
 
