@@ -5,6 +5,7 @@ Signals are read in `sumo_signals`. Nothing is repaired in silence: what cannot 
 
 from collections import defaultdict
 from collections.abc import Iterable, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import TypeVar
 
@@ -62,7 +63,33 @@ def read_network(data: bytes, *, path: Path, name: str, sha256: str) -> tuple[Ro
     Raises:
         SourceError: the bytes are not a SUMO network, or an element of it has no usable value.
     """
+    return _mend_and_describe(read_records(data, path), path, name, sha256)
+
+
+def read_roads(data: bytes, *, path: Path, name: str, sha256: str) -> RoadMap:
+    """Describe nothing of a SUMO network but its roads and junctions, which takes a third of the time.
+
+    Args:
+        data: the network's bytes, unpacked.
+        path: where they came from, for errors and for the description.
+        name: the map's name.
+        sha256: of the file as it lies on disk.
+
+    Returns:
+        The description, without ways across junctions, signals, crossings and walking areas.
+
+    Raises:
+        SourceError: the bytes are not a SUMO network, or an element of it has no usable value.
+    """
     records = read_records(data, path)
+    roads = [edge for edge in records.edges if edge.attributes.get("function", "normal") in _ROAD_FUNCTIONS]
+    alone = replace(records, edges=roads, connections=[], logics=[], requests=defaultdict(list))
+    return _mend_and_describe(alone, path, name, sha256)[0]
+
+
+def _mend_and_describe(
+    records: NetRecords, path: Path, name: str, sha256: str
+) -> tuple[RoadMap, tuple[Issue, ...]]:
     try:
         return _describe(records, path, name, sha256)
     except SourceError:

@@ -31,7 +31,7 @@ from dojo_maps.sources.osm.network.osm_network import OsmNetwork
 from dojo_maps.sources.osm.network.outline_filling import fill_outlines
 from dojo_maps.sources.osm.network.outline_trimming import trim_outlines
 from dojo_maps.sources.osm.network.precedence import settle_precedence
-from dojo_maps.sources.osm.network.track_clearing import clear_cycle_tracks
+from dojo_maps.sources.osm.network.track_clearing import clear_cycle_tracks, clear_rails
 from dojo_maps.sources.osm.network.track_walkers import part_walkers_from_cyclists
 from dojo_maps.sources.osm.network.waiting_places import move_waiting_places
 from dojo_maps.sources.osm.plain.plain_xml import Plain, write_plain
@@ -40,7 +40,7 @@ from dojo_maps.sources.osm.read.data import OsmData
 from dojo_maps.sources.osm.read.restrictions import read_restrictions
 from dojo_maps.sources.osm.rules import RULES, ImportRules
 from dojo_maps.sources.osm.signals.programs import program_signals
-from dojo_maps.sources.sumo_net import read_network
+from dojo_maps.sources.sumo_net import read_network, read_roads
 from dojo_maps.whole_file import scratch_folder
 
 
@@ -81,7 +81,7 @@ def build_network(
         with scratch_folder() as folder:
             plain = write_plain(layout, restrictions, folder)
             converted = convert_plain(folder, path, left_hand=graph.left_hand, timeout=rules.network.timeout)
-        return plain, converted, read_network(converted.data, path=path, name=name, sha256=sha256)[0]
+        return plain, converted, read_roads(converted.data, path=path, name=name, sha256=sha256)
 
     wanted, unsettled = Corrections(), []
     for _ in range(rules.network.attempts):
@@ -107,11 +107,13 @@ def build_network(
         else:
             tried = rules.network.track_attempts
             unsettled.append(not_converged(known, wanted, layout.graph, attempts=tried))
-    built = follow_tracks(converted.data, road_map, layout)
+    cleared = clear_rails(converted.data)
+    road_map, _ = read_network(cleared, path=path, name=name, sha256=sha256)
+    built = follow_tracks(cleared, road_map, layout)
     if layout.tracks is not None:
         built = clear_cycle_tracks(built, road_map, layout.tracks, rules.tracks)
     built = settle_precedence(built, road_map)
-    if built != converted.data:  # Programs and waiting places go by where bicycles ride, and by who waits.
+    if built != cleared:  # Programs and waiting places go by where bicycles ride, and by who waits.
         road_map, _ = read_network(built, path=path, name=name, sha256=sha256)
     built = move_waiting_places(program_signals(built, road_map), road_map, rules.waiting)
     built = mend_outlines(part_walkers_from_cyclists(built))

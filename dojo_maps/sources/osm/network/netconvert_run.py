@@ -9,7 +9,6 @@ from pathlib import Path
 
 from dojo_maps.errors import SourceError
 from dojo_maps.sources.netconvert import NetconvertError, run_netconvert
-from dojo_maps.sources.osm.network.track_clearing import clear_rails
 from dojo_maps.sources.osm.plain.plain_xml import CONNECTIONS, EDGES, NODES
 
 _ALWAYS = (
@@ -76,7 +75,7 @@ def convert_plain(folder: Path, path: Path, *, left_hand: bool, timeout: float) 
             dropped.append((what, str(error)))
     if not output.is_file():
         raise SourceError(path, "netconvert built no network from its roads; choose a larger area")
-    data = clear_rails(_without_header(output.read_bytes()))
+    data = _without_header(output.read_bytes())
     return Converted(data=data, warnings=result.warnings, dropped=tuple(dropped))
 
 
