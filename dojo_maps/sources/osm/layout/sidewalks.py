@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import shapely
 
+from dojo_maps.geometry.polylines import Shapes
 from dojo_maps.sources.osm.graph.road_graph import RoadGraph, Section
 from dojo_maps.sources.osm.layout.arms import Layout
 from dojo_maps.sources.osm.read.foot_tags import is_sidewalk
@@ -99,12 +100,10 @@ class _Sidewalks:
         way /= np.hypot(*way.T)[:, None]
         return (ahead + behind) / 2, np.column_stack([-way[:, 1], way[:, 0]])
 
-    def _rays(self, section: Section, sign: int, reach: float) -> list[shapely.LineString]:
+    def _rays(self, section: Section, sign: int, reach: float) -> Shapes:
         places, left = self._samples(section)
-        return [
-            shapely.LineString([place, place + sign * reach * way])
-            for place, way in zip(places, left, strict=True)
-        ]
+        rays: Shapes = shapely.linestrings(np.stack([places, places + sign * reach * left], axis=1))
+        return rays
 
     def _share_beside(self, section: Section, sign: int) -> float:
         rays = self._rays(section, sign, section.road.drives / 2 + self._rules.beside_road)
