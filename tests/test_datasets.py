@@ -481,6 +481,7 @@ def test_wrong_settings_are_one_line(
     assert words in errors
     assert len(errors.splitlines()) == 1
     assert not (tmp_path / "set/parts").exists() or not any((tmp_path / "set/parts").iterdir())
+    assert "--split-by" not in arguments or not (tmp_path / "set").exists(), "found before anything is made"
 
 
 @pytest.mark.slow

@@ -110,11 +110,7 @@ class Stage:
         self.eyes = Eyes(bundle, SensingConfig(smooth=settings.smooth, parked=settings.parked))
         signals = self.world.signals
         self.cameras = choose_cameras(settings.cameras, self.eyes.scene, signals, settings.size)
-        self._divided: Mapping[str, Sequence[Camera]] = {}
-        if settings.split_by == CAMERA:
-            random = np.random.default_rng([settings.seed, crc32(scenario.encode())])
-            mixed = [self.cameras[k] for k in random.permutation(len(self.cameras))]
-            self._divided = divide_among(settings, mixed, "camera")
+        self._divided = _divide_cameras(settings, scenario, self.cameras)
         self.ways = Ways(bundle.road_map)
         self.name = self.world.config.scenario.name
 
@@ -128,6 +124,32 @@ class Stage:
             Its own cameras where cameras are divided among the splits, else all of them.
         """
         return tuple(self._divided.get(split, self.cameras))
+
+
+def check_cameras_suffice(settings: DatasetSettings) -> None:
+    """See that each scenario has cameras for every split.
+
+    Args:
+        settings: of the data set.
+
+    Raises:
+        ConfigError: there are fewer cameras than splits that have their own.
+    """
+    for scenario in dict.fromkeys(settings.scenarios if settings.split_by == CAMERA else ()):
+        world = LocalWorld(scenario_config(settings, scenario))
+        scene = Eyes(world.map.bundle, SensingConfig()).scene
+        cameras = choose_cameras(settings.cameras, scene, world.signals, settings.size)
+        _divide_cameras(settings, scenario, cameras)
+
+
+def _divide_cameras(
+    settings: DatasetSettings, scenario: str, cameras: Sequence[Camera]
+) -> Mapping[str, Sequence[Camera]]:
+    """Divide cameras among the splits that have their own; none where all take all."""
+    if settings.split_by != CAMERA:
+        return {}
+    random = np.random.default_rng([settings.seed, crc32(scenario.encode())])
+    return divide_among(settings, [cameras[k] for k in random.permutation(len(cameras))], "camera")
 
 
 @lru_cache(maxsize=_WORLDS_KEPT)

@@ -16,7 +16,14 @@ from dojo_env.datasets.cameras import check_cameras
 from dojo_env.datasets.card import add_counts, write_card
 from dojo_env.datasets.cluster import run_on_cluster
 from dojo_env.datasets.formats import FORMATS
-from dojo_env.datasets.parts import COUNTS, LABELS, TREE, make_part, scenario_config
+from dojo_env.datasets.parts import (
+    COUNTS,
+    LABELS,
+    TREE,
+    check_cameras_suffice,
+    make_part,
+    scenario_config,
+)
 from dojo_env.datasets.settings import DatasetSettings, Job, Plan
 from dojo_env.datasets.workers import run_calls
 from dojo_env.errors import ConfigError, DatasetError
@@ -69,6 +76,7 @@ def write_dataset(
     settings = settings if settings is not None else _build_settings(keywords)
     plan = Plan(settings=settings)
     facts = _describe(settings, on_stage)
+    check_cameras_suffice(settings)
     known = _begin(folder, facts)
     if known["complete"]:
         return known
