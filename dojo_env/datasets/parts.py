@@ -108,9 +108,7 @@ class Stage:
         self.world = open_scenario(settings, scenario, "fixed-time")
         bundle = self.world.map.bundle
         self.eyes = Eyes(bundle, SensingConfig(smooth=settings.smooth, parked=settings.parked))
-        signals = self.world.signals
-        self.cameras = choose_cameras(settings.cameras, self.eyes.scene, signals, settings.size)
-        self._divided = _divide_cameras(settings, scenario, self.cameras)
+        self.cameras, self._divided = _hang_cameras(settings, scenario, self.world, self.eyes)
         self.ways = Ways(bundle.road_map)
         self.name = self.world.config.scenario.name
 
@@ -137,19 +135,19 @@ def check_cameras_suffice(settings: DatasetSettings) -> None:
     """
     for scenario in dict.fromkeys(settings.scenarios if settings.split_by == CAMERA else ()):
         world = LocalWorld(scenario_config(settings, scenario))
-        scene = Eyes(world.map.bundle, SensingConfig()).scene
-        cameras = choose_cameras(settings.cameras, scene, world.signals, settings.size)
-        _divide_cameras(settings, scenario, cameras)
+        _hang_cameras(settings, scenario, world, Eyes(world.map.bundle, SensingConfig()))
 
 
-def _divide_cameras(
-    settings: DatasetSettings, scenario: str, cameras: Sequence[Camera]
-) -> Mapping[str, Sequence[Camera]]:
-    """Divide cameras among the splits that have their own; none where all take all."""
+def _hang_cameras(
+    settings: DatasetSettings, scenario: str, world: LocalWorld, eyes: Eyes
+) -> tuple[Sequence[Camera], Mapping[str, Sequence[Camera]]]:
+    """Choose a scenario's cameras, and divide them among the splits; not at all where every split has all."""
+    cameras = choose_cameras(settings.cameras, eyes.scene, world.signals, settings.size)
     if settings.split_by != CAMERA:
-        return {}
+        return cameras, {}
     random = np.random.default_rng([settings.seed, crc32(scenario.encode())])
-    return divide_among(settings, [cameras[k] for k in random.permutation(len(cameras))], "camera")
+    mixed = [cameras[k] for k in random.permutation(len(cameras))]
+    return cameras, divide_among(settings, mixed, "camera")
 
 
 @lru_cache(maxsize=_WORLDS_KEPT)

@@ -36,7 +36,7 @@ from dojo_maps.exports.reference_lines import (
     heights_along,
     outline_of,
 )  # fmt: skip
-from dojo_maps.geometry.polylines import Floats, lift, strip_outline
+from dojo_maps.geometry.polylines import Floats, lift, strip_outline, strip_outlines
 from dojo_maps.index import MapIndex
 
 _LANE_TYPES = {
@@ -282,7 +282,9 @@ class _Document:
 
     def _corners(self) -> Iterator[Points]:
         """Outline generated pavement around corners, without the ground that vehicles have."""
-        strips = [shapely.Polygon(strip_outline(lane.shape, _width(lane))[:, :2]) for lane in self._map.lanes]
+        lanes = self._map.lanes
+        outlines = strip_outlines([lane.shape for lane in lanes], [_width(lane) for lane in lanes])
+        strips = [shapely.Polygon(outline[:, :2]) for outline in outlines]
         floors = [shapely.Polygon(j.polygon[:, :2]) for j in self._map.junctions if len(j.polygon) > 2]
         ground = shapely.make_valid(np.array([*strips, *floors]))
         tree = shapely.STRtree(ground)

@@ -126,7 +126,15 @@ def lift_to_nearest(places: Floats, lines: Sequence[Points]) -> Points:
 
 
 def strip_outline(shape: Points, width: float) -> Points:
-    """Outline the strip of one centre line, as `strip_outlines` does."""
+    """Outline the strip of one centre line, as `strip_outlines` does.
+
+    Args:
+        shape: (k, 3), metres, k >= 1.
+        width: metres.
+
+    Returns:
+        (n, 3), metres.
+    """
     return strip_outlines([shape], [width])[0]
 
 

@@ -67,7 +67,7 @@ def read_network(data: bytes, *, path: Path, name: str, sha256: str) -> tuple[Ro
 
 
 def read_roads(data: bytes, *, path: Path, name: str, sha256: str) -> RoadMap:
-    """Describe nothing of a SUMO network but its roads and junctions, which takes a third of the time.
+    """Describe nothing of a SUMO network but its roads and junctions, in half the time.
 
     Args:
         data: the network's bytes, unpacked.

@@ -1,6 +1,5 @@
 """What is to be built, seen from the arms of its junctions: how far they are drawn back, crossings there."""
 
-import itertools
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -23,9 +22,6 @@ if TYPE_CHECKING:
 
 _STRAIGHT = 1.5
 """m of a road that lead straight to where it is drawn back to: a bend there would twist its outer lanes."""
-
-_RAY = 20.0
-"""m of a road along which an arm's direction is taken."""
 
 
 class Arm(NamedTuple):
@@ -214,20 +210,11 @@ def ray(graph: RoadGraph, arm: Arm) -> tuple[Floats, Floats]:
     Returns:
         (2,) metres, map frame; and (2,), to the place 20 m ahead, or to the road's end.
     """
-    section = graph.sections[arm.section]
-    nodes = section.nodes[::-1] if arm.at_end else section.nodes
-    places = [graph.places[node] for node in nodes]
-    walked, ahead = 0.0, places[-1]
-    for (x, y), (next_x, next_y) in itertools.pairwise(places):
-        reached = walked + float(np.hypot(next_x - x, next_y - y))
-        if reached > _RAY:
-            steps, metres = reached - walked, _RAY - walked
-            ahead = ((next_x - x) / steps * metres + x, (next_y - y) / steps * metres + y)
-            break
-        walked = reached
-    start = np.array(places[0])
-    way = ahead - start
-    return start, way / max(float(np.hypot(*way)), 1e-6)
+    line = outward(graph, arm)
+    lengths = along(line)
+    ahead = np.array([np.interp(min(20.0, float(lengths[-1])), lengths, values) for values in line.T])
+    way = ahead - line[0]
+    return line[0], way / max(float(np.hypot(*way)), 1e-6)
 
 
 def trim(line: Floats, start: float, end: float, *, straight: float = 0.3) -> Floats:
