@@ -7,17 +7,20 @@ from typing import Any
 
 import pytest
 import shapely
-from osm_drawings import HELSINKI, LONDON, Drawing, cross
+from osm_drawings import HELSINKI, LONDON, SIGNAL, SIGNAL_CROSSING, Drawing, cross
 from test_osm_import import check_no_dead_ends
 
 from dojo_maps.bundle import Bundle
 from dojo_maps.conversion import convert
+from dojo_maps.index import MapIndex
 from dojo_maps.sources.netconvert import NetconvertResult, run_netconvert
 from dojo_maps.sources.osm import read_osm
 from dojo_maps.sources.osm.graph.road_graph import RoadGraph
 from dojo_maps.sources.osm.graph.roundabouts import find_rings
 from dojo_maps.sources.osm.graph.steps import build_graph
+from dojo_maps.sources.osm.junctions.steps import add_midblock_vertices, plan_junctions
 from dojo_maps.sources.osm.layout.heights import compute_heights
+from dojo_maps.sources.osm.layout.steps import lay_out
 from dojo_maps.sources.osm.network import netconvert_run
 from dojo_maps.sources.osm.network.junction_outlines import mend_outlines
 
@@ -120,6 +123,40 @@ def test_slip_lane_that_merges_flat_leaves_no_hole(tmp_path: Path) -> None:
     _, report = built(d, tmp_path)
     assert report["osm"]["overlap_square_metres"] < 5
     assert report["osm"]["road_metres"]["all"]["share"] > 0.99
+
+
+@pytest.mark.parametrize(("before", "lanes"), [(32.0, "3"), (36.0, "2")])
+def test_road_behind_a_slip_road_keeps_its_stop_line_and_crossing(
+    before: float, lanes: str, tmp_path: Path
+) -> None:
+    d = Drawing()
+    main = {"highway": "primary", "oneway": "yes", "lanes": lanes}
+    d.way((-200, 0), (-before, 0), (-10, 0), (0, 0), (200, 0), **main)
+    d.way((0, 200), (0, 0), (0, -before), (0, -200), **main)
+    d.way((-before, 0), (-10, -9), (0, -before), highway="primary_link", oneway="yes", lanes="1")
+    d.node(0, 0, **SIGNAL)
+    d.node(-10, 0, **SIGNAL_CROSSING)
+    bundle, report = built(d, tmp_path)
+    assert report["osm"]["crossings"] == {"kept": 1, "of": 1, "share": 1.0}
+    assert sum(len(junction.polygon) > 3 for junction in bundle.road_map.junctions) == 3
+
+
+def test_short_road_is_entered_in_the_lane_that_leads_on(tmp_path: Path) -> None:
+    d = Drawing()
+    d.way((-150, 0), (0, 0), highway="tertiary", lanes="3", lanes__forward="2", lanes__backward="1")
+    d.way((0, -150), (0, 0), **ONE_WAY | {"lanes": "2", "turn:lanes": "left|right"})
+    short = d.way((0, 0), (34, 0), **ONE_WAY | {"lanes": "2", "turn:lanes": "left|right"})
+    d.way((34, 0), (34, 150), **ONE_WAY)
+    d.way((34, 0), (34, -150), **ONE_WAY)
+    bundle, _ = built(d, tmp_path)
+    index = MapIndex(bundle.road_map)
+    ways = {
+        (index.lanes[into.from_lane].road, index.lanes[on.to_lane].road)
+        for lane in index.lanes_of(f"{short}#0")
+        for into in index.entering.get(lane.id, ())
+        for on in index.leaving.get(lane.id, ())
+    }
+    assert ways == {(source, target) for source in ("1001#0", "1002#0") for target in ("1004#0", "1005#0")}
 
 
 def test_sausage_link_parts_on_ground_of_its_own(tmp_path: Path) -> None:
@@ -321,8 +358,8 @@ def test_crossing_of_lanes_mapped_one_by_one_is_built_once_where_it_is_mapped(tm
     assert max(lane.shape[-1, 0] for lane in lanes) - bundle.road_map.origin[0] < 20.0
 
 
-def test_lanes_that_part_far_before_a_crossing_are_one_road_up_to_it(tmp_path: Path) -> None:
-    """The ways inside the junction also lead there from behind, and farther."""
+def lanes_that_part_far() -> Drawing:
+    """Ways inside the junction lead to the crossing, and from behind it, and farther."""
     d = Drawing()
     d.way((180, 0), (58, 0), highway="primary", oneway="yes", lanes="3")
     d.way((0, 150), (0, 7), (0, 0), (0, -7), (0, -150), **STREET)
@@ -332,11 +369,24 @@ def test_lanes_that_part_far_before_a_crossing_are_one_road_up_to_it(tmp_path: P
     for y, beyond in ((3, 7), (0, 0), (-4, -7)):
         d.node(8, y, highway="crossing", crossing="traffic_signals")
         d.node(0, beyond, highway="traffic_signals")
-    bundle, report = built(d, tmp_path)
+    return d
+
+
+def test_lanes_that_part_far_before_a_crossing_lie_beside_each_other(tmp_path: Path) -> None:
+    _, report = built(lanes_that_part_far(), tmp_path)
     assert report["osm"]["crossings"]["kept"] == 3
-    assert {road.id.split("#")[0].lstrip("-") for road in bundle.road_map.roads} == {"1001", "1002"}
-    (road,) = (road for road in bundle.road_map.roads if road.id.startswith("1001#"))
-    assert min(lane.length for lane in bundle.road_map.lanes if lane.id in road.lanes) > 155
+    assert report["osm"]["overlap_square_metres"] < 5
+
+
+def test_road_goes_on_to_a_crossing_inside_its_junction(tmp_path: Path) -> None:
+    drawing = lanes_that_part_far()
+    vertices = {place: number for place, (number, _) in drawing.nodes.items()}
+    joined = [(vertices[58, 0], vertices[25, 2]), (vertices[58, 0], vertices[0, 7])]
+    plan = plan_junctions(add_midblock_vertices(graph_of(drawing, tmp_path)), joined)
+    layout = lay_out(plan)
+    (road,) = (section for section in layout.graph.sections.values() if section.ways[0] == 1001)
+    x, _ = layout.trimmed(road.id)[-1]
+    assert 8 <= x - layout.graph.places[vertices[0, 0]][0] <= 12
 
 
 @pytest.mark.parametrize(("x", "beyond"), [(60, 0), (70, 8)])

@@ -397,6 +397,9 @@ class MovementRules:
     """paths across one junction from one road, told apart by the turn restrictions on them."""
     sign_before_junction: float = 40.0
     """m before a junction within which a sign is for it."""
+    to_change_lanes: float = 30.0
+    """m of a road between two junctions as it is laid out, on which vehicles can change lanes; netconvert may
+    leave half of that, and on less they stand in each other's way."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -421,9 +424,8 @@ class NetworkRules:
     """s that one may take."""
     shortest_edge: float = 5.0
     """m of a road between two junctions: it stores a car."""
-    left_by_layout: float = 20.0
-    """m of a shorter one that the layout leaves, from which its junctions are outlined anew: on a road of
-    less, vehicles that must change lanes to go on would stand in each other's way."""
+    left_by_layout: float = 13.9
+    """m of a shorter one that the layout leaves, from which its junctions are outlined anew."""
     room_to_move: float = 25.0
     """m of the road beyond a crossing, from which the crossing may move onto it."""
     move_margin: float = 1.0

@@ -170,6 +170,19 @@ class Layout:
         """
         return self.graph.sections[name].road.drives / 2
 
+    def left_of(self, section: Section) -> float:
+        """Measure what is left of a road between its junctions.
+
+        Args:
+            section: that is built.
+
+        Returns:
+            Metres; below 0 where its cuts overlap.
+        """
+        arms = Arm(section.id, at_end=False), Arm(section.id, at_end=True)
+        lost = sum(max(self.cuts.get(arm, 0.0), self.rules.forks.others) for arm in arms)
+        return self.graph.length(section) - lost
+
     def room(self, arm: Arm, cuts: Mapping[Arm, float], *, left: float) -> float:
         """Measure how far an arm may be drawn back, beside other cuts, so that so much of it is left.
 

@@ -203,13 +203,10 @@ def _too_short(road_map: RoadMap, plain: Plain, shortest: float) -> dict[tuple[i
 
 def _overdrawn(layout: Layout, short: Mapping[tuple[int, int], float]) -> frozenset[frozenset[int]]:
     """Find the junctions of roads that came out short though the layout leaves enough of them."""
-    rules, found = layout.rules, set()
+    least, found = layout.rules.network.left_by_layout, set()
     for section in layout.graph.sections.values():
-        arms = Arm(section.id, at_end=False), Arm(section.id, at_end=True)
-        lost = sum(max(layout.cuts.get(arm, 0.0), rules.forks.others) for arm in arms)
-        left = layout.graph.length(section) - lost
-        if section.pair in short and left >= rules.network.left_by_layout:
-            found |= {layout.junction(arm) for arm in arms}
+        if section.pair in short and layout.left_of(section) >= least:
+            found |= {layout.junction(Arm(section.id, at_end=at_end)) for at_end in (False, True)}
     members = layout.junctions.members()
     return frozenset(frozenset(members[junction]) for junction in found)
 

@@ -1,6 +1,5 @@
 """Write a layout as SUMO's plain XML: nodes, edges with every lane, connections and crossings."""
 
-from collections import Counter, defaultdict
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,12 +11,12 @@ from dojo_maps.sources.osm.graph.road_graph import Section
 from dojo_maps.sources.osm.graph.roundabouts import find_rings
 from dojo_maps.sources.osm.layout.arms import Arm, Layout, divider
 from dojo_maps.sources.osm.layout.carriageway_spacing import side_by_side
+from dojo_maps.sources.osm.plain.junction_connections import write_lane_connections
 from dojo_maps.sources.osm.plain.junction_nodes import write_nodes
-from dojo_maps.sources.osm.plain.lane_connections import STRAIGHT, connect_lanes
 from dojo_maps.sources.osm.plain.movements import Movement, Movements
 from dojo_maps.sources.osm.plain.right_of_way import RightOfWay
-from dojo_maps.sources.osm.plain.track_edges import NO_WAIT_INSIDE, TrackEdges
-from dojo_maps.sources.osm.read.lane_tags import LaneTags, LaneUse
+from dojo_maps.sources.osm.plain.track_edges import TrackEdges
+from dojo_maps.sources.osm.read.lane_tags import LaneUse
 from dojo_maps.sources.osm.read.restrictions import Restriction
 from dojo_maps.sources.osm.read.way_tags import RoadTags
 
@@ -35,11 +34,6 @@ _WITH_TRAM = {
     LaneUse.BUS: 'allow="bus coach taxi emergency tram"',
 }
 """The same of a lane that a tram shares."""
-_NO_LANE_CHANGE = ' changeLeft="authority" changeRight="authority"'
-"""Of a connection: a car that changed lanes inside a junction could stand beside another for ever, each in
-the other's way."""
-_Link = tuple[Arm, int, Movement, int]
-"""From a lane of an arm, by a movement, into a lane of its road."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -184,69 +178,11 @@ def _connections(
     guessed: Mapping[int, Sequence[Arm]],
 ) -> list[str]:
     lines = []
-    for junction, found in movements.items():
-        lines += _lane_links(layout, found)
+    for junction, links in write_lane_connections(layout, movements).items():
+        lines += links
         lines += _crossings(layout, junction, arms[junction])
         lines += [_crossing(layout, junction, [arm], marked=True) for arm in guessed.get(junction, ())]
     return lines
-
-
-def _lane_links(layout: Layout, movements: Sequence[Movement]) -> list[str]:
-    by_source: dict[Arm, list[Movement]] = defaultdict(list)
-    for movement in movements:
-        by_source[movement.source].append(movement)
-    lines = []
-    links: list[_Link] = []
-    for source, found in by_source.items():
-        lanes = layout.arriving(source)
-        targets = [layout.leaving(movement.target) for movement in found]
-        pairs = connect_lanes(lanes, targets, [m.angle for m in found], left_hand=layout.graph.left_hand)
-        links += [(source, lane, found[number], onto) for lane, number, onto in pairs]
-    links = _with_entries(layout, links)
-    abreast = Counter((source, movement.target) for source, _, movement, _ in links)
-    entries = Counter((source, movement.target, onto) for source, _, movement, onto in links)
-    for link in links:
-        source, lane, movement, onto = link
-        origin, goal = source.incoming, movement.target.outgoing
-        shifts = [bool(layout.walk(edge)) for edge in (origin, goal)]
-        more = _NO_LANE_CHANGE if abreast[source, movement.target] > 1 else ""
-        # Lanes that become one have no room to wait beside each other.
-        merges = entries[source, movement.target, onto] > 1
-        more += NO_WAIT_INSIDE if merges or _cuts_cycle_lane(layout, link) else ""
-        lines.append(
-            f'<connection from="{origin}" to="{goal}" fromLane="{lane + shifts[0]}" '
-            f'toLane="{onto + shifts[1]}"{more}/>'
-        )
-    return lines
-
-
-def _cuts_cycle_lane(layout: Layout, link: _Link) -> bool:
-    """Tell whether a turn leads over a cycle lane beside it, which who waits behind it for people blocks."""
-    source, number, movement, _ = link
-    lanes = layout.arriving(source)
-    aside = lanes[:number] if movement.angle < -STRAIGHT else lanes[number + 1 :]
-    return abs(movement.angle) > STRAIGHT and lanes[number].motor and any(lane.bicycle for lane in aside)
-
-
-def _with_entries(layout: Layout, links: list[_Link]) -> list[_Link]:
-    """Lead traffic into lanes that nothing leads to, from the straightest movement beside them."""
-    onto_road: dict[Arm, list[_Link]] = defaultdict(list)
-    for link in links:
-        onto_road[link[2].target].append(link)
-    added = []
-    for target, found in onto_road.items():
-        lanes = layout.leaving(target)
-        entered = {link[3] for link in found}
-        for number, lane in enumerate(lanes):
-            able = [link for link in found if not (lane.bicycle and _source_lane(layout, link).bus)]
-            if number not in entered and able and lane.use is not LaneUse.PARKING:
-                best = min(able, key=lambda e: (abs(e[3] - number), abs(e[2].angle), e[0], e[1]))
-                added.append((best[0], best[1], best[2], number))
-    return [*links, *added]
-
-
-def _source_lane(layout: Layout, link: _Link) -> LaneTags:
-    return layout.arriving(link[0])[link[1]]
 
 
 def _crossings(layout: Layout, junction: int, arms: list[Arm]) -> list[str]:
