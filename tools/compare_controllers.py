@@ -21,7 +21,9 @@ import numpy as np
 
 from dojo_env.commands.options import find_controller, read_yellow
 from dojo_env.learning.episode_pools import open_processes
+from dojo_env.learning.pace import Pace
 from dojo_env.runs import JAMMED, run_controller
+from dojo_maps.progress import say
 from dojo_maps.whole_file import write_json
 
 FIXED = "fixed-time"
@@ -113,8 +115,13 @@ def main() -> int:
         Job(*each, options.seconds, options.yellow, options.all_red)
         for each in product(controllers, options.scenarios, options.demands, seeds)
     ]
+    found: dict[Job, dict[str, float]] = {}
+    pace = Pace(len(jobs), say, "episodes")
     with open_processes(options.processes) as run_all:
-        found = dict(zip(jobs, run_all(measure, jobs), strict=True))
+        for scenario in options.scenarios:
+            here = [job for job in jobs if job.scenario == scenario]
+            found |= zip(here, run_all(measure, here), strict=True)
+            pace.note(len(found))
     rows = tabulate(found, controllers, options.rule)
     places = len(options.scenarios) * len(options.demands)
     print(f"{places} places, {options.seeds} seeds each, beside {options.rule}")
