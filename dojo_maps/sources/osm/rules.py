@@ -425,7 +425,8 @@ class NetworkRules:
     shortest_edge: float = 5.0
     """m of a road between two junctions: it stores a car."""
     left_by_layout: float = 13.9
-    """m of a shorter one that the layout leaves, from which its junctions are outlined anew."""
+    """m of a shorter one that the layout leaves, from which its junctions are outlined anew: a little less
+    than forks leave."""
     room_to_move: float = 25.0
     """m of the road beyond a crossing, from which the crossing may move onto it."""
     move_margin: float = 1.0
