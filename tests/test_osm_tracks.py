@@ -354,6 +354,24 @@ def test_turning_cars_that_wait_inside_a_junction_look_for_cyclists(tmp_path: Pa
         assert all(number in signal.right_of_way[foe].response for foe in turns & {*way.foes})
 
 
+@pytest.mark.parametrize("drive", ["left", "right"])
+def test_who_turns_to_the_outer_side_over_a_track_waits_before_the_junction(
+    tmp_path: Path, drive: str
+) -> None:
+    source = crossed_by_a_track().write(tmp_path / "a.osm")
+    bundle, _ = convert(str(source), tmp_path / "a.dojo", ConvertOptions(surroundings=False, drive=drive))
+    cycled = {link.id for link in track_links(bundle)}
+    ways = {c.id: shapely.LineString(c.shape[:, :2]) for c in bundle.road_map.connections}
+    crossing = [
+        c
+        for c in bundle.road_map.connections
+        if c.id not in cycled and any(ways[c.id].crosses(ways[track]) for track in cycled)
+    ]
+    outer, inner = ("r", "l") if drive == "right" else ("l", "r")
+    waits = {side: {len(c.via) for c in crossing if c.direction == side} for side in (outer, inner)}
+    assert waits == {outer: {1}, inner: {2}}
+
+
 def test_track_without_room_between_two_junctions_is_part_of_one(tmp_path: Path) -> None:
     drawing = cross()
     drawing.way((-80, -12), (0, -12), (12, -12), (12, 0), (12, 12), (12, 17), highway="cycleway")

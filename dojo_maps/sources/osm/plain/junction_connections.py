@@ -2,13 +2,14 @@
 
 import itertools
 from collections import Counter, defaultdict
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping, Sequence, Set
 from typing import NamedTuple
 
 from dojo_maps.sources.osm.layout.arms import Arm, Layout
 from dojo_maps.sources.osm.plain.lane_connections import STRAIGHT, connect_lanes
 from dojo_maps.sources.osm.plain.movements import Movement
 from dojo_maps.sources.osm.plain.track_edges import NO_WAIT_INSIDE
+from dojo_maps.sources.osm.plain.turns_over_tracks import find_turns_over_tracks
 from dojo_maps.sources.osm.read.lane_tags import LaneTags, LaneUse
 
 _NO_LANE_CHANGE = ' changeLeft="authority" changeRight="authority"'
@@ -41,8 +42,9 @@ def write_lane_connections(
     onward: dict[Arm, dict[Arm, set[int]]] = defaultdict(lambda: defaultdict(set))
     for link in (link for found in links.values() for link in found):
         onward[link.source][link.movement.target].add(link.lane)
+    over_tracks = find_turns_over_tracks(layout, itertools.chain.from_iterable(movements.values()))
     return {
-        junction: _lines(layout, [*found, *_into_lanes_ahead(layout, found, onward)])
+        junction: _lines(layout, [*found, *_into_lanes_ahead(layout, found, onward)], over_tracks)
         for junction, found in links.items()
     }
 
@@ -111,7 +113,7 @@ def _into_lanes_ahead(
     return added
 
 
-def _lines(layout: Layout, links: Sequence[_Link]) -> list[str]:
+def _lines(layout: Layout, links: Sequence[_Link], over_tracks: Set[Movement]) -> list[str]:
     lines = []
     abreast = Counter((link.source, link.movement.target) for link in links)
     entries = Counter((link.source, link.movement.target, link.onto) for link in links)
@@ -120,9 +122,11 @@ def _lines(layout: Layout, links: Sequence[_Link]) -> list[str]:
         origin, goal = source.incoming, movement.target.outgoing
         shifts = [bool(layout.walk(edge)) for edge in (origin, goal)]
         more = _NO_LANE_CHANGE if abreast[source, movement.target] > 1 else ""
-        # Lanes that become one have no room to wait beside each other.
         merges = entries[source, movement.target, onto] > 1
-        more += NO_WAIT_INSIDE if merges or _cuts_cycle_lane(layout, link) else ""
+        if merges or movement in over_tracks or _cuts_cycle_lane(layout, link):
+            # Lanes that become one have no room to wait beside each other; and who waits inside a junction
+            # is told of no cyclist who still rides up to it.
+            more += NO_WAIT_INSIDE
         lines.append(
             f'<connection from="{origin}" to="{goal}" fromLane="{lane + shifts[0]}" '
             f'toLane="{onto + shifts[1]}"{more}/>'
