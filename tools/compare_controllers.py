@@ -8,6 +8,11 @@ beside fixed-time and at how many places it is no longer, the longest red, and t
 rule's do not.
 
     python tools/compare_controllers.py one.dojo other.dojo --controllers learned fixed-time actuated
+
+The controller `blind` is the best timing plan that sees nothing, searched for each junction with its demand.
+The plans are kept, so that a search that was interrupted goes on. Name it as the rule to compare with it.
+
+    python tools/compare_controllers.py one.dojo other.dojo --rule blind
 """
 
 import argparse
@@ -16,18 +21,23 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import product
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from dojo_env.commands.options import find_controller, read_yellow
 from dojo_env.learning.episode_pools import open_processes
 from dojo_env.learning.pace import Pace
+from dojo_env.plan_search import Memory, search_plan
 from dojo_env.runs import JAMMED, run_controller
+from dojo_env.timing_plans import write_plan
 from dojo_maps.progress import say
 from dojo_maps.whole_file import write_json
 
 FIXED = "fixed-time"
 """What walkers are not to wait longer than under."""
+BLIND = "blind"
+"""The plan that a search finds."""
 FIGURES = ("travel_time_all", "accumulated_waiting", "pedestrian_waiting", "longest_red", "late")
 
 
@@ -42,20 +52,38 @@ class Job:
     seconds: int
     yellow: float | str
     all_red: float
+    plans: Path
+
+    @property
+    def plan(self) -> Path:
+        """Where the junction's blind plan is kept."""
+        return self.plans / f"{Path(self.scenario).stem} {self.seconds} {self.yellow} {self.all_red:g}.json"
+
+    @property
+    def settings(self) -> dict[str, Any]:
+        """What holds for all controllers."""
+        return {"scenario": self.scenario, "num_seconds": self.seconds,
+                "yellow_time": self.yellow, "all_red": self.all_red}  # fmt: skip
+
+
+def search(job: Job) -> None:
+    """Search the blind plan of a job's junction, where it is not kept yet."""
+    if not job.plan.is_file():
+        memory = Memory(job.plan.with_suffix(".search"))
+        write_plan(search_plan(job.settings, memory=memory).found, job.plan)
+        memory.forget()
 
 
 def measure(job: Job) -> dict[str, float]:
     """Run an episode."""
+    name = str(job.plan) if job.controller == BLIND else job.controller
     (found,) = run_controller(
-        find_controller(job.controller, job.scenario),
+        find_controller(name, job.scenario),
         [job.seed],
-        scenario=job.scenario,
-        num_seconds=job.seconds,
-        yellow_time=job.yellow,
-        all_red=job.all_red,
         additional_sumo_cmd=f"--scale {job.demand:g}",
+        **job.settings,
     )
-    return {name: float(found[name]) for name in FIGURES}
+    return {figure: float(found[figure]) for figure in FIGURES}
 
 
 def tabulate(
@@ -107,17 +135,21 @@ def main() -> int:
     parser.add_argument("--yellow", default=2, type=read_yellow, help="seconds, or speed")
     parser.add_argument("--all-red", default=0, type=float, help="seconds")
     parser.add_argument("--processes", type=int, default=2)
+    parser.add_argument("--plans", type=Path, default=Path("blind-plans"), help="where blind plans are kept")
     parser.add_argument("--json", type=Path)
     options = parser.parse_args()
     controllers = list(dict.fromkeys([options.rule, FIXED, *options.controllers]))
     seeds = range(options.seeds)
     jobs = [
-        Job(*each, options.seconds, options.yellow, options.all_red)
+        Job(*each, options.seconds, options.yellow, options.all_red, options.plans)
         for each in product(controllers, options.scenarios, options.demands, seeds)
     ]
     found: dict[Job, dict[str, float]] = {}
     pace = Pace(len(jobs), say, "episodes")
     with open_processes(options.processes) as run_all:
+        if BLIND in controllers:
+            options.plans.mkdir(parents=True, exist_ok=True)
+            run_all(search, list({job.scenario: job for job in jobs}.values()))
         for scenario in options.scenarios:
             here = [job for job in jobs if job.scenario == scenario]
             found |= zip(here, run_all(measure, here), strict=True)
