@@ -127,7 +127,7 @@ def main() -> int:
     """Run all, print the table, and write every episode as JSON where asked."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
     parser.add_argument("scenarios", nargs="+", metavar="SCENARIO")
-    parser.add_argument("--controllers", nargs="+", default=["learned"], help="names, or runs' folders")
+    parser.add_argument("--controllers", nargs="+", default=["learned"], help="names, folders, blind")
     parser.add_argument("--rule", default="queue-pressure", help="what learns nothing")
     parser.add_argument("--demands", nargs="+", type=float, default=[0.9, 1.1], help="shares of the own")
     parser.add_argument("--seeds", type=int, default=6)
@@ -149,6 +149,7 @@ def main() -> int:
     with open_processes(options.processes) as run_all:
         if BLIND in controllers:
             options.plans.mkdir(parents=True, exist_ok=True)
+            say(f"searching the blind plans of {len(options.scenarios)} junctions, some minutes each")
             run_all(search, list({job.scenario: job for job in jobs}.values()))
         for scenario in options.scenarios:
             here = [job for job in jobs if job.scenario == scenario]
