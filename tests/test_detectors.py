@@ -56,6 +56,14 @@ def test_each_style_is_guessed_and_read(style, save):
     assert len(detector.detect(picture(boxes=()))) == 0
 
 
+@pytest.mark.parametrize("style", ["nanodet", "centernet", "detr", "rt-detr", "ssd"])
+def test_outputs_may_come_in_any_order(style, save):
+    detector = load_detector(save(style, backwards=True))
+    found = detector.detect(picture())
+    assert (detector.style, found.kinds.tolist()) == (style, [Kind.CAR])
+    np.testing.assert_allclose(found.boxes[0], BOX, atol=2.1)
+
+
 @pytest.mark.parametrize("style", ["yolo8", "yolox", "ssd"])
 def test_boxes_fit_pictures_of_other_shapes(style, save):
     box = (100, 40, 160, 72)

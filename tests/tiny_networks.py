@@ -43,8 +43,11 @@ class Graph:
         return self.add("Pad", value, self.constant([0, 0, 0, 0, rows, columns], np.int64))
 
 
-def build_network(style: str, *, metadata: dict[str, str] | None = None) -> bytes:
-    """Build the detector: for a picture of 128 x 128, one box around all that is red, as a car."""
+def build_network(style: str, *, metadata: dict[str, str] | None = None, backwards: bool = False) -> bytes:
+    """Build the detector: for a picture of 128 x 128, one box around all that is red, as a car.
+
+    `backwards` lists its outputs the last one first.
+    """
     graph = Graph()
     sides = _find_red(graph)
     outputs = _TAILS[style](graph, *sides)
@@ -58,7 +61,7 @@ def build_network(style: str, *, metadata: dict[str, str] | None = None) -> byte
             graph.nodes,
             style,
             [make("image", 1, [1, 3, SIDE, SIDE])],
-            [make(name, 1, None) for name in tail],
+            [make(name, 1, None) for name in (reversed(tail) if backwards else tail)],
             graph.constants,
         ),
         opset_imports=[helper.make_opsetid("", 17)],

@@ -21,6 +21,8 @@ _STRIDES = (8, 16, 32, 64)
 """Pixels of the input from cell to cell, at each level of a feature pyramid."""
 _PLUS_SIDES = 32
 """Columns in which NanoDet-Plus tells the four sides: eight each."""
+_SIDES = (32, 44)
+"""Columns in which NanoDet tells them: eight or eleven each."""
 _WITHOUT_OBJECT = (21, 92)
 """Classes of VOC and of COCO's 91, and one for no object: DETR's."""
 
@@ -205,8 +207,8 @@ def _read_end_to_end(outputs: Outputs, ask: Question) -> Found:
 
 
 def _levels(outputs: Outputs) -> list[tuple[NDArray[Any], NDArray[Any]]]:
-    """Pair each level's scores with its sides, the level of most cells first."""
-    tables = sorted(outputs.values(), key=lambda each: -each.shape[1])
+    """Pair each level's scores with its sides, in any order; the level of most cells comes first."""
+    tables = sorted(outputs.values(), key=lambda each: (-each.shape[1], each.shape[2] in _SIDES))
     return [(scores[0], sides[0]) for scores, sides in zip(tables[::2], tables[1::2], strict=True)]
 
 
@@ -251,19 +253,31 @@ def _read_distances(scores: Floats, sides: Floats, levels: int, middle: float, a
 # CenterNet: peaks of a map. Source: Zhou, Wang, Krähenbühl, Objects as Points, 2019.
 
 
+def _maps(outputs: Outputs) -> list[NDArray[Any]]:
+    """Give the peaks, the sizes or sides, and perhaps the offsets, in whichever order they come.
+
+    Sizes are two maps and sides four; offsets are two, as sizes are, and known by their names.
+    """
+
+    def rank(item: tuple[str, NDArray[Any]]) -> tuple[bool, int, bool]:
+        name, count = item[0].lower(), item[1].shape[1]
+        return count in (2, 4), -count, "reg" in name or "off" in name
+
+    return [each for _, each in sorted(outputs.items(), key=rank)]
+
+
 def _count_centernet(outputs: Outputs, height: int, width: int) -> int | None:
-    maps = list(outputs.values())
-    if len(maps) not in (2, 3) or any(each.ndim != 4 or len(each) != 1 for each in maps):
+    if len(outputs) not in (2, 3) or any(each.ndim != 4 or len(each) != 1 for each in outputs.values()):
         return None
-    fits = len({each.shape[2:] for each in maps}) == 1 and all(each.shape[1] in (2, 4) for each in maps[1:])
-    return maps[0].shape[1] if fits else None
+    heat, *others = _maps(outputs)
+    fits = all(each.shape[1] in (2, 4) and each.shape[2:] == heat.shape[2:] for each in others)
+    return heat.shape[1] if fits else None
 
 
 def _read_centernet(outputs: Outputs, ask: Question) -> Found:
     import cv2  # noqa: PLC0415 - OpenCV is large; few need it
 
-    heat, *others = (each[0] for each in outputs.values())
-    sizes, *offsets = sorted(others, key=lambda each: -len(each))
+    heat, sizes, *offsets = (each[0] for each in _maps(outputs))
     heat = heat[ask.wanted].astype(np.float32)
     if heat.min() < 0 or heat.max() > 1:
         heat = _sigmoid(heat)
