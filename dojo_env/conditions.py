@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from dojo_env.errors import ConfigError
-from dojo_env.ranges import check_limits, draw_values, read_values
+from dojo_env.ranges import Ranges, check_limits, draw_values, read_values
 from dojo_maps.short_repr import short_repr
 
 LOOKS = ("street", "plain")
@@ -103,11 +103,11 @@ PRESETS: Mapping[str, Conditions] = {
 """Conditions by name."""
 
 
-def sample_conditions(ranges: Mapping[str, tuple[float, float]], seed: int) -> Conditions:
+def sample_conditions(ranges: Ranges, seed: int) -> Conditions:
     """Draw one state from ranges, each value uniform and on its own.
 
     Args:
-        ranges: (low, high) by the name of a field of `Conditions`; the others keep their defaults.
+        ranges: (low, high), or a number, by the name of a field of `Conditions`; others keep their defaults.
         seed: the same seed and ranges give the same conditions.
 
     Returns:
@@ -138,9 +138,7 @@ def read_conditions(text: str) -> Conditions:
     return Conditions(**values)
 
 
-def settle_conditions(
-    wanted: "Conditions | Mapping[str, tuple[float, float]] | str", seed: int
-) -> Conditions:
+def settle_conditions(wanted: "Conditions | Ranges | str", seed: int) -> Conditions:
     """Take conditions, find them by their name, or draw them for an episode.
 
     Args:

@@ -14,6 +14,7 @@ from dojo_env.errors import ConfigError
 from dojo_env.imaging import Imaging, settle_imaging
 from dojo_env.keywords import Settings
 from dojo_env.outages import CameraOutage
+from dojo_env.ranges import Ranges
 from dojo_env.scenario import Scenario, find_scenario, with_files
 from dojo_env.sumo_settings import SumoSettings, settle
 from dojo_env.timing_plans import TimingPlan
@@ -212,8 +213,8 @@ class SensingConfig:
         outages: when which cameras fail.
     """
 
-    conditions: Conditions | Mapping[str, tuple[float, float]] | str = field(default_factory=Conditions)
-    imaging: Imaging | Mapping[str, tuple[float, float]] | str = field(default_factory=Imaging)
+    conditions: Conditions | Ranges | str = field(default_factory=Conditions)
+    imaging: Imaging | Ranges | str = field(default_factory=Imaging)
     cameras: Mapping[str, Sequence[Camera]] | str = field(default_factory=dict)
     width: int = 356
     height: int = 256

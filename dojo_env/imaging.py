@@ -11,7 +11,7 @@ from zlib import crc32
 import numpy as np
 
 from dojo_env.errors import ConfigError
-from dojo_env.ranges import check_limits, draw_values, read_values
+from dojo_env.ranges import Ranges, check_limits, draw_values, read_values
 from dojo_maps.short_repr import short_repr
 
 
@@ -121,11 +121,11 @@ IMAGING_PRESETS: Mapping[str, Imaging] = {
 """Camera bodies by name."""
 
 
-def sample_imaging(ranges: Mapping[str, tuple[float, float]], seed: int) -> Imaging:
+def sample_imaging(ranges: Ranges, seed: int) -> Imaging:
     """Draw a camera body from ranges, each value uniform and on its own.
 
     Args:
-        ranges: (low, high) by the name of a field of `Imaging`; the others keep their defaults.
+        ranges: (low, high), or a number, by the name of a field of `Imaging`; the others keep their defaults.
         seed: the same seed and ranges give the same body.
 
     Returns:
@@ -157,7 +157,7 @@ def read_imaging(text: str) -> Imaging:
     return Imaging(**values)
 
 
-def settle_imaging(wanted: "Imaging | Mapping[str, tuple[float, float]] | str", seed: int) -> Imaging:
+def settle_imaging(wanted: "Imaging | Ranges | str", seed: int) -> Imaging:
     """Take a camera body, find it by its name, or draw it for an episode.
 
     Args:

@@ -10,6 +10,7 @@ if TYPE_CHECKING:
     from dojo_env.config import EpisodeConfig, SensingConfig, SignalConfig, TrafficConfig
     from dojo_env.imaging import Imaging
     from dojo_env.outages import CameraOutage
+    from dojo_env.ranges import Ranges
     from dojo_env.scenario import Scenario
     from dojo_env.timing_plans import TimingPlan
 
@@ -61,8 +62,8 @@ class TrafficSettings(TypedDict, total=False):
 class DrawingSettings(TypedDict, total=False):
     """The fields of `SensingConfig` but for `cameras` and `outages`: how cameras and lidars see."""
 
-    conditions: "Conditions | Mapping[str, tuple[float, float]] | str"
-    imaging: "Imaging | Mapping[str, tuple[float, float]] | str"
+    conditions: "Conditions | Ranges | str"
+    imaging: "Imaging | Ranges | str"
     width: int
     height: int
     renderer: str

@@ -8,6 +8,8 @@ import numpy as np
 from dojo_env.errors import ConfigError
 
 Limits = Mapping[str, tuple[float, float]]
+Ranges = Mapping[str, float | tuple[float, float]]
+"""By name, a value that is fixed, or the least and the greatest one that may be drawn."""
 
 
 def check_limits(record: object, limits: Limits, what: str) -> None:
@@ -28,12 +30,12 @@ def check_limits(record: object, limits: Limits, what: str) -> None:
 
 
 def draw_values(
-    ranges: Mapping[str, tuple[float, float]], names: Iterable[str], random: np.random.Generator, what: str
+    ranges: Ranges, names: Iterable[str], random: np.random.Generator, what: str
 ) -> dict[str, float]:
     """Draw a value from each range, uniform and on its own, in order of their names.
 
     Args:
-        ranges: (low, high) by name.
+        ranges: (low, high) by name; what is one number is taken as it is.
         names: those that there are.
         random: where the values come from.
         what: is drawn, for messages.
@@ -42,14 +44,23 @@ def draw_values(
         A value by name.
 
     Raises:
-        ConfigError: a name is none of `names`, or a range is empty.
+        ConfigError: a name is none of `names`, or a range is empty or no range.
     """
     drawn = {}
     for name in sorted(ranges):
         _refuse_unknown(name, names, what)
-        low, high = ranges[name]
+        given = ranges[name]
+        if isinstance(given, int | float | np.number):
+            drawn[name] = float(given)
+            continue
+        try:
+            low, high = map(float, given)
+        except (TypeError, ValueError):
+            raise ConfigError(
+                f"{what}: {name}={given!r}: expected a number, or a range (low, high)"
+            ) from None
         if not low <= high:
-            raise ConfigError(f"{what}: the range of {name} is empty: ({low!r}, {high!r})")
+            raise ConfigError(f"{what}: the range of {name} is empty: ({low:g}, {high:g})")
         drawn[name] = float(random.uniform(low, high))
     return drawn
 

@@ -210,7 +210,15 @@ def test_conditions_are_drawn_within_their_ranges_by_seed():
         values = [getattr(each, name) for each in drawn]
         assert low <= min(values) < max(values) <= high
     assert all(each.fog == 0 for each in drawn)
-    for wrong in ({"wind": (0, 1)}, {"rain": (1.0, 0.5)}, {"rain": (0.0, 9.0)}):
+    fixed = [sample_conditions({**ranges, "fog": 0.01}, seed) for seed in range(200)]
+    assert fixed == [replace(each, fog=0.01) for each in drawn]
+    for wrong in (
+        {"wind": (0, 1)},
+        {"rain": (1.0, 0.5)},
+        {"rain": (0.0, 9.0)},
+        {"rain": "wet"},
+        {"rain": (1,)},
+    ):
         with pytest.raises(ConfigError, match=r"wind|rain"):
             for seed in range(30):
                 sample_conditions(wrong, seed)

@@ -1,6 +1,6 @@
 """In which light and weather an episode is seen: drawn by its seed from what the user allows."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from types import MappingProxyType
 
@@ -8,11 +8,10 @@ import numpy as np
 
 from dojo_env.conditions import PRESETS, Conditions, read_conditions, sample_conditions
 from dojo_env.errors import ConfigError
-
-Ranges = Mapping[str, tuple[float, float]]
+from dojo_env.ranges import Limits
 
 RANDOM = "random"
-_MIX: Sequence[tuple[float, Ranges]] = (
+_MIX: Sequence[tuple[float, Limits]] = (
     (0.35, {"hour": (7.0, 18.5), "overcast": (0.0, 0.4)}),
     (0.15, {"hour": (7.0, 18.5), "overcast": (0.6, 1.0)}),
     (0.1, {"hour": (5.0, 7.0), "overcast": (0.0, 0.7)}),
@@ -22,13 +21,13 @@ _MIX: Sequence[tuple[float, Ranges]] = (
     (0.05, {"hour": (6.0, 19.0), "overcast": (0.6, 1.0), "fog": (0.005, 0.025)}),
 )
 """Weathers of a temperate year as traffic meets them: share, and what each is drawn from."""
-_CAMERAS: Ranges = MappingProxyType(
+_CAMERAS: Limits = MappingProxyType(
     {"exposure": (-0.5, 0.5), "blur": (0.3, 0.8), "shake_m": (0.1, 0.1), "shake_deg": (1.0, 1.0)}
 )
 """What `random` draws of every camera beside the weather."""
 
 
-def read_ranges(text: str) -> Ranges | None:
+def read_ranges(text: str) -> Limits | None:
     """Read what conditions are drawn from: a preset's name, or values and ranges as `hour=6..22,rain=0.4`.
 
     Args:
