@@ -79,7 +79,7 @@ def draw(
             surroundings=surroundings,
             far_side_signals=far_side_signals,
         )
-        return furnished, build_scene(furnished, pieces, paved, jobs=jobs, on_stage=on_stage)
+        return build_scene(furnished, pieces, paved, jobs=jobs, on_stage=on_stage)
 
     left_out: list[_Thing] = []
     reason: Exception | None = None

@@ -9,10 +9,12 @@ import pyproj
 import pytest
 import tifffile
 from osm_drawings import DRAWINGS, HELSINKI, Drawing, cross
+from scene_reader import GROUND, read_scene
 
 from dojo_maps.cli import main
 from dojo_maps.conversion import ConvertOptions, convert
 from dojo_maps.errors import SourceError, UsageError
+from dojo_maps.meshes.surfaces import KERB
 from dojo_maps.sources.geotiff import read_elevations
 from dojo_maps.sources.osm import read_osm
 from dojo_maps.sources.osm.completeness.assumptions import tell_ground
@@ -194,6 +196,37 @@ def test_bundle_on_a_slope_is_whole(tmp_path: Path) -> None:
     _, report = convert(str(path), tmp_path / "a.dojo", options)
     assert report["counts"]["error"] == 0
     assert [issue["check"] for issue in report["issues"] if "ground" in issue["check"]] == ["osm.ground"]
+
+
+def test_what_stands_beside_the_street_stands_on_the_slope(tmp_path: Path) -> None:
+    """A tree, a bus stop, a house, a lawn and a pond, of which nobody tells how high they lie."""
+    d = cross()
+    d.node(40, 20, natural="tree")
+    d.node(-60, -8, highway="bus_stop")
+    for (x, y), tags in (
+        ((60, 30), {"building": "yes"}), ((-50, 30), {"leisure": "park"}), ((50, -40), {"natural": "water"}),
+    ):  # fmt: skip
+        d.way((x, y), (x + 20, y), (x + 20, y + 15), (x, y + 15), (x, y), **tags)
+    options = ConvertOptions(terrain=raster(tmp_path / "a.tif", tilted))
+    made, _ = convert(str(d.write(tmp_path / "a.osm")), tmp_path / "a.dojo", options)
+    props = {prop.kind: prop for prop in made.road_map.props}
+    assert {"tree", "bus_stop", "building", "green", "water", "lamp"} <= set(props)
+    scene = read_scene(made.folder / "scene.glb", made.road_map.origin)
+    ground = scene.tops("terrain", *GROUND)
+    shift = np.array([*made.road_map.origin, 0.0])
+    for prop in made.road_map.props:
+        outline = prop.polygon if prop.polygon is not None else np.array([prop.position])
+        numbers, _, heights = ground.faces_under(outline - shift)
+        away = np.full(len(outline), np.inf)
+        np.minimum.at(away, numbers, np.abs(heights - outline[numbers, 2]))
+        assert away.max() < KERB + 0.01, prop.id
+    lawn, pond = (
+        np.concatenate([part.triangles for part in scene.parts if part.name == f"terrain/{name}"])
+        for name in ("green", "water")
+    )
+    middle, tree = lawn.reshape(-1, 3).mean(axis=0), np.array(props["tree"].position) - shift
+    assert middle[2] - tree[2] == pytest.approx(tilted(*middle[:2]) - tilted(*tree[:2]), abs=1.0)
+    assert np.ptp(pond[..., 2]) < 1e-3
 
 
 def far_away(path: Path) -> None:

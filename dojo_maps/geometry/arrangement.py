@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 import shapely
 
-from dojo_maps.geometry.pieces import GRID, RAISED, Pieces, flat_polygons
+from dojo_maps.geometry.pieces import GRID, RAISED, Layer, Pieces, flat_polygons
 from dojo_maps.geometry.polylines import Flags, Floats, HeightLines, Ints, Shapes
 
 LEVEL_GAP = 2.0
@@ -116,6 +116,10 @@ def _assign_owners(
     """List (face, owner, lowest or not): one for each level of a face, or one with `TERRAIN`."""
     inner = shapely.point_on_surface(faces)
     face, piece = shapely.STRtree(pieces.polygons).query(inner, predicate="within")
+    # Nobody tells how high a lawn lies: like bare ground, it is only where nothing else is.
+    is_green = np.array([layer is Layer.GREEN for layer in pieces.layers], dtype=bool)[piece]
+    kept = ~is_green | ~np.isin(face, face[~is_green])
+    face, piece = face[kept], piece[kept]
     heights = HeightLines(pieces.lines).at(piece, shapely.get_coordinates(inner)[face])
     order = np.lexsort((piece, heights, face))
     face, piece, heights = face[order], piece[order], heights[order]

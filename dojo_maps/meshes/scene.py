@@ -15,6 +15,7 @@ from dojo_maps.geometry.polylines import Shapes
 from dojo_maps.meshes.decals import paint_meshes
 from dojo_maps.meshes.furniture import signal_meshes
 from dojo_maps.meshes.mesh import Mesh
+from dojo_maps.meshes.standing import stand_on_ground
 from dojo_maps.meshes.surfaces import build_ground, surface_meshes
 from dojo_maps.meshes.surroundings import surrounding_meshes
 
@@ -31,7 +32,7 @@ def build_scene(
     *,
     jobs: int = 1,
     on_stage: Callable[[str], None] = lambda _stage: None,
-) -> tuple[Mesh, ...]:
+) -> tuple[RoadMap, tuple[Mesh, ...]]:
     """Build every mesh of a furnished map.
 
     Args:
@@ -42,7 +43,8 @@ def build_scene(
         on_stage: told what begins.
 
     Returns:
-        The ground's meshes, then paint, signals, and what stands around.
+        The map, with what stands around on the ground; and the ground's meshes, then paint, signals, and what
+        stands around.
     """
     on_stage("Dividing the ground")
     pieces = add_pieces(pieces, road_map)
@@ -51,6 +53,7 @@ def build_scene(
     parts = divide_ground(pieces, paved, _ramps(road_map), margin=margin)
     on_stage("Cutting triangles")
     ground = build_ground(pieces, parts, jobs=jobs)
+    road_map = stand_on_ground(road_map, ground)
     meshes = list(surface_meshes(ground, pieces))
     on_stage("Painting")
     canvas = Canvas(pieces, parts)
@@ -65,7 +68,7 @@ def build_scene(
     lines = {lane.id: lane.shape - shift for lane in road_map.lanes}
     lines |= {crossing.id: crossing.shape - shift for crossing in road_map.crossings}
     meshes += paint_meshes(paints, ground, lines, jobs=jobs)
-    return (*meshes, *signal_meshes(road_map), *surrounding_meshes(road_map))
+    return road_map, (*meshes, *signal_meshes(road_map), *surrounding_meshes(road_map))
 
 
 def _ramps(road_map: RoadMap) -> Shapes:

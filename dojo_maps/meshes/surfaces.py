@@ -184,7 +184,8 @@ def _kerb_heights(ground: Ground) -> Floats:
 def _join_corners(corners: Floats, owners: Ints, pieces: Pieces) -> tuple[Floats, Ints, Ints]:
     """Make one vertex of all corners on one place and level; its height is the mean of the lanes' there.
 
-    Junctions and pavement, whose heights are known at their outlines only, follow the lanes they touch.
+    Junctions and pavement, whose heights are known at their outlines only, follow the lanes they touch. Lawns
+    lie as the ground around them, water as low as its banks.
 
     Args:
         corners: (3 m, 2) metres.
@@ -199,10 +200,12 @@ def _join_corners(corners: Floats, owners: Ints, pieces: Pieces) -> tuple[Floats
     known = HeightLines(pieces.lines)
     heights = np.zeros(len(corners))
     if not known.flat:
-        claimed = owners != TERRAIN
+        layers = np.array([*pieces.layers, Layer.TERRAIN])[owners]
+        claimed = ~np.isin(layers, (Layer.TERRAIN, Layer.GREEN, Layer.WATER))
         heights[claimed] = known.at(owners[claimed], corners[claimed])
         heights[~claimed] = np.inf
         _lay_terrain(heights, place, corners)
+        _level_water(heights, place, np.where(layers == Layer.WATER, owners, TERRAIN), ~claimed)
     order = np.lexsort((heights, place))
     starts = np.ones(len(order), dtype=bool)
     starts[1:] = (np.diff(place[order]) > 0) | (np.diff(heights[order]) > _SAME_HEIGHT)
@@ -215,14 +218,29 @@ def _join_corners(corners: Floats, owners: Ints, pieces: Pieces) -> tuple[Floats
     return np.column_stack([raster[first] * GRID, mean]), vertex.reshape(-1, 3), place[first]
 
 
+def _level_water(heights: Floats, place: Ints, water: Ints, free: Flags) -> None:
+    """Lower each water, told by its number, to its lowest corner, and `free` corners on its rim with it."""
+    wet = np.flatnonzero(water != TERRAIN)
+    if not len(wet):
+        return
+    banks = np.full(water.max() + 1, np.inf)
+    np.minimum.at(banks, water[wet], heights[wet])
+    level = np.full(place.max() + 1, np.inf)
+    np.minimum.at(level, place[wet], banks[water[wet]])
+    low = free & np.isfinite(level[place])
+    heights[low] = level[place[low]]
+
+
 def _lay_terrain(heights: Floats, place: Ints, corners: Floats) -> None:
-    """Give terrain corners (infinite heights) the lowest height claimed on their place, or nearby."""
+    """Give corners of infinite height the lowest height claimed on their place, or nearby; without any, 0."""
     lowest = np.full(place.max() + 1, np.inf)
     np.minimum.at(lowest, place, heights)
     terrain = np.isinf(heights)
     heights[terrain] = lowest[place[terrain]]
     alone = np.flatnonzero(np.isinf(heights))
     known = np.flatnonzero(~np.isinf(heights))
-    if len(alone) and len(known):
+    if not len(known):
+        heights[alone] = 0.0
+    elif len(alone):
         nearest = shapely.STRtree(shapely.points(corners[known])).nearest(shapely.points(corners[alone]))
         heights[alone] = heights[known[nearest]]
