@@ -43,7 +43,7 @@ CONTROLLERS = (
     "fixed-time", "actuated", "max-pressure-paper", "max-pressure", "queue-pressure", "rolling-horizon",
     "learned",
 )  # fmt: skip
-LEARNERS = ("MPLight", "CoLight", "MAPPO")
+LEARNERS = ("MPLight", "CoLight", "MAPPO", "PPO-F shared")
 """Rows of the benchmark that the page has; a signal alone learns by the same network and algorithm."""
 EPISODES = {"grid4x4": 60, "arterial4x4": 30, "ingolstadt21": 30}
 """Hours of traffic of a training; 100 where no other number is given, as RESCO's program has by default."""
@@ -67,10 +67,10 @@ Published figures of rules are means of all episodes; of learners, the mean of t
 training, and in brackets the best episode, which is what its paper shows. `learned` met these scenarios \
 in its training, with other seeds. What learns and is not in italics ({learners}) was trained for this page, \
 once on each scenario and under the settings above: for 100 hours of its traffic, on grid4x4 60, on \
-arterial4x4 and ingolstadt21 30. The policy that did best on yet other seeds is measured. CoLight and MAPPO \
-share one network that scores phases by their number, and a number means another phase at each junction of \
-Ingolstadt; MPLight scores them by the movements that they serve. Source: Ault and Sharon, \
-NeurIPS 2021; `avg_timeLoss.py` of Pi-Star-Lab/RESCO.
+arterial4x4 and ingolstadt21 30. The policy that did best on yet other seeds is measured. `PPO-F shared` is \
+IPPO with one policy for all signals. It, CoLight and MAPPO share one network that scores phases by their \
+number, and a number means another phase at each junction of Ingolstadt; MPLight scores them by the \
+movements that they serve. Source: Ault and Sharon, NeurIPS 2021; `avg_timeLoss.py` of Pi-Star-Lab/RESCO.
 
 `{command}` makes this page again.
 
