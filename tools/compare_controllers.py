@@ -30,6 +30,7 @@ from dojo_env.learning.episode_pools import open_processes
 from dojo_env.learning.pace import Pace
 from dojo_env.plan_search import Memory, search_plan
 from dojo_env.runs import JAMMED, run_controller
+from dojo_env.scenario import find_scenario, open_map
 from dojo_env.timing_plans import write_plan
 from dojo_maps.progress import say
 from dojo_maps.whole_file import write_json
@@ -57,7 +58,9 @@ class Job:
     @property
     def plan(self) -> Path:
         """Where the junction's blind plan is kept."""
-        return self.plans / f"{Path(self.scenario).stem} {self.seconds} {self.yellow} {self.all_red:g}.json"
+        network = open_map(find_scenario(self.scenario)).road_map.source.sha256[:12]
+        constraints = f"{self.seconds} {self.yellow} {self.all_red:g}"
+        return self.plans / f"{Path(self.scenario).stem} {network} {constraints}.json"
 
     @property
     def settings(self) -> dict[str, Any]:
