@@ -352,6 +352,8 @@ class Prop:
     holes: tuple[Points, ...] = ()
 
 
+BUILDING_FOOTING = 0.3
+"""How far walls reach below a building's foot, metres; farther where the ground slopes."""
 STREET_LAMP_REACH = 1.4
 """Metres from a street lamp's post to the lamp, along the heading in its tags."""
 
@@ -367,6 +369,18 @@ def heading_of(prop: Prop) -> float:
     """
     found = re.fullmatch(r"-?\d{1,4}(\.\d{1,17})?", dict(prop.tags).get("heading", ""), re.ASCII)
     return float(found[0]) if found else 0.0
+
+
+def foot_of(building: Prop) -> float:
+    """Tell how high the ground is where a building stands, in the middle of the heights at its corners.
+
+    Args:
+        building: a prop with an outline.
+
+    Returns:
+        Metres, map frame.
+    """
+    return float(np.median(np.asarray(building.polygon)[:, 2]))
 
 
 def hung_lamp(post: Prop) -> Points:

@@ -11,8 +11,11 @@ import tifffile
 from osm_drawings import DRAWINGS, HELSINKI, Drawing, cross
 from scene_reader import GROUND, read_scene
 
+from dojo_env.rendering import classes
+from dojo_env.rendering.scene import build_scene
 from dojo_maps.cli import main
 from dojo_maps.conversion import ConvertOptions, convert
+from dojo_maps.description import BUILDING_FOOTING, foot_of
 from dojo_maps.errors import SourceError, UsageError
 from dojo_maps.meshes.surfaces import KERB
 from dojo_maps.sources.geotiff import read_elevations
@@ -227,6 +230,9 @@ def test_what_stands_beside_the_street_stands_on_the_slope(tmp_path: Path) -> No
     middle, tree = lawn.reshape(-1, 3).mean(axis=0), np.array(props["tree"].position) - shift
     assert middle[2] - tree[2] == pytest.approx(tilted(*middle[:2]) - tilted(*tree[:2]), abs=1.0)
     assert np.ptp(pond[..., 2]) < 1e-3
+    seen = build_scene(made)
+    feet = seen.things[seen.surfaces == classes.Surface.FACADE, 0]
+    assert feet == pytest.approx(foot_of(props["building"]) - BUILDING_FOOTING, abs=1e-3)
 
 
 def far_away(path: Path) -> None:

@@ -18,7 +18,7 @@ from dojo_env.rendering.ways import Ways, lay_ways
 from dojo_env.snapshot import Snapshot
 from dojo_env.vehicle_models import VehicleModel
 from dojo_maps.bundle import Bundle
-from dojo_maps.description import LinkKind, RoadMap, Signal
+from dojo_maps.description import BUILDING_FOOTING, LinkKind, RoadMap, Signal, foot_of
 
 Floats = NDArray[np.float64]
 
@@ -113,6 +113,8 @@ def build_scene(
     colours, things = [np.empty((0, 3), np.float32)], [np.empty((0, 6), np.float32)]
     looks: list[tuple[int, Semantic, Surface]] = []
     count = 0
+    houses = [p for p in bundle.road_map.props if p.kind == "building" and p.polygon is not None]
+    feet = {house.id: foot_of(house) - BUILDING_FOOTING for house in houses}
     for mesh in bundle.read_meshes():
         if mesh.name.startswith(_PARKED):
             continue
@@ -124,6 +126,8 @@ def build_scene(
         corners = mesh.vertices[mesh.faces]
         own = _things(corners, mesh.sources, mesh.ids)
         if surface == Surface.FACADE:
+            # Walls reach down as far as the ground slopes; storeys count from the building's foot.
+            own[:, 0] = np.array([feet.get(name, -np.inf) for name in mesh.ids])[mesh.sources].clip(own[:, 0])
             _follow_roofs(own, corners)
         things.append(own.astype(np.float32))
         plain = np.tile(to_linear(np.array(colour)) * dark, (len(mesh.faces), 1))

@@ -6,15 +6,13 @@ from dataclasses import dataclass
 import numpy as np
 import shapely
 
-from dojo_maps.description import Prop
+from dojo_maps.description import BUILDING_FOOTING, Prop, foot_of
 from dojo_maps.geometry.pieces import GRID, flat_polygons
 from dojo_maps.geometry.polylines import Floats, Ints, Shapes
 from dojo_maps.meshes.mesh import Mesh, compact
 from dojo_maps.meshes.solids import extrude
 from dojo_maps.meshes.surfaces import triangulate
 
-_FOOTING = 0.3
-"""How far walls reach below the lowest ground at a building, metres; as far again as it slopes there."""
 _FAR = 1e4
 
 
@@ -30,7 +28,7 @@ def raise_outlines(name: str, buildings: Sequence[Prop], shift: Floats) -> Mesh:
         Closed solids in the frame of the scene; their sources are the props' ids.
     """
     outlines = [np.asarray(prop.polygon) - shift for prop in buildings]
-    ground = np.array([outline[:, 2].min() for outline in outlines])
+    ground = np.array([foot_of(prop) for prop in buildings]) - shift[2]
     slope = max(float(np.ptp(outline[:, 2])) for outline in outlines)
     shapes = [
         shapely.Polygon(outline[:, :2], [hole[:, :2] - shift[:2] for hole in prop.holes])
@@ -49,7 +47,7 @@ def raise_outlines(name: str, buildings: Sequence[Prop], shift: Floats) -> Mesh:
     building = places[:, 0].astype(np.int64)
     vertices = np.column_stack([places[:, 1:], ground[building]])
     rise = roofs.heights(building, vertices[:, :2])
-    vertices, faces, origin = extrude(vertices, faces, rise, _FOOTING + slope)
+    vertices, faces, origin = extrude(vertices, faces, rise, BUILDING_FOOTING + slope)
     return compact(name, vertices, faces, owner[origin], [prop.id for prop in buildings])
 
 
