@@ -41,16 +41,18 @@ def _outline(prop: Prop) -> Points:
 def _heights_at(ground: Ground, places: Floats) -> Floats:
     """Find the height of the ground at places (n, 3), the nearest to their own: (n,) metres."""
     corners = ground.vertices[ground.faces]
+    along, across = (corners[:, k] - corners[:, 0] for k in (1, 2))
+    areas = along[:, 0] * across[:, 1] - along[:, 1] * across[:, 0]
+    corners, along, across, areas = (each[areas > 0.0] for each in (corners, along, across, areas))
     place, face = shapely.STRtree(shapely.polygons(corners[:, :, :2])).query(
         shapely.points(places[:, :2]), predicate="intersects"
     )
-    first, along, across = corners[face, 0], *(corners[face, k] - corners[face, 0] for k in (1, 2))
-    away = places[place] - first
-    area = along[:, 0] * across[:, 1] - along[:, 1] * across[:, 0]
-    u = (away[:, 0] * across[:, 1] - away[:, 1] * across[:, 0]) / area
-    v = (along[:, 0] * away[:, 1] - along[:, 1] * away[:, 0]) / area
-    levels = corners[face, :, 2]
-    height = (first[:, 2] + u * along[:, 2] + v * across[:, 2]).clip(levels.min(axis=1), levels.max(axis=1))
+    corners, along, across = corners[face], along[face], across[face]
+    away = places[place] - corners[:, 0]
+    u = (away[:, 0] * across[:, 1] - away[:, 1] * across[:, 0]) / areas[face]
+    v = (along[:, 0] * away[:, 1] - along[:, 1] * away[:, 0]) / areas[face]
+    height = corners[:, 0, 2] + u * along[:, 2] + v * across[:, 2]
+    height = height.clip(corners[:, :, 2].min(axis=1), corners[:, :, 2].max(axis=1))
     order = np.lexsort((np.abs(height - places[place, 2]), place))
     found, nearest = np.unique(place[order], return_index=True)
     heights: Floats = places[:, 2].copy()
@@ -66,6 +68,6 @@ def _stood(props: tuple[Prop, ...], outlines: list[Points], heights: list[Floats
         elif prop.position is not None:
             x, y, z = stood[0].tolist()
             higher = prop.position[2] - z if prop.kind == "pole" else 0.0
-            yield replace(prop, position=(x, y, z), height=prop.height + higher)
+            yield replace(prop, position=(x, y, z), height=round(prop.height + higher, 3))
         else:
             yield prop
