@@ -371,6 +371,18 @@ def heading_of(prop: Prop) -> float:
     return float(found[0]) if found else 0.0
 
 
+def outline_of(prop: Prop) -> Points:
+    """Give a prop's outline, or the one point where it stands.
+
+    Args:
+        prop: any.
+
+    Returns:
+        (n, 3), metres, map frame; zeros for a prop that has neither.
+    """
+    return prop.polygon if prop.polygon is not None else points([prop.position or (0.0, 0.0, 0.0)])
+
+
 def foot_of(building: Prop) -> float:
     """Tell how high the ground is where a building stands, in the middle of the heights at its corners.
 

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from dojo_maps.description import Points, Prop, RoadMap, points
+from dojo_maps.description import Points, RoadMap, outline_of, points
 from dojo_maps.enrichment import furnish
 from dojo_maps.errors import GeometryError
 from dojo_maps.geometry.arrangement import Parts, paved_ground
@@ -109,12 +109,8 @@ def _things(road_map: RoadMap) -> list[_Thing]:
     found += [("junction", j.id, points([j.position])) for j in road_map.junctions]
     found += [("walking_area", area.id, area.polygon) for area in road_map.walking_areas]
     found += [("crossing", crossing.id, crossing.shape) for crossing in road_map.crossings]
-    found += [("prop", prop.id, _prop_outline(prop)) for prop in road_map.props]
+    found += [("prop", prop.id, outline_of(prop)) for prop in road_map.props]
     return [_Thing(kind, id_, _middle(shape, road_map.origin)) for kind, id_, shape in found]
-
-
-def _prop_outline(prop: Prop) -> Points:
-    return prop.polygon if prop.polygon is not None else points([prop.position or (0.0, 0.0, 0.0)])
 
 
 def _middle(shape: Points, otherwise: tuple[float, float]) -> tuple[float, float]:

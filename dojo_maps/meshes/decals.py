@@ -12,7 +12,7 @@ from dojo_maps.geometry.paint import LIFT, Paint
 from dojo_maps.geometry.pieces import Layer, flat_polygons
 from dojo_maps.geometry.polylines import Floats, HeightLines, Ints, Shapes
 from dojo_maps.meshes.mesh import Mesh, compact
-from dojo_maps.meshes.surfaces import Ground, triangulate
+from dojo_maps.meshes.surfaces import Ground, fit_planes, triangulate
 
 _PAINTED = (Layer.ROAD, Layer.JUNCTION, Layer.RAIL)
 _LEAST_TRIANGLE = 2e-6
@@ -86,13 +86,4 @@ class _Slopes:
         level = np.abs(line_height - middle[:, 2]) < LEVEL_GAP
         polygon, face = polygon[level], face[level]
         pieces, part = flat_polygons(shapely.intersection(polygons[polygon], self._triangles[face]))
-        return pieces, index[polygon[part]], _planes(self._corners[face[part]])
-
-
-def _planes(corners: Floats) -> Floats:
-    """Fit the plane z = a x + b y + c through each triangle (n, 3, 3)."""
-    edge, other = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
-    normal = np.cross(edge, other)
-    slope = -normal[:, :2] / normal[:, 2:]
-    offset = corners[:, 0, 2] - (slope * corners[:, 0, :2]).sum(axis=1)
-    return np.column_stack([slope, offset])
+        return pieces, index[polygon[part]], fit_planes(self._corners[face[part]])

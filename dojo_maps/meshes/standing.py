@@ -6,9 +6,9 @@ from dataclasses import replace
 import numpy as np
 import shapely
 
-from dojo_maps.description import Points, Prop, RoadMap, points
+from dojo_maps.description import Points, Prop, RoadMap, outline_of, points
 from dojo_maps.geometry.polylines import Floats
-from dojo_maps.meshes.surfaces import Ground
+from dojo_maps.meshes.surfaces import Ground, fit_planes
 
 
 def stand_on_ground(road_map: RoadMap, ground: Ground) -> RoadMap:
@@ -25,33 +25,24 @@ def stand_on_ground(road_map: RoadMap, ground: Ground) -> RoadMap:
     """
     if not road_map.props or not ground.vertices[:, 2].any():
         return road_map
-    outlines = [_outline(prop) for prop in road_map.props]
+    outlines = [outline_of(prop) for prop in road_map.props]
     shift = np.array([*road_map.origin, 0.0])
     heights = _heights_at(ground, np.concatenate(outlines) - shift)
     ends = np.cumsum([len(outline) for outline in outlines])
     return replace(road_map, props=tuple(_stood(road_map.props, outlines, np.split(heights, ends[:-1]))))
 
 
-def _outline(prop: Prop) -> Points:
-    if prop.polygon is not None:
-        return prop.polygon
-    return points([prop.position] if prop.position is not None else np.empty((0, 3)))
-
-
 def _heights_at(ground: Ground, places: Floats) -> Floats:
     """Find the height of the ground at places (n, 3), the nearest to their own: (n,) metres."""
     corners = ground.vertices[ground.faces]
-    along, across = (corners[:, k] - corners[:, 0] for k in (1, 2))
-    areas = along[:, 0] * across[:, 1] - along[:, 1] * across[:, 0]
-    corners, along, across, areas = (each[areas > 0.0] for each in (corners, along, across, areas))
-    place, face = shapely.STRtree(shapely.polygons(corners[:, :, :2])).query(
+    triangles = shapely.polygons(corners[:, :, :2])
+    wide = shapely.area(triangles) > 0.0
+    place, face = shapely.STRtree(triangles[wide]).query(
         shapely.points(places[:, :2]), predicate="intersects"
     )
-    corners, along, across = corners[face], along[face], across[face]
-    away = places[place] - corners[:, 0]
-    u = (away[:, 0] * across[:, 1] - away[:, 1] * across[:, 0]) / areas[face]
-    v = (along[:, 0] * away[:, 1] - along[:, 1] * away[:, 0]) / areas[face]
-    height = corners[:, 0, 2] + u * along[:, 2] + v * across[:, 2]
+    corners = corners[wide][face]
+    a, b, c = fit_planes(corners).T
+    height = a * places[place, 0] + b * places[place, 1] + c
     height = height.clip(corners[:, :, 2].min(axis=1), corners[:, :, 2].max(axis=1))
     order = np.lexsort((np.abs(height - places[place, 2]), place))
     found, nearest = np.unique(place[order], return_index=True)

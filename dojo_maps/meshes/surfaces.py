@@ -120,6 +120,22 @@ def _turned(corners: Floats) -> Floats:
     return corners
 
 
+def fit_planes(corners: Floats) -> Floats:
+    """Fit the plane z = a x + b y + c through each triangle.
+
+    Args:
+        corners: (n, 3, 3) of triangles that have an area from above, metres.
+
+    Returns:
+        (n, 3) a, b and c.
+    """
+    edge, other = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    normal = np.cross(edge, other)
+    slope = -normal[:, :2] / normal[:, 2:]
+    offset = corners[:, 0, 2] - (slope * corners[:, 0, :2]).sum(axis=1)
+    return np.column_stack([slope, offset])
+
+
 def surface_meshes(ground: Ground, pieces: Pieces) -> Iterator[Mesh]:
     """Build the mesh of each layer that has ground; raised layers are watertight solids.
 
