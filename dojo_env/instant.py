@@ -229,7 +229,7 @@ class Instant:
     def __getstate__(self) -> dict[str, Any]:
         """Measure the rest: another process has no simulation to ask."""
         self.measure_all()
-        state = {name: getattr(self, name) for name in self.__slots__}
+        state = {name: getattr(self, name) for name in Instant.__slots__}
         return {**state, "signals": dict(self.signals)}
 
     def __setstate__(self, state: dict[str, Any]) -> None:

@@ -19,8 +19,8 @@ class PerceivedInstant(Instant):
     """What was measured of each signal's lanes by detectors; nothing else can be asked for.
 
     Vehicles go by the numbers of their tracks. Which link each will take no camera tells, so those of a lane
-    are dealt out to its links in turn. What emissions they have is not told either, and counts as none; nor
-    who waits on foot, and nobody counts as waiting.
+    are dealt out to its links in turn. What emissions they have is not told either, and counts as none. Who
+    waits on foot is told by the crossing's push button, which is no camera.
     """
 
     tells_places = False
@@ -41,7 +41,12 @@ class PerceivedInstant(Instant):
             }
         )
         self._simulation, self._moment, self._snapshot = None, 0, None
-        self._crossings = frozenset()
+        self._crossings = frozenset(
+            crossing
+            for signal, view in self.signals.items()
+            for link, crossing in view.plan.walks
+            if link in instant.list_wanted_walks(signal)
+        )
         self._lanes = {
             lane: tuple(f"{signal} {number}" for number in numbers)
             for signal, each in measured.items()

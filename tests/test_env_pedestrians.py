@@ -1,5 +1,6 @@
 """People on foot: seen where SUMO has them, measured as SUMO has it, and never cut off by a signal."""
 
+import pickle
 import random
 import xml.etree.ElementTree as ET
 from collections.abc import Callable
@@ -99,3 +100,21 @@ def test_walkers_figures_agree_with_their_trajectories(episode) -> None:
 
 def test_random_actions_cut_no_walker_off(episode) -> None:
     assert episode[1]["violations"] == {}
+
+
+def test_who_sees_with_cameras_knows_of_buttons_that_are_pressed(scenario: Scenario) -> None:
+    world = LocalWorld(build_config(scenario=scenario, num_seconds=SECONDS, observation="lane-strips"))
+    world.reset(5)
+    (signal,) = world.signals
+    pressed = 0
+    for _ in range(20):
+        seen, real = world.perceive(), world.instant
+        assert seen is not real
+        wanted = real.list_wanted_walks(signal)
+        elsewhere = pickle.loads(pickle.dumps(seen))  # noqa: S301 - its own
+        assert seen.list_wanted_walks(signal) == elsewhere.list_wanted_walks(signal) == wanted
+        assert elsewhere.approach(signal) == seen.approach(signal)
+        pressed += bool(wanted)
+        world.step({signal: seen.signals[signal].phase})
+    world.close()
+    assert pressed
