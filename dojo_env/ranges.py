@@ -54,7 +54,7 @@ def draw_values(
             drawn[name] = float(given)
             continue
         try:
-            low, high = map(float, given)
+            low, high = map(float, () if isinstance(given, str) else given)  # Text has no two bounds.
         except (TypeError, ValueError):
             raise ConfigError(
                 f"{what}: {name}={given!r}: expected a number, or a range (low, high)"

@@ -217,6 +217,7 @@ def test_conditions_are_drawn_within_their_ranges_by_seed():
         {"rain": (1.0, 0.5)},
         {"rain": (0.0, 9.0)},
         {"rain": "wet"},
+        {"rain": "01"},
         {"rain": (1,)},
     ):
         with pytest.raises(ConfigError, match=r"wind|rain"):

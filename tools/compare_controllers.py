@@ -19,6 +19,7 @@ import argparse
 import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cache
 from itertools import product
 from pathlib import Path
 from typing import Any
@@ -58,15 +59,20 @@ class Job:
     @property
     def plan(self) -> Path:
         """Where the junction's blind plan is kept."""
-        network = open_map(find_scenario(self.scenario)).road_map.source.sha256[:12]
         constraints = f"{self.seconds} {self.yellow} {self.all_red:g}"
-        return self.plans / f"{Path(self.scenario).stem} {network} {constraints}.json"
+        return self.plans / f"{Path(self.scenario).stem} {_identify(self.scenario)} {constraints}.json"
 
     @property
     def settings(self) -> dict[str, Any]:
         """What holds for all controllers."""
         return {"scenario": self.scenario, "num_seconds": self.seconds,
                 "yellow_time": self.yellow, "all_red": self.all_red}  # fmt: skip
+
+
+@cache
+def _identify(scenario: str) -> str:
+    """Tell a map's source from others of its name."""
+    return open_map(find_scenario(scenario)).road_map.source.sha256[:12]
 
 
 def search(job: Job) -> None:
