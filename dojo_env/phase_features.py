@@ -28,6 +28,9 @@ _VEHICLES, _LANES, _MINUTE, _CHANGE, DELAY = 10.0, 4.0, 60.0, 10.0, 100.0
 """What one unit of a feature is: vehicles, lanes, seconds of green and red, of a change, of all's delay."""
 _LONGEST, _MOST_DELAY = 3.0, 10.0
 """Minutes of green or red, and units of delay, beyond which nothing more is told."""
+_WALKERS, _WALKERS_ALONE = 0.9, 0.2
+"""Seconds of delay for each second of red that somebody on foot waits at: the longer, the more they are. The
+second holds where vehicles' places are guessed, and so their delay is not told."""
 
 
 class PhaseReader:
@@ -76,7 +79,8 @@ class PhaseReader:
             ones that have no room to go to, in tens; the logarithm of its lanes' seconds of waiting; lanes
             that it serves, by four; crossings at which somebody waits, and for how many minutes; standing
             vehicles behind it, in tens; ten seconds that the change to it takes; the share of the present
-            greens that it keeps; the delay of `queue_forecast`, in 100 s, 0 where places are guessed.
+            greens that it keeps; in 100 s, the delay of `queue_forecast`, unless places are guessed, and that
+            of walkers who see another phase.
         """
         view, approach = instant.signals[signal], instant.approach(signal)
         red = self._note(view, instant.time)
@@ -95,10 +99,13 @@ class PhaseReader:
         waiting = self._lanes @ view.lanes.accumulated_waiting
         walks, wanted = np.zeros(count, bool), instant.list_wanted_walks(signal)
         walks[list(wanted)] = True
-        delays = np.zeros(len(red))
-        if instant.tells_places:
-            delays = self._forecast.measure_delays(view, approach, wanted)
         served = self._green & walks
+        waited = np.where(served.any(axis=1), np.minimum(red, _LONGEST * _MINUTE), 0.0)
+        missed = waited.max() - waited
+        if instant.tells_places:
+            delays = self._forecast.measure_delays(view, approach, wanted) + _WALKERS * missed
+        else:
+            delays = _WALKERS_ALONE * missed
         present = np.arange(len(red)) == view.phase
         columns = (
             present,
@@ -111,7 +118,7 @@ class PhaseReader:
             np.log1p(share @ waiting) / _VEHICLES,
             self._serves,
             served.sum(axis=1),
-            served.any(axis=1) * np.minimum(red / _MINUTE, _LONGEST),
+            waited / _MINUTE,
             (self._green * ~self._is_walk) @ beyond / np.maximum(self._green.sum(axis=1), 1) / _VEHICLES,
             self._change[view.phase],
             self._kept[view.phase],

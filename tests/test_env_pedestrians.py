@@ -11,6 +11,8 @@ import pytest
 
 from dojo_env.config import build_config
 from dojo_env.local_world import LocalWorld
+from dojo_env.phase_features import DELAY, PHASE_FEATURES, PhaseReader
+from dojo_env.queue_forecast import QueueForecast
 from dojo_env.scenario import Scenario
 from dojo_env.snapshot import Kind
 
@@ -118,3 +120,27 @@ def test_who_sees_with_cameras_knows_of_buttons_that_are_pressed(scenario: Scena
         world.step({signal: seen.signals[signal].phase})
     world.close()
     assert pressed
+
+
+def test_phases_are_told_of_walkers_whom_another_one_would_serve(scenario: Scenario) -> None:
+    world = LocalWorld(build_config(scenario=scenario, num_seconds=SECONDS, observation="lane-strips"))
+    world.reset(5)
+    (signal,), (plan,) = world.signals, world.map.plans.values()
+    readers, most = (PhaseReader(plan), PhaseReader(plan)), 0.0
+    for _ in range(20):
+        real, seen = world.instant, world.perceive()
+        told, guessed = (
+            reader.read(signal, each) for reader, each in zip(readers, (real, seen), strict=True)
+        )
+        waiting, delay = (PHASE_FEATURES.index(name) for name in ("walkers_waiting", "delay"))
+        assert (told[:, waiting] == guessed[:, waiting]).all()
+        missed = 60 * (told[:, waiting].max() - told[:, waiting])
+        vehicles = QueueForecast(plan).measure_delays(
+            real.signals[signal], real.approach(signal), real.list_wanted_walks(signal)
+        )
+        assert DELAY * told[:, delay] == pytest.approx(vehicles + 0.9 * missed, abs=0.01)
+        assert DELAY * guessed[:, delay] == pytest.approx(0.2 * missed, abs=0.01)
+        most = max(most, missed.max())
+        world.step({signal: 0})
+    world.close()
+    assert most > 60
