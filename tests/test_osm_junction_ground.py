@@ -1,14 +1,16 @@
 """Junctions keep to their roads: no ground between roads far apart, nothing twisted, nothing parted."""
 
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
 import shapely
-from osm_drawings import CROSSING, SIGNAL, SIGNAL_CROSSING, Drawing
+from osm_drawings import CROSSING, SIGNAL, SIGNAL_CROSSING, Drawing, parallel_ways
 
 from dojo_maps.conversion import convert
-from dojo_maps.description import RoadMap
+from dojo_maps.description import LaneKind, RoadMap
+from dojo_maps.geometry.pieces import lane_strips
 from dojo_maps.sources.osm import read_osm
 from dojo_maps.sources.osm.network.osm_network import OsmNetwork
 from dojo_maps.sources.osm.pipeline import build_network
@@ -133,3 +135,39 @@ def test_slip_lane_inside_a_junction_is_paved_around_its_island(tmp_path: Path) 
     assert slip.difference(ground.buffer(0.5)).length < 0.5
     island = shapely.Polygon([*slip.coords, places[3]]).difference(ground)
     assert 20.0 < island.area < 200.0
+
+
+def acute_corner() -> Drawing:
+    """A street that joins a main one at an acute angle, pavement around the corner."""
+    d = Drawing()
+    d.way((-150, 0), (0, 0), (150, 0), highway="primary", lanes="4", sidewalk="both")
+    d.way((-300, -120), (0, 0), highway="secondary", oneway="yes", lanes="2", sidewalk="both")
+    d.node(0, 0, **SIGNAL)
+    return d
+
+
+def touching_street() -> Drawing:
+    """A one-way street that touches another one from below, and leads away again."""
+    d = Drawing()
+    d.way((-150, 0), (0, 0), (150, 0), highway="secondary", lanes="2", sidewalk="both")
+    d.way((-150, -60), (0, 0), (150, -60), highway="tertiary", oneway="yes", sidewalk="both")
+    return d
+
+
+@pytest.mark.parametrize("drawn", [acute_corner, parallel_ways, touching_street])
+def test_motor_vehicles_drive_on_no_pavement(drawn: Callable[[], Drawing], tmp_path: Path) -> None:
+    road_map = network(drawn(), tmp_path).road_map
+    pavement = shapely.union_all([shapely.Polygon(area.polygon[:, :2]) for area in road_map.walking_areas])
+    floors = [shapely.Polygon(j.polygon[:, :2]) for j in road_map.junctions if len(j.polygon) > 3]
+    strips = lane_strips(lane for lane in road_map.lanes if lane.kind is not LaneKind.SIDEWALK)
+    ground = shapely.union_all([*floors, *strips, pavement]).buffer(0.05)
+    cars = {lane.id for lane in road_map.lanes if lane.kind is LaneKind.DRIVING}
+    ways = [
+        shapely.LineString(connection.shape[:, :2]).buffer(0.9, cap_style="flat")
+        for connection in road_map.connections
+        if {connection.from_lane, connection.to_lane} <= cars and connection.direction != "t"
+    ]
+    assert len(ways) > 4
+    for way in ways:
+        assert way.intersection(pavement).area < 0.5
+        assert way.difference(ground).area < 0.5  # What was cut is the junction's.

@@ -30,6 +30,7 @@ from dojo_maps.sources.osm.network.netconvert_run import Converted, convert_plai
 from dojo_maps.sources.osm.network.osm_network import OsmNetwork
 from dojo_maps.sources.osm.network.outline_filling import fill_outlines
 from dojo_maps.sources.osm.network.outline_trimming import trim_outlines
+from dojo_maps.sources.osm.network.pavement_trimming import trim_pavement
 from dojo_maps.sources.osm.network.precedence import settle_precedence
 from dojo_maps.sources.osm.network.track_clearing import clear_cycle_tracks, clear_rails
 from dojo_maps.sources.osm.network.track_walkers import part_walkers_from_cyclists
@@ -118,7 +119,8 @@ def build_network(
     built = move_waiting_places(program_signals(built, road_map), road_map, rules.waiting)
     built = mend_outlines(part_walkers_from_cyclists(built))
     built = trim_outlines(built, road_map, layout.graph)
-    built = fill_outlines(built, road_map, layout)
+    built, cut = trim_pavement(built, road_map)
+    built = fill_outlines(built, road_map, layout, cut)
     road_map, issues = read_network(built, path=path, name=name, sha256=sha256)
     issues += tuple(unsettled)
     issues += tuple(_dropped_issue(option, reason, road_map) for option, reason in converted.dropped)

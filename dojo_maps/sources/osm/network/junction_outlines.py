@@ -35,17 +35,20 @@ def mend_outlines(data: bytes) -> bytes:
     return data
 
 
-def replace_outlines(data: bytes, outline: Callable[[str, Floats], Floats | None]) -> bytes:
+def replace_outlines(
+    data: bytes, outline: Callable[[str, Floats], Floats | None], *, of_pavement: bool = False
+) -> bytes:
     """Give junctions of a network another outline.
 
     Args:
         data: the network.
         outline: gives the new corners for a junction's id and its old ones, (n, 3) metres; None to keep them.
+        of_pavement: change walking areas instead.
 
     Returns:
         The network with these outlines.
     """
-    return _replace(data, _JUNCTION, outline)
+    return _replace(data, _WALKING_AREA if of_pavement else _JUNCTION, outline)
 
 
 def _replace(data: bytes, pattern: re.Pattern[str], outline: Callable[[str, Floats], Floats | None]) -> bytes:

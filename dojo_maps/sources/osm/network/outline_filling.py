@@ -1,4 +1,4 @@
-"""Give junctions the ground of the mapped roads inside them: slip lanes, links and the ends of roads.
+"""Give junctions the ground of the mapped roads inside them: slip lanes, links, ends of roads, cut pavement.
 
 netconvert draws a junction's outline from arm to arm, and leaves out what lies beyond: a slip lane that leads
 around a corner, where drivers see an island, not grass.
@@ -14,6 +14,7 @@ from dojo_maps.geometry.pieces import lane_strips
 from dojo_maps.geometry.polylines import Floats, along
 from dojo_maps.sources.osm.layout.arms import Arm, Layout, outward, trim
 from dojo_maps.sources.osm.network.junction_outlines import outline_of, replace_outlines
+from dojo_maps.sources.osm.network.pavement_trimming import Ground
 
 _SLIT = 0.02
 """Half the metres across the slit that leads an outline around an island; meshes close it."""
@@ -27,23 +28,24 @@ _LAP = 0.05
 """Metres by which the ground of a drawn back road reaches over its lanes' ends, to be one with theirs."""
 
 
-def fill_outlines(data: bytes, road_map: RoadMap, layout: Layout) -> bytes:
-    """Add the ground of mapped roads to the outlines of the junctions that they lie in.
+def fill_outlines(data: bytes, road_map: RoadMap, layout: Layout, cut: Ground) -> bytes:
+    """Add the ground of mapped roads, and pavement that was cut, to the junctions that they lie in.
 
     Args:
         data: the network.
         road_map: what it holds.
         layout: what was to be built.
+        cut: what vehicles drive on of the junctions' pavement.
 
     Returns:
         The network; islands between a junction and a road around its corner are kept.
     """
     least = layout.rules.network.least_island
     inside = _roads_inside(layout)
-    others = _Ground(road_map)
+    others = _Others(road_map)
 
     def fill(name: str, corners: Floats) -> Floats | None:
-        roads = inside.get(name, [])
+        roads = [*inside.get(name, ()), *cut.get(name, ())]
         ground = shapely.Polygon(corners[:, :2]) if len(corners) > 2 else shapely.Polygon()
         if not roads or ground.is_empty or not ground.is_valid:
             return None
@@ -80,7 +82,7 @@ def _end(layout: Layout, arm: Arm, cut: float) -> shapely.Geometry:
     return shapely.LineString(end).buffer(layout.half(arm.section), cap_style="flat")
 
 
-class _Ground:
+class _Others:
     """The ground of lanes and junctions, which no other junction gets; roads lead through pavement."""
 
     def __init__(self, road_map: RoadMap) -> None:
