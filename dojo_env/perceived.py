@@ -44,8 +44,9 @@ class PerceivedInstant(Instant):
         self._crossings = frozenset(
             crossing
             for signal, view in self.signals.items()
+            for wanted in [instant.list_wanted_walks(signal)]
             for link, crossing in view.plan.walks
-            if link in instant.list_wanted_walks(signal)
+            if link in wanted
         )
         self._lanes = {
             lane: tuple(f"{signal} {number}" for number in numbers)
