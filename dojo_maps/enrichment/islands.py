@@ -3,12 +3,12 @@
 import numpy as np
 import shapely
 
-from dojo_maps.description import Prop, RoadMap, points
-from dojo_maps.geometry.pieces import GRID
-from dojo_maps.geometry.polylines import Flags, Shapes, lift_to_nearest
+from dojo_maps.description import CARRIAGEWAY, Prop, RoadMap, points
+from dojo_maps.geometry.pieces import GRID, lane_strips
+from dojo_maps.geometry.polylines import Flags, Floats, Shapes, lift_to_nearest
 
-_WIDEST = 5.0
-"""Wider gaps between carriageways are green, metres."""
+_WIDEST, _WIDEST_WHOLE = 5.0, 12.0
+"""Wider gaps between carriageways are green, metres; the second where traffic drives all around."""
 _NARROWEST = 0.04
 _FLUSH = 0.6
 """Narrower gaps are no kerb to drive against but part of the pavement, metres."""
@@ -16,15 +16,17 @@ _LEAST_AREA = 0.2
 _NEAR = 0.3
 _ENCLOSED = 0.8
 """Share of an island's outline that lies along paved ground; less is a corner or a bay."""
+_ALONG_PATHS = 0.5
+"""Share of a gap's outline along ways on which no motor vehicle drives, from which on it is no island."""
 
 ISLAND_HEIGHT = 0.12
 
 
 def find_islands(road_map: RoadMap, paved: shapely.Geometry) -> tuple[Prop, ...]:
-    """Find the gaps between carriageways that are narrower than 5 m, as props of kind `island`.
+    """Find the gaps between carriageways that are narrower than 5 m, or 12 m all around, as props `island`.
 
     Slits of less than 0.6 m are flush with the road (height 0). Ground along a sidewalk is a verge and stays
-    green.
+    green, and so does ground between paths.
 
     Args:
         road_map: as a source describes it; its lanes say how high the ground is.
@@ -38,7 +40,9 @@ def find_islands(road_map: RoadMap, paved: shapely.Geometry) -> tuple[Prop, ...]
     walks += [area.polygon for area in road_map.walking_areas if len(area.polygon) > 2]
     beside = np.array([shapely.polygons(ring[:, :2] - shift) for ring in walks], dtype=object)
     lines = [lane.shape for lane in road_map.lanes]
-    gaps, flush = _gaps(paved, beside)
+    driven = {lane.road for lane in road_map.lanes if lane.kind in CARRIAGEWAY}
+    strips = lane_strips(lane for lane in road_map.lanes if lane.road not in driven)
+    gaps, flush = _gaps(paved, beside, shapely.transform(strips, lambda corners: corners - shift))
     rings = [shapely.get_coordinates(gap.exterior)[:-1] for gap in gaps]
     corners = np.concatenate([np.empty((0, 2)), *rings])
     lifted = lift_to_nearest(np.round(corners + shift, 4), lines)
@@ -54,22 +58,30 @@ def find_islands(road_map: RoadMap, paved: shapely.Geometry) -> tuple[Prop, ...]
     )
 
 
-def _gaps(paved: shapely.Geometry, beside: Shapes) -> tuple[Shapes, Flags]:
+def _gaps(paved: shapely.Geometry, beside: Shapes, paths: Shapes) -> tuple[Shapes, Flags]:
     """Find the narrow gaps that paved ground encloses, and which of them are flush with it."""
     closed = _resized(paved, _WIDEST / 2, -_WIDEST / 2)
-    gaps = shapely.difference(closed, paved, grid_size=GRID)
+    gaps = shapely.get_parts(shapely.difference(closed, paved, grid_size=GRID))
+    rings = [ring for part in shapely.get_parts(paved) for ring in part.interiors]
+    holes = np.array([shapely.Polygon(ring) for ring in rings], dtype=object)
+    holes = holes[shapely.is_empty(shapely.buffer(holes, -_WIDEST_WHOLE / 2))]
+    within, _ = shapely.STRtree(holes).query(shapely.point_on_surface(gaps), "within")
+    gaps = np.concatenate([np.delete(gaps, within), holes])
     gaps = shapely.get_parts(_resized(gaps, -_NARROWEST / 2, _NARROWEST / 2 + 2 * GRID))
     gaps = gaps[shapely.area(gaps) > _LEAST_AREA]
     flush = shapely.is_empty(shapely.buffer(gaps, -_FLUSH / 2))
     outline = shapely.segmentize(shapely.get_exterior_ring(gaps), 0.5)
     places, gap = shapely.get_coordinates(outline, return_index=True)
     shapely.prepare(paved)
-    enclosed = shapely.dwithin(paved, shapely.points(places), _NEAR)
-    walked = np.zeros(len(places), dtype=bool)
-    walked[shapely.STRtree(beside).query(shapely.points(places), "dwithin", distance=_NEAR)[0]] = True
     count = np.maximum(np.bincount(gap, minlength=len(gaps)), 1)
-    share = [np.bincount(gap, weights=flags, minlength=len(gaps)) / count for flags in (enclosed, walked)]
-    kept = (share[0] > _ENCLOSED) & (flush | (share[1] < 1 - _ENCLOSED))
+
+    def share(ground: Shapes) -> Floats:
+        near = np.zeros(len(places), dtype=bool)
+        near[shapely.STRtree(ground).query(shapely.points(places), "dwithin", distance=_NEAR)[0]] = True
+        return np.bincount(gap, weights=near, minlength=len(gaps)) / count
+
+    driven = (share(beside) < 1 - _ENCLOSED) & (share(paths) < _ALONG_PATHS)
+    kept = (share(shapely.get_parts(paved)) > _ENCLOSED) & (flush | driven)
     return gaps[kept], flush[kept]
 
 
