@@ -50,10 +50,9 @@ class Instant:
         time: simulated seconds.
         traffic: figures of the whole network.
         signals: each signal that agents control, by id.
-        tells_places: where on its lane each vehicle is, and which link it takes, is known and not guessed.
+        tells_places: where on its lane each vehicle is has been measured, and is not guessed.
     """
 
-    tells_places = True
     __slots__ = (
         "_approaches",
         "_crossings",
@@ -62,6 +61,7 @@ class Instant:
         "_simulation",
         "_snapshot",
         "signals",
+        "tells_places",
         "time",
         "traffic",
     )
@@ -82,6 +82,7 @@ class Instant:
             lanes: ids of the vehicles on the lanes that have been looked at.
         """
         self.time: float = simulation.time
+        self.tells_places = True
         self.traffic = traffic
         self.signals: Mapping[str, SignalView] = MappingProxyType(dict(signals))
         self._simulation: Simulation | None = simulation
@@ -112,6 +113,7 @@ class Instant:
             running=count, backlogged=0, stopped=halting, waiting_time=0.0, mean_speed=0.0, arrived=0,
             departed=0, teleported=0, pedestrians=0, pedestrian_waiting=0.0,
         )  # fmt: skip
+        instant.tells_places = True
         instant._simulation, instant._moment, instant._snapshot = None, 0, None
         instant._lanes, instant._approaches = {}, {}
         instant._crossings = frozenset()

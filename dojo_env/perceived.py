@@ -18,12 +18,12 @@ from dojo_env.simulation import Simulation
 class PerceivedInstant(Instant):
     """What was measured of each signal's lanes by detectors; nothing else can be asked for.
 
-    Vehicles go by the numbers of their tracks. Which link each will take no camera tells, so those of a lane
-    are dealt out to its links in turn. What emissions they have is not told either, and counts as none. Who
-    waits on foot is told by the crossing's push button, which is no camera.
+    Vehicles go by the numbers of their tracks. Where only their number is known, they are spread over the
+    lane. Which link each will take no camera tells, so those of a lane are dealt out to its links in turn.
+    What emissions they have is not told either, and counts as none. Who waits on foot is told by the
+    crossing's push button, which is no camera.
     """
 
-    tells_places = False
     __slots__ = ()
 
     def __init__(self, instant: Instant, measured: Mapping[str, LaneMeasurements]) -> None:
@@ -34,6 +34,7 @@ class PerceivedInstant(Instant):
             measured: of each of its signals, at least the lanes that lead to it and away from it.
         """
         self.time, self.traffic = instant.time, instant.traffic
+        self.tells_places = all(each.places for each in measured.values())
         self.signals = MappingProxyType(
             {
                 signal: replace(view, lanes=read_lanes(measured[signal], view.plan))
@@ -92,6 +93,12 @@ def _list_approach(measured: LaneMeasurements, plan: SignalPlan) -> Approach:
     coming: list[tuple[int, float, float]] = []
     for lane, limit, length in zip(plan.lanes, plan.limits, plan.lengths, strict=True):
         own = list(dict.fromkeys(index for index, source, _ in plan.links if source == lane))
+        if lane in measured.places:
+            coming += [
+                (link, metres, 0.0 if stands else float(limit))
+                for link, (metres, stands) in zip(cycle(own), measured.places[lane], strict=False)
+            ]
+            continue
         count, standing = (int(each[number[lane]]) for each in (measured.vehicles, measured.halting))
         # Who stands is in front; the others are spread over what is left of the lane.
         queue = min(standing * ROOM_OF_A_VEHICLE, REACH)

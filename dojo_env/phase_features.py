@@ -28,9 +28,8 @@ _VEHICLES, _LANES, _MINUTE, _CHANGE, DELAY = 10.0, 4.0, 60.0, 10.0, 100.0
 """What one unit of a feature is: vehicles, lanes, seconds of green and red, of a change, of all's delay."""
 _LONGEST, _MOST_DELAY = 3.0, 10.0
 """Minutes of green or red, and units of delay, beyond which nothing more is told."""
-_WALKERS, _WALKERS_ALONE = 0.9, 0.2
-"""Seconds of delay for each second of red that somebody on foot waits at: the longer, the more they are. The
-second holds where vehicles' places are guessed, and so their delay is not told."""
+_WALKERS = 0.9
+"""Seconds of delay for each second of red that somebody on foot waits at: the longer, the more they are."""
 
 
 class PhaseReader:
@@ -101,11 +100,9 @@ class PhaseReader:
         walks[list(wanted)] = True
         served = self._green & walks
         waited = np.where(served.any(axis=1), np.minimum(red, _LONGEST * _MINUTE), 0.0)
-        missed = waited.max() - waited
+        delays = _WALKERS * (waited.max() - waited)
         if instant.tells_places:
-            delays = self._forecast.measure_delays(view, approach, wanted) + _WALKERS * missed
-        else:
-            delays = _WALKERS_ALONE * missed
+            delays += self._forecast.measure_delays(view, approach, wanted)
         present = np.arange(len(red)) == view.phase
         columns = (
             present,

@@ -15,6 +15,7 @@ from dojo_env.local_world import LocalWorld
 from dojo_env.outages import CameraOutage
 from dojo_env.sensors.camera_watch import CameraWatch
 from dojo_env.sensors.lane_network import CHANNELS, LAYERS, PACKAGED, SEEN, find_chances, read_weights
+from dojo_env.sensors.static_objects import StaticObjects
 from dojo_env.sensors.strip_geometry import (
     CELL,
     CELLS,
@@ -179,6 +180,71 @@ def test_a_dead_camera_is_told_of_and_its_lanes_get_their_turn(
     assert sum(after and not before for before, after in pairwise(greens)) >= 2
     assert any("approach_0 has frozen" in line or "approach_0 shows nothing" in line for line in told)
     assert any("approach_0 is back" in line for line in told)
+
+
+def test_vehicles_stand_where_the_network_sees_them() -> None:
+    config = build_config(scenario="cologne1", observation="lane-strips", num_seconds=200)
+    apart: list[float] = []
+    with closing(LocalWorld(config)) as world:
+        world.reset(2)
+        (plan,) = world.map.plans.values()
+        limits = dict(zip(plan.lanes, plan.limits, strict=True))
+        ended = False
+        while not ended:
+            real, seen = (now.approach(plan.signal) for now in (world.instant, world.perceive()))
+            for lane in plan.lanes:
+                links = {link for link, source, _ in plan.links if source == lane}
+                there, told = (
+                    sorted(far for link, far, _ in each.coming if link in links and far < REACH)
+                    for each in (real, seen)
+                )
+                if len(there) == len(told) > 0:
+                    apart += np.abs(np.subtract(there, told)).tolist()
+            assert {fast for _, _, fast in seen.coming} <= {0.0, *limits.values()}
+            ended = world.step({plan.signal: world.instant.signals[plan.signal].phase})[2]
+    assert len(apart) > 100
+    assert np.median(apart) < 3.0
+    assert np.mean(apart) < 4.0
+
+
+def test_where_no_camera_looks_somebody_may_stand() -> None:
+    with closing(LocalWorld(build_config(scenario="cologne1"))) as world:
+        (signal,) = world.signals
+        one, *_ = world.eyes.cameras(signal)
+    config = build_config(scenario="cologne1", observation="lane-strips", cameras={signal: [one]})
+    with closing(LocalWorld(config)) as world:
+        world.reset(1)
+        (plan,) = world.map.plans.values()
+        strips = build_strips(world.map.bundle.road_map, plan, [one])
+        unseen = [row for row, strip in enumerate(strips[: len(plan.lanes)]) if strip.camera is None]
+        assert 0 < len(unseen) < len(plan.lanes)
+        for _ in range(12):
+            view = world.perceive().signals[signal]
+            world.step({signal: view.phase})
+        green = {lane for link, lane, _ in plan.links if view.state[link] in "Gg"}
+        red = [row for row in unseen if plan.lanes[row] not in green]
+        assert red
+        assert (view.lanes.halting[red] == 1).all()
+        assert not view.lanes.halting[[row for row in unseen if row not in red]].any()
+
+
+def test_what_stands_through_several_greens_is_no_vehicle() -> None:
+    objects, green = StaticObjects(2, 3), np.zeros(2, bool)
+    told = []
+    for time in range(0, 600, 5):
+        # The first lane has a post in its first cell, and a queue behind it which leaves at green; the second
+        # has a queue and no green.
+        green[0] = time % 60 >= 40
+        standing = np.array([[0.9, 0.0 if time % 60 > 45 else 0.8, 0.1], [0.9, 0.9, 0.0]])
+        told.append(objects.leave_out(standing, green))
+    found = np.array(told)
+    assert found[:48, 0, 0] == pytest.approx(0.9)
+    assert found[48:, 0, 0] == pytest.approx(0.0)
+    assert found[:, 0, 1].max() == pytest.approx(0.8)
+    assert found[:, 1, :2] == pytest.approx(0.9)
+    # Who stands where it has been empty once counts again.
+    objects.leave_out(np.zeros((2, 3)), green)
+    assert objects.leave_out(np.full((2, 3), 0.9), green) == pytest.approx(0.9)
 
 
 def test_outages_that_cannot_be_are_one_line() -> None:

@@ -11,7 +11,7 @@ from dojo_env.detectors.measuring import LaneMeasurements
 from dojo_env.instant import SignalView, build_approach
 from dojo_env.local_world import LocalWorld
 from dojo_env.perceived import PerceivedInstant
-from dojo_env.phase_features import PHASE_FEATURES, PhaseReader
+from dojo_env.phase_features import DELAY, PHASE_FEATURES, PhaseReader
 from dojo_env.queue_forecast import QueueForecast
 from dojo_env.runs import run_controller
 
@@ -155,3 +155,12 @@ def test_who_stands_in_a_lane_that_a_camera_counts_is_in_front() -> None:
     told = PhaseReader(plan).read(signal, perceived)
     assert not told[:, PHASE_FEATURES.index("delay")].any()
     assert told[:, PHASE_FEATURES.index("halting")].any()
+    # Where they have been measured it is.
+    places = dict.fromkeys(lanes, ()) | {"n_t_0": ((4.0, False), (20.0, True))}
+    perceived = PerceivedInstant(now, {signal: replace(measured, places=places)})
+    view, approach = perceived.signals[signal], perceived.approach(signal)
+    assert approach.coming == ((0, 4.0, pytest.approx(13.9, abs=0.1)), (1, 20.0, 0.0))
+    delays = QueueForecast(plan).measure_delays(view, approach, ())
+    told = PhaseReader(plan).read(signal, perceived)
+    assert DELAY * told[:, PHASE_FEATURES.index("delay")] == pytest.approx(delays, abs=0.01)
+    assert delays.max() > 0.0

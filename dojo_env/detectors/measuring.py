@@ -1,7 +1,7 @@
 """What detections tell of lanes: how many vehicles each has, how many stand, and how fast they are."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -30,6 +30,8 @@ class LaneMeasurements:
         waiting: (n,) the sum over the vehicles of the seconds that they have stood in sight.
         tracks: the numbers of the vehicles, who is nearest to the lane's end first.
         urgent: the lanes on which somebody has his blue lights on, as far as that is measured.
+        places: by lane, of each vehicle the metres from its front to the end, and whether it stands; who
+            is nearest first. Lanes of which this is not measured are left out.
     """
 
     time: float
@@ -41,6 +43,7 @@ class LaneMeasurements:
     waiting: Floats
     tracks: tuple[tuple[int, ...], ...]
     urgent: frozenset[str] = frozenset()
+    places: Mapping[str, tuple[tuple[float, bool], ...]] = field(default_factory=dict)
 
 
 class WaitingSum:
@@ -175,6 +178,10 @@ class LaneWatch:
             mean_length=np.array([np.mean([t.length for t in ts]) if ts else 0.0 for ts in held]),
             waiting=np.array([sum(track.waited for track in tracks) for tracks in held]),
             tracks=tuple(tuple(track.number for track in tracks) for tracks in held),
+            places={
+                lane: tuple((track.left, track.is_halting) for track in tracks)
+                for lane, tracks in zip(self.lanes, held, strict=True)
+            },
         )
 
     def _find_region(self, camera: int) -> tuple[int, int, int, int] | None:

@@ -7,7 +7,7 @@ what the network tells.
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from math import isfinite
+from math import ceil, isfinite
 from pathlib import Path
 from typing import Any
 
@@ -22,7 +22,11 @@ from dojo_env.notes import say_once
 from dojo_env.sensors.base import SENSORS, Look, Sensor, Site
 from dojo_env.sensors.camera_watch import CameraWatch
 from dojo_env.sensors.lane_network import PACKAGED, SEEN, find_chances, read_weights
-from dojo_env.sensors.strip_geometry import COLUMNS, ROWS, build_strips, cut_strips
+from dojo_env.sensors.static_objects import StaticObjects
+from dojo_env.sensors.strip_geometry import CELL, CELLS, COLUMNS, ROWS, build_strips, cut_strips
+from dojo_env.signals.plan import ROOM_OF_A_VEHICLE
+
+Floats = NDArray[np.float64]
 
 _STANDING, _MOVING, _EMERGENCY = (SEEN.index(name) for name in ("standing", "moving", "emergency"))
 _CAR = 5.0
@@ -31,8 +35,13 @@ _SEEN = 1.0
 """Standing vehicles of a lane from which on its picture must change at green."""
 _SURE = 0.5
 """The chance of an emergency vehicle, at this decision and at the last one, from which on it counts."""
-_USUAL, _DISCHARGE, _LONGEST = 0.08, 0.5, 12.0
-"""Where a camera fails: vehicles a second that come, that leave at green, and that stand at the most."""
+_LEAST = 1e-9
+"""A chance that counts for nothing."""
+_USUAL, _SELDOM, _DISCHARGE, _LONGEST = 0.08, 0.02, 0.5, 12.0
+"""Vehicles a second that come where a camera fails, and where none looks, as to short lanes amid a junction;
+those that leave at green; and how many stand at the most."""
+_AT_THE_LINE = 2
+"""A lane is seen if one of its first so many cells is."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -94,12 +103,15 @@ class _MountedStrips(Sensor):
         self._waiting = WaitingSum(len(self._strips))
         self._watches = {camera: CameraWatch() for camera in self.views}
         self._green = np.zeros(len(self._strips), bool)
+        self._objects = StaticObjects(len(self._strips), CELLS)
 
     def observe(self, look: Look) -> tuple[float, NDArray[np.uint8]]:
         time, pictures = look.snapshot.time, {camera: look.pictures[camera].rgb for camera in self.views}
         state = look.snapshot.signals[self._signal]
-        self._green = np.array([any(state[link] in "Gg" for link in links) for links in self._links])
-        shown = self._green & (self._sums[:, _STANDING] > _SEEN)
+        letters = [{state[link] for link in links} for links in self._links]
+        self._green = np.array([not each.isdisjoint("Gg") for each in letters])
+        # Who yields may stand at green, too.
+        shown = np.array([each == {"G"} for each in letters]) & (self._sums[:, _STANDING] > _SEEN)
         for camera, watch in self._watches.items():
             must_move = any(shown[row] for row, strip in enumerate(self._strips) if strip.camera is camera)
             if watch.note(time, pictures[camera], must_move=must_move):
@@ -116,26 +128,31 @@ class _MountedStrips(Sensor):
         if self._measured is None or self._measured.time < time:
             strips = np.concatenate([now, before], axis=3)
             chances = find_chances(self._weights, strips, self._geometry)
-            self._sums = self._bridge(time, (chances * self._shares).sum(axis=1))
-            shining, last = (chances[:, :, _EMERGENCY] * self._shares[:, :, 0]).max(axis=1), self._shining
+            standing = chances[:, :, _STANDING]
+            chances[:, :, _STANDING] = self._objects.leave_out(standing, self._green)
+            cells = chances * self._shares
+            self._bridge(time, cells)
+            self._sums = cells.sum(axis=1)
+            shining, last = cells[:, :, _EMERGENCY].max(axis=1), self._shining
             self._shining = shining
-            self._measured = self._measure(time, self._sums, np.minimum(shining, last) > _SURE)
+            self._measured = self._measure(time, cells, np.minimum(shining, last) > _SURE)
         return self._measured
 
-    def _bridge(self, time: float, seen: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Put a usual queue in the place of what a camera that fails does not show."""
-        last = self._measured
-        passed = 0.0 if last is None else time - last.time
-        for row, strip in enumerate(self._strips):
-            if strip.camera is not None and self._watches[strip.camera].fault and not strip.is_outgoing:
-                rate = _USUAL - (_DISCHARGE if self._green[row] else 0.0)
-                seen[row] = 0.0
-                seen[row, _STANDING] = np.clip(self._sums[row, _STANDING] + rate * passed, 0.0, _LONGEST)
-        return seen
+    def _bridge(self, time: float, cells: Floats) -> None:
+        """Put a usual queue in the place of what no camera shows, or one that fails."""
+        passed = 0.0 if self._measured is None else time - self._measured.time
+        for row, (strip, length) in enumerate(zip(self._strips, self._plan.lengths, strict=False)):
+            fails = strip.camera is not None and self._watches[strip.camera].fault
+            if fails or not strip.shares[:_AT_THE_LINE].any():
+                rate = (_USUAL if fails else _SELDOM) - (_DISCHARGE if self._green[row] else 0.0)
+                most = min(_LONGEST, max(1.0, length / ROOM_OF_A_VEHICLE))
+                queue = np.clip(self._sums[row, _STANDING] + rate * passed, 0.0, most)
+                taken = max(1, ceil(queue * ROOM_OF_A_VEHICLE / CELL))
+                cells[row] = 0.0
+                cells[row, :taken, _STANDING] = queue / taken
 
-    def _measure(
-        self, time: float, sums: NDArray[np.float64], is_urgent: NDArray[np.bool_]
-    ) -> LaneMeasurements:
+    def _measure(self, time: float, cells: Floats, is_urgent: NDArray[np.bool_]) -> LaneMeasurements:
+        sums = cells.sum(axis=1)
         halting = np.rint(sums[:, _STANDING])
         vehicles = np.maximum(halting, np.rint(sums[:, _STANDING] + sums[:, _MOVING]))
         numbers = np.split(np.arange(int(vehicles.sum())), np.cumsum(vehicles.astype(int))[:-1])
@@ -153,7 +170,23 @@ class _MountedStrips(Sensor):
                 for strip, urgent in zip(self._strips, is_urgent, strict=True)
                 if urgent and not strip.is_outgoing
             ),
+            places={
+                strip.lane: _find_places(*each)
+                for strip, *each in zip(self._strips, cells, halting, vehicles - halting, strict=True)
+            },
         )
+
+
+def _find_places(cells: Floats, halting: float, moving: float) -> tuple[tuple[float, bool], ...]:
+    """Spread so many vehicles over a lane as the chances of its cells are spread."""
+    found: list[tuple[float, bool]] = []
+    for column, count in ((_STANDING, int(halting)), (_MOVING, int(moving))):
+        # Where nothing is seen the sum must rise, too, to be searched.
+        below = np.append(0.0, np.cumsum(cells[:, column] + _LEAST))
+        shares = (np.arange(count) + 0.5) / max(count, 1)
+        metres = np.interp(shares * below[-1], below, np.arange(len(below)) * CELL)
+        found += [(far, column == _STANDING) for far in metres.tolist()]
+    return tuple(sorted(found))
 
 
 def _tell(signal: str, camera: str, watch: CameraWatch) -> str:
