@@ -144,9 +144,9 @@ class _MountedStrips(Sensor):
         for row, (strip, length) in enumerate(zip(self._strips, self._plan.lengths, strict=False)):
             fails = strip.camera is not None and self._watches[strip.camera].fault
             if fails or not strip.shares[:_AT_THE_LINE].any():
-                rate = (_USUAL if fails else _SELDOM) - (_DISCHARGE if self._green[row] else 0.0)
-                most = min(_LONGEST, max(1.0, length / ROOM_OF_A_VEHICLE))
-                queue = np.clip(self._sums[row, _STANDING] + rate * passed, 0.0, most)
+                comes, most = (_USUAL, _LONGEST) if fails else (_SELDOM, length // ROOM_OF_A_VEHICLE)
+                rate = comes - (_DISCHARGE if self._green[row] else 0.0)
+                queue = np.clip(self._sums[row, _STANDING] + rate * passed, 0.0, min(most, _LONGEST))
                 taken = max(1, ceil(queue * ROOM_OF_A_VEHICLE / CELL))
                 cells[row] = 0.0
                 cells[row, :taken, _STANDING] = queue / taken
