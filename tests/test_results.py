@@ -9,6 +9,7 @@ import pytest
 from commands import REPOSITORY, TOOLS
 
 import insert_figures
+import robustness
 from dojo_env.benchmark import row_runs
 from dojo_env.benchmark.rows import find_row
 
@@ -35,6 +36,14 @@ def test_figures_that_other_weights_made_are_old(row: str, tmp_path: Path) -> No
     kept["weights"][-1] = "0" * 64
     path.write_text(json.dumps(kept), encoding="utf-8")
     assert not row_runs.is_done(task, tmp_path)
+
+
+def test_the_matrix_is_of_what_was_measured(tmp_path: Path) -> None:
+    names = shutil.ignore_patterns("pictures", "resco", "*.csv", "*.md")
+    results = shutil.copytree(RESULTS, tmp_path / "results", ignore=names)
+    text = robustness.write_matrix(results)
+    assert text == (RESULTS / "matrix.md").read_text(encoding="utf-8")
+    assert text in (RESULTS / "README.md").read_text(encoding="utf-8")
 
 
 def test_documents_tell_what_was_measured() -> None:
