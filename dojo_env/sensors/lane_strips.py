@@ -152,16 +152,16 @@ class _MountedStrips(Sensor):
                 cells[row, :taken, _STANDING] = queue / taken
 
     def _measure(self, time: float, cells: Floats, is_urgent: NDArray[np.bool_]) -> LaneMeasurements:
-        sums = cells.sum(axis=1)
-        halting = np.rint(sums[:, _STANDING])
-        vehicles = np.maximum(halting, np.rint(sums[:, _STANDING] + sums[:, _MOVING]))
+        standing, moving = self._sums[:, _STANDING], self._sums[:, _MOVING]
+        halting = np.rint(standing)
+        vehicles = np.maximum(halting, np.rint(standing + moving))
         numbers = np.split(np.arange(int(vehicles.sum())), np.cumsum(vehicles.astype(int))[:-1])
         return LaneMeasurements(
             time=time,
             lanes=tuple(strip.lane for strip in self._strips),
             vehicles=vehicles,
             halting=halting,
-            mean_speed=np.full(len(sums), np.nan),
+            mean_speed=np.full(len(cells), np.nan),
             mean_length=np.where(vehicles > 0, _CAR, 0.0),
             waiting=self._waiting.add(time, vehicles, halting),
             tracks=tuple(tuple(each.tolist()) for each in numbers),
@@ -181,9 +181,11 @@ def _find_places(cells: Floats, halting: float, moving: float) -> tuple[tuple[fl
     """Spread so many vehicles over a lane as the chances of its cells are spread."""
     found: list[tuple[float, bool]] = []
     for column, count in ((_STANDING, int(halting)), (_MOVING, int(moving))):
+        if not count:
+            continue
         # Where nothing is seen the sum must rise, too, to be searched.
         below = np.append(0.0, np.cumsum(cells[:, column] + _LEAST))
-        shares = (np.arange(count) + 0.5) / max(count, 1)
+        shares = (np.arange(count) + 0.5) / count
         metres = np.interp(shares * below[-1], below, np.arange(len(below)) * CELL)
         found += [(far, column == _STANDING) for far in metres.tolist()]
     return tuple(sorted(found))

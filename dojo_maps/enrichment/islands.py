@@ -62,7 +62,8 @@ def _gaps(paved: shapely.Geometry, beside: Shapes, paths: Shapes) -> tuple[Shape
     """Find the narrow gaps that paved ground encloses, and which of them are flush with it."""
     closed = _resized(paved, _WIDEST / 2, -_WIDEST / 2)
     gaps = shapely.get_parts(shapely.difference(closed, paved, grid_size=GRID))
-    rings = [ring for part in shapely.get_parts(paved) for ring in part.interiors]
+    grounds = shapely.get_parts(paved)
+    rings = [ring for ground in grounds for ring in ground.interiors]
     holes = np.array([shapely.Polygon(ring) for ring in rings], dtype=object)
     holes = holes[shapely.is_empty(shapely.buffer(holes, -_WIDEST_WHOLE / 2))]
     within, _ = shapely.STRtree(holes).query(shapely.point_on_surface(gaps), "within")
@@ -72,7 +73,6 @@ def _gaps(paved: shapely.Geometry, beside: Shapes, paths: Shapes) -> tuple[Shape
     flush = shapely.is_empty(shapely.buffer(gaps, -_FLUSH / 2))
     outline = shapely.segmentize(shapely.get_exterior_ring(gaps), 0.5)
     places, gap = shapely.get_coordinates(outline, return_index=True)
-    shapely.prepare(paved)
     count = np.maximum(np.bincount(gap, minlength=len(gaps)), 1)
 
     def share(ground: Shapes) -> Floats:
@@ -81,7 +81,7 @@ def _gaps(paved: shapely.Geometry, beside: Shapes, paths: Shapes) -> tuple[Shape
         return np.bincount(gap, weights=near, minlength=len(gaps)) / count
 
     driven = (share(beside) < 1 - _ENCLOSED) & (share(paths) < _ALONG_PATHS)
-    kept = (share(shapely.get_parts(paved)) > _ENCLOSED) & (flush | driven)
+    kept = (share(grounds) > _ENCLOSED) & (flush | driven)
     return gaps[kept], flush[kept]
 
 
