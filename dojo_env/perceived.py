@@ -19,19 +19,26 @@ class PerceivedInstant(Instant):
     """What was measured of each signal's lanes by detectors; nothing else can be asked for.
 
     Vehicles go by the numbers of their tracks. Where only their number is known, they are spread over the
-    lane. Which link each will take no camera tells, so those of a lane are dealt out to its links in turn.
+    lane. Which link each will take no camera tells, so those of a lane are dealt out to its links in turn,
+    from the one that its first vehicle is guessed to take.
     What emissions they have is not told either, and counts as none. Who waits on foot is told by the
     crossing's push button, which is no camera.
     """
 
     __slots__ = ()
 
-    def __init__(self, instant: Instant, measured: Mapping[str, LaneMeasurements]) -> None:
+    def __init__(
+        self,
+        instant: Instant,
+        measured: Mapping[str, LaneMeasurements],
+        first_links: Mapping[tuple[str, str], int] = MappingProxyType({}),
+    ) -> None:
         """Take the place of an instant.
 
         Args:
             instant: tells the time and the signals' own states.
             measured: of each of its signals, at least the lanes that lead to it and away from it.
+            first_links: by signal and lane, the link that the first vehicle is guessed to take.
         """
         self.time, self.traffic = instant.time, instant.traffic
         self.tells_places = all(each.places for each in measured.values())
@@ -55,7 +62,12 @@ class PerceivedInstant(Instant):
             for lane, numbers in zip(each.lanes, each.tracks, strict=True)
         }
         self._approaches = {
-            signal: _list_approach(measured[signal], view.plan) for signal, view in self.signals.items()
+            signal: _list_approach(
+                measured[signal],
+                view.plan,
+                {lane: link for (own, lane), link in first_links.items() if own == signal},
+            )
+            for signal, view in self.signals.items()
         }
 
     def _present(self, what: str) -> Simulation:
@@ -88,11 +100,13 @@ def read_lanes(measured: LaneMeasurements, plan: SignalPlan) -> LaneReading:
     return reading
 
 
-def _list_approach(measured: LaneMeasurements, plan: SignalPlan) -> Approach:
+def _list_approach(measured: LaneMeasurements, plan: SignalPlan, first_links: Mapping[str, int]) -> Approach:
     number = {lane: k for k, lane in enumerate(measured.lanes)}
     coming: list[tuple[int, float, float]] = []
     for lane, limit, length in zip(plan.lanes, plan.limits, plan.lengths, strict=True):
         own = list(dict.fromkeys(index for index, source, _ in plan.links if source == lane))
+        begin = own.index(first_links[lane]) if lane in first_links else 0
+        own = own[begin:] + own[:begin]
         if lane in measured.places:
             coming += [
                 (link, metres, 0.0 if stands else float(limit))

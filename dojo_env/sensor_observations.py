@@ -18,6 +18,7 @@ from dojo_env.sensors.eyes import Eyes
 from dojo_env.sensors.picture import CameraSensor
 from dojo_env.signals.plan import SignalPlan
 from dojo_env.snapshot import Snapshot
+from dojo_env.turn_guesses import TurnGuesses
 
 _SOON = 1e-6
 """Seconds by which times may differ that are the same."""
@@ -45,6 +46,7 @@ class SensorObserver:
             if (timed := [channel for channel in channels if channel.sensor.interval > 0])
         ]
         self._views: dict[tuple[str, tuple[str, ...]], tuple[Sequence[Camera], Sequence[str]]] = {}
+        self._turns = TurnGuesses()
 
     def space(self, signal: str) -> spaces.Space[Any]:
         """Give the space of one signal's sensors.
@@ -64,6 +66,7 @@ class SensorObserver:
         Args:
             seed: of the episode.
         """
+        self._turns = TurnGuesses()
         noises: dict[str, np.random.Generator] = {}
         for channels in self._channels.values():
             for channel in channels:
@@ -126,7 +129,9 @@ class SensorObserver:
             for channel in channels
             if (found := channel.sensor.perceive()) is not None
         }
-        return PerceivedInstant(instant, measured) if len(measured) == len(self._channels) else instant
+        if len(measured) < len(self._channels):
+            return instant
+        return PerceivedInstant(instant, measured, self._turns.note(instant, measured))
 
     def _look(self, signal: str, snapshot: Snapshot, due: "Sequence[_Channel]") -> None:
         key = (signal, tuple(channel.name for channel in due))

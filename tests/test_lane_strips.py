@@ -1,6 +1,7 @@
 """Lane strips: where lanes lie in pictures, what is cut out of them, and cameras that fail."""
 
 from contextlib import closing
+from dataclasses import replace
 from itertools import pairwise
 
 import gymnasium
@@ -38,7 +39,7 @@ def world():
 @pytest.fixture(scope="module")
 def strips(world):
     (signal,) = world.signals
-    return build_strips(world.map.bundle.road_map, world.map.plans[signal], world.eyes.cameras(signal))
+    return build_strips(world.eyes.scene, world.map.plans[signal], world.eyes.cameras(signal))
 
 
 def test_every_lane_has_a_strip_and_its_row_is_its_distance(world, strips) -> None:
@@ -85,11 +86,37 @@ def test_a_lane_that_divides_counts_once_for_its_parts(strips) -> None:
 def test_a_birds_eye_view_and_a_camera_that_looks_away_show_no_lane(world) -> None:
     (signal,) = world.signals
     away = Camera(name="away", position=(0.0, 0.0, 10.0), heading_deg=0.0)
-    found = build_strips(
-        world.map.bundle.road_map, world.map.plans[signal], [*world.eyes.cameras(signal)[-1:], away]
-    )
+    found = build_strips(world.eyes.scene, world.map.plans[signal], [*world.eyes.cameras(signal)[-1:], away])
     assert all(strip.camera is None and not strip.shares.any() for strip in found)
     assert not cut_strips(found, {}).any()
+
+
+def test_what_is_hidden_or_too_small_is_not_seen(world, strips) -> None:
+    (signal,) = world.signals
+    scene, plan, strip = world.eyes.scene, world.map.plans[signal], strips[0]
+    place = np.asarray(strip.camera.position)
+    (seen, *_) = build_strips(scene, plan, [strip.camera])
+    assert seen.shares[2:8].all()
+    # A wall across the lane, between 30 and 31 m out: all that is behind it is hidden.
+    along, _ = measure_along(strip.line, strip.line)
+    near, far = (np.array([np.interp(at, along, strip.line[:, k]) for k in range(2)]) for at in (30.0, 31.0))
+    aside = 40.0 * np.array([near[1] - far[1], far[0] - near[0]])
+    corners = [[*(near + side * aside), height] for side in (-1, 1) for height in (0.0, 30.0)]
+    count = len(scene.vertices)
+    wall = replace(
+        scene,
+        vertices=np.vstack([scene.vertices, np.array(corners) - scene.origin]),
+        faces=np.vstack([scene.faces, np.array([[0, 1, 2], [2, 1, 0], [1, 2, 3], [3, 2, 1]]) + count]),
+    )
+    (hidden, *_) = build_strips(wall, plan, [strip.camera])
+    assert (hidden.shares[:4] == seen.shares[:4]).all()
+    assert not hidden.shares[6:].any()
+    assert not hidden.geometry[24:, :, GEOMETRY.index("in_view")].any()
+    # The same camera, so far away that a vehicle is a few pixels.
+    heading = np.radians(strip.camera.heading_deg)
+    x, y, z = place - 400.0 * np.array([np.sin(heading), np.cos(heading), -0.5])
+    away = replace(strip.camera, position=(x, y, z))
+    assert not any(each.shares.any() for each in build_strips(scene, plan, [away]))
 
 
 def test_places_along_a_line_are_those_of_its_length() -> None:
@@ -167,7 +194,7 @@ def test_a_dead_camera_is_told_of_and_its_lanes_get_their_turn(
     with closing(LocalWorld(config)) as world:
         world.reset(1)
         (signal,) = world.signals
-        strips = build_strips(world.map.bundle.road_map, world.map.plans[signal], world.eyes.cameras(signal))
+        strips = build_strips(world.eyes.scene, world.map.plans[signal], world.eyes.cameras(signal))
         dead = {strip.lane for strip in strips if strip.camera.name == "approach_0" and not strip.is_outgoing}
         links = [link for link, lane, _ in world.map.plans[signal].links if lane in dead]
         ended = False
@@ -215,7 +242,7 @@ def test_where_no_camera_looks_somebody_may_stand() -> None:
     with closing(LocalWorld(config)) as world:
         world.reset(1)
         (plan,) = world.map.plans.values()
-        strips = build_strips(world.map.bundle.road_map, plan, [one])
+        strips = build_strips(world.eyes.scene, plan, [one])
         unseen = [row for row, strip in enumerate(strips[: len(plan.lanes)]) if strip.camera is None]
         assert 0 < len(unseen) < len(plan.lanes)
         for _ in range(12):
@@ -236,15 +263,34 @@ def test_what_stands_through_several_greens_is_no_vehicle() -> None:
         # has a queue and no green.
         green[0] = time % 60 >= 40
         standing = np.array([[0.9, 0.0 if time % 60 > 45 else 0.8, 0.1], [0.9, 0.9, 0.0]])
-        told.append(objects.leave_out(standing, green))
+        told.append(objects.leave_out(time, standing, green, ~green & green))
     found = np.array(told)
     assert found[:48, 0, 0] == pytest.approx(0.9)
     assert found[48:, 0, 0] == pytest.approx(0.0)
     assert found[:, 0, 1].max() == pytest.approx(0.8)
     assert found[:, 1, :2] == pytest.approx(0.9)
-    # Who stands where it has been empty once counts again.
-    objects.leave_out(np.zeros((2, 3)), green)
-    assert objects.leave_out(np.full((2, 3), 0.9), green) == pytest.approx(0.9)
+    # Who passes hides it at a look; who stands where it has been empty for a while counts again.
+    for looks, expected in ((1, 0.0), (2, 0.9)):
+        for _ in range(looks):
+            objects.leave_out(600, np.zeros((2, 3)), green, ~green & green)
+        found = objects.leave_out(600, np.full((2, 3), 0.9), green, ~green & green)
+        assert found[0, 0] == pytest.approx(expected)
+        assert found[1] == pytest.approx(0.9)
+
+
+def test_what_stands_in_a_lane_that_flows_is_no_vehicle_but_a_queue_that_cannot_go_is_one() -> None:
+    objects, green = StaticObjects(3, 4), np.ones(3, bool)
+    told = []
+    for time in range(0, 120, 5):
+        # A parked car that every third look is hidden by who drives past; a queue; the car where some yield.
+        parked, queue = [0.0 if time % 15 == 0 else 0.8, 0.0, 0.0, 0.0], [1.0, 1.0, 0.9, 0.9]
+        standing = np.array([parked, queue, parked])
+        told.append(objects.leave_out(time, standing, green, np.array([True, True, False])))
+    found = np.array(told)
+    assert found[:4, 0, 0].max() == pytest.approx(0.8)
+    assert found[12:, 0] == pytest.approx(0.0)
+    assert (found[:, 1] == queue).all()
+    assert found[12:, 2, 0].max() == pytest.approx(0.8)
 
 
 def test_outages_that_cannot_be_are_one_line() -> None:

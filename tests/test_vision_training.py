@@ -30,7 +30,7 @@ def test_labels_are_where_the_simulation_has_vehicles() -> None:
         ended = world.step(acting.act(world.instant))[2]
     (signal,), now = world.signals, world.instant
     plan, snapshot = world.map.plans[signal], now.snapshot
-    strips = build_strips(world.map.bundle.road_map, plan, world.eyes.cameras(signal))
+    strips = build_strips(world.eyes.scene, plan, world.eyes.cameras(signal))
     simulation, seen = world.traffic.simulation, 0
     for row, (name, lane) in enumerate(zip(snapshot.ids, snapshot.lanes, strict=True)):
         if lane not in plan.lanes:

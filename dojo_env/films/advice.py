@@ -21,6 +21,7 @@ from dojo_env.perceived import PerceivedInstant, read_lanes
 from dojo_env.signals.longest_red import LongestRed
 from dojo_env.signals.plan import SignalPlan
 from dojo_env.signals.switching import SignalSwitch
+from dojo_env.turn_guesses import TurnGuesses
 from dojo_maps.bundle import Bundle
 from dojo_maps.signals.programs import green_links
 from dojo_maps.wording import counted
@@ -126,6 +127,7 @@ class Advisor:
     def reset(self) -> None:
         """Begin anew: the first phase is green everywhere."""
         self._controller.reset(0)
+        self._turns = TurnGuesses()
         self._switches = {s: SignalSwitch(plan, self._config) for s, plan in self.plans.items()}
         self._reds = {
             s: LongestRed(plan, self._config, interval=INTERVAL, time=0.0) for s, plan in self.plans.items()
@@ -192,7 +194,8 @@ class Advisor:
             )
             for signal, plan in self.plans.items()
         }
-        return PerceivedInstant(Instant.of_views(time, views), dict.fromkeys(self.plans, measured))
+        instant, seen = Instant.of_views(time, views), dict.fromkeys(self.plans, measured)
+        return PerceivedInstant(instant, seen, self._turns.note(instant, seen))
 
 
 def _complete(measured: LaneMeasurements, lanes: Sequence[str]) -> LaneMeasurements:

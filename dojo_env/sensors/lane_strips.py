@@ -78,7 +78,7 @@ class _MountedStrips(Sensor):
     def __init__(self, settings: LaneStrips, site: Site) -> None:
         self._settings, self._plan = settings, site.plan
         cameras = site.eyes.cameras(site.signal)
-        self._strips = build_strips(site.eyes.scene.road_map, site.plan, cameras)
+        self._strips = build_strips(site.eyes.scene, site.plan, cameras)
         self.space = spaces.Box(0, 255, (len(self._strips), ROWS, COLUMNS, 6), np.uint8)
         self.interval, self.delay = settings.interval, settings.latency * site.decision_interval
         used = {strip.camera for strip in self._strips}
@@ -88,6 +88,11 @@ class _MountedStrips(Sensor):
         self._links = [
             {link for link, lane, _ in site.plan.links if lane == strip.lane and not strip.is_outgoing}
             for strip in self._strips
+        ]
+        rows = {strip.lane: row for row, strip in enumerate(self._strips)}
+        self._exits = [
+            [[rows[lane] for lane in site.plan.exits[link]] for link in sorted(links)]
+            for links in self._links
         ]
         self._signal = site.signal
 
@@ -102,7 +107,7 @@ class _MountedStrips(Sensor):
         self._shining = np.zeros(len(self._strips))
         self._waiting = WaitingSum(len(self._strips))
         self._watches = {camera: CameraWatch() for camera in self.views}
-        self._green = np.zeros(len(self._strips), bool)
+        self._green = self._must_go = np.zeros(len(self._strips), bool)
         self._objects = StaticObjects(len(self._strips), CELLS)
 
     def observe(self, look: Look) -> tuple[float, NDArray[np.uint8]]:
@@ -110,8 +115,13 @@ class _MountedStrips(Sensor):
         state = look.snapshot.signals[self._signal]
         letters = [{state[link] for link in links} for links in self._links]
         self._green = np.array([not each.isdisjoint("Gg") for each in letters])
-        # Who yields may stand at green, too.
-        shown = np.array([each == {"G"} for each in letters]) & (self._sums[:, _STANDING] > _SEEN)
+        # Who yields, or has a queue behind the junction, may stand at green, too.
+        stands = self._sums[:, _STANDING] > _SEEN
+        self._must_go = np.array([
+            each == {"G"} and all(not stands[lanes].all() for lanes in exits)
+            for each, exits in zip(letters, self._exits, strict=True)
+        ])  # fmt: skip
+        shown = self._must_go & stands
         for camera, watch in self._watches.items():
             must_move = any(shown[row] for row, strip in enumerate(self._strips) if strip.camera is camera)
             if watch.note(time, pictures[camera], must_move=must_move):
@@ -129,7 +139,7 @@ class _MountedStrips(Sensor):
             strips = np.concatenate([now, before], axis=3)
             chances = find_chances(self._weights, strips, self._geometry)
             standing = chances[:, :, _STANDING]
-            chances[:, :, _STANDING] = self._objects.leave_out(standing, self._green)
+            chances[:, :, _STANDING] = self._objects.leave_out(time, standing, self._green, self._must_go)
             cells = chances * self._shares
             self._bridge(time, cells)
             self._sums = cells.sum(axis=1)

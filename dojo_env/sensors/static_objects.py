@@ -1,19 +1,29 @@
 """What seems to stand on lanes and never leaves: posts, shadows, parked cars, edges of pictures.
 
-A vehicle leaves at green, or at one of the next greens. What stays in its place for several of them is none.
+Where a green lets all go and they have room, nobody stands after a while: what does is no vehicle. Where
+greens are short, or some must yield, what stays in its place for several greens is none.
 """
 
 import numpy as np
 from numpy.typing import NDArray
 
 Floats = NDArray[np.floating]
+Lanes = NDArray[np.bool_]
 
+_FLOWS = 15.0
+"""Seconds of green after which all that could go are on their way."""
+_FREE = 9
+"""The median of so many looks at a lane that flows tells what stands there always."""
 _GREENS = 4
 """After so many of a lane's greens what has stood all along is left out, until it changes."""
+_MOST = 2.5
+"""Vehicles of a lane beyond which it is a queue that cannot go, whatever the reason."""
+_LOOKS = 3
+"""So many looks at which it does not stand tell that it has changed; at each green a queue has one."""
 
 
 class StaticObjects:
-    """Knows how sure the network has been, at the least, that somebody stands in each cell of some lanes."""
+    """Knows how sure the network is of vehicles in each cell of some lanes when there are none."""
 
     def __init__(self, lanes: int, cells: int) -> None:
         """Begin with nothing known.
@@ -22,24 +32,33 @@ class StaticObjects:
             lanes: how many there are.
             cells: of each.
         """
-        self._static, self._least = np.zeros((lanes, cells)), np.ones((lanes, cells))
+        self._static, self._least = np.zeros((lanes, cells)), np.ones((_LOOKS, lanes, cells))
         self._green, self._greens = np.zeros(lanes, bool), np.zeros(lanes, int)
+        self._since, self._free = np.full(lanes, np.inf), np.zeros((_FREE, lanes, cells))
 
-    def leave_out(self, standing: Floats, green: NDArray[np.bool_]) -> Floats:
+    def leave_out(self, time: float, standing: Floats, green: Lanes, must_go: Lanes) -> Floats:
         """Take a look at the lanes.
 
         Args:
+            time: of the look, seconds.
             standing: (lanes, cells) the chance that somebody stands in each.
             green: (lanes,) whether any of a lane's links is green.
+            must_go: (lanes,) whether nothing keeps anybody on it: no red, no yielding, no queue behind.
 
         Returns:
             (lanes, cells) the chance that it is a vehicle.
         """
-        self._least = np.minimum(self._least, standing)
+        self._least = np.sort(np.concatenate([self._least, standing[None]]), axis=0)[:_LOOKS]
         self._greens += self._green & ~green
         self._green = green.copy()
-        known = self._greens >= _GREENS
-        self._static[known] = self._least[known]
-        self._least[known], self._greens[known] = 1.0, 0
-        self._static = np.minimum(self._static, standing)
-        return standing - self._static
+        waited = self._greens >= _GREENS
+        self._static[waited] = self._least[-1][waited]
+        self._since = np.where(must_go, np.minimum(self._since, time), np.inf)
+        flows = time - self._since >= _FLOWS
+        self._free[:, flows] = np.concatenate([self._free[1:, flows], standing[None, flows]])
+        self._static[flows] = np.median(self._free[:, flows], axis=0)
+        known = waited | flows
+        self._least[:, known], self._greens[known] = 1.0, 0
+        self._static = np.minimum(self._static, self._least[-1])
+        self._static[self._static.sum(axis=1) > _MOST] = 0.0
+        return np.maximum(standing - self._static, 0.0)

@@ -18,9 +18,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dojo_env.camera import BEV, Camera
-from dojo_env.sensors.placement import find_feeders
+from dojo_env.rendering.scene import Scene
+from dojo_env.sensors.placement import find_feeders, find_seen
 from dojo_env.signals.plan import SignalPlan
-from dojo_maps.description import Lane, RoadMap
+from dojo_maps.description import Lane
 from dojo_maps.index import MapIndex
 
 Floats = NDArray[np.float64]
@@ -40,6 +41,12 @@ _FINE = 2
 """Samples of a pixel, along and across."""
 _NEAREST_EDGE = 1.5
 """Pixels from a picture's edge."""
+_LEAST_SCALE = 2.0
+"""Pixels of a metre below which no vehicle can be told."""
+_LEAST_SEEN = 0.6
+"""The share of a cell's part of the lane that must be in view for it to be seen."""
+_BONNET = 1.0
+"""Metres above the ground that must not be hidden."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -58,7 +65,7 @@ class Strip:
             of the angle at which the camera looks down; the sine of the angle between its view and the lane;
             whether traffic leads away; the distance as a share.
         shares: (cells,) what a vehicle in each cell counts for this lane: a part where lanes divide later on,
-            0 where nothing is seen.
+            0 where none would be seen.
     """
 
     lane: str
@@ -71,27 +78,42 @@ class Strip:
     shares: Floats
 
 
-def build_strips(road_map: RoadMap, plan: SignalPlan, cameras: Sequence[Camera]) -> tuple[Strip, ...]:
+def build_strips(scene: Scene, plan: SignalPlan, cameras: Sequence[Camera]) -> tuple[Strip, ...]:
     """Find the strips of the lanes that lead to a signal, and of those that lead away from it.
 
     Args:
-        road_map: the map, with its ground's heights.
+        scene: the static world, which may stand before a lane.
         plan: of the signal.
         cameras: that look at it; a bird's eye view is left out, as it shows every lane small.
 
     Returns:
         One for each lane of the plan, then one for each other lane away from it.
     """
-    lanes, feeders = MapIndex(road_map).lanes, find_feeders(road_map)
+    lanes, feeders = MapIndex(scene.road_map).lanes, find_feeders(scene.road_map)
     looking = [camera for camera in cameras if camera.name != BEV]
     upstream = {lane: feeders[lane] for lane in feeders if feeders[lane] in plan.upstream}
     paths = [_trace_back(lanes[lane], lanes, upstream) for lane in plan.lanes]
     users = Counter(source for path in paths for source in path.sources)
     away = [lane for lane in plan.out_lanes if lane not in plan.lanes]
     paths += [_Path(line=lanes[lane].shape, sources=(lane,), ends=(np.inf,)) for lane in away]
+    watched = [lanes[lane] for lane in (*plan.lanes, *away)]
+    samples = [_sample(path.line, lane.width) for lane, path in zip(watched, paths, strict=True)]
+    probes = np.stack([points[:, COLUMNS] for points, _ in samples])
+    probes[..., 2] += _BONNET
+    clear = {
+        camera: find_seen(scene, camera, probes.reshape(-1, 3)).reshape(len(probes), CELLS, -1).mean(axis=2)
+        for camera in looking
+    }
     return tuple(
-        _lay_strip(lanes[lane], path, looking, users, is_outgoing=number >= len(plan.lanes))
-        for number, (lane, path) in enumerate(zip((*plan.lanes, *away), paths, strict=True))
+        _lay_strip(
+            lane,
+            path,
+            *sample,
+            {camera: shares[number] > _LEAST_SEEN for camera, shares in clear.items()},
+            users,
+            is_outgoing=number >= len(plan.lanes),
+        )
+        for number, (lane, path, sample) in enumerate(zip(watched, paths, samples, strict=True))
     )
 
 
@@ -168,19 +190,28 @@ def _length(line: Floats) -> float:
 
 
 def _lay_strip(
-    lane: Lane, path: _Path, cameras: Sequence[Camera], users: Mapping[str, int], *, is_outgoing: bool
+    lane: Lane,
+    path: _Path,
+    points: Floats,
+    exists: NDArray[np.bool_],
+    cameras: Mapping[Camera, NDArray[np.bool_]],
+    users: Mapping[str, int],
+    *,
+    is_outgoing: bool,
 ) -> Strip:
-    points, exists = _sample(path.line, lane.width)
+    """Lay a strip's places over the picture that shows most; it is told which cells each camera sees."""
     best, camera, pixels = -1.0, None, np.zeros((*points.shape[:2], 2))
     in_view = np.zeros(points.shape[:2], bool)
     scale = np.zeros(points.shape[:2])
-    for each in cameras:
+    for each, clear in cameras.items():
         places, depth = each.project(points.reshape(-1, 3))
         places, depth = places.reshape(*points.shape[:2], 2), depth.reshape(points.shape[:2])
         with np.errstate(invalid="ignore"):
             low, high = _NEAREST_EDGE, np.array([each.width, each.height]) - _NEAREST_EDGE
             seen = exists[:, None] & (depth > each.near) & ((places > low) & (places < high)).all(axis=2)
-        size = np.where(seen, each.focal_length / np.maximum(depth, each.near), 0.0)
+        size = each.focal_length / np.maximum(depth, each.near)
+        seen &= (size >= _LEAST_SCALE) & np.repeat(clear, len(points) // CELLS)[:, None]
+        size = np.where(seen, size, 0.0)
         if (found := float(size.sum())) > max(best, 0.0):
             best, camera, pixels, in_view, scale = found, each, places, seen, size
     geometry = np.zeros((*points.shape[:2], len(GEOMETRY)))
@@ -190,7 +221,7 @@ def _lay_strip(
     geometry[..., 4] = is_outgoing
     geometry[..., 5] = np.linspace(0.0, 1.0, len(points))[:, None]
     coarse = geometry.reshape(ROWS, _FINE, COLUMNS, _FINE, -1).mean(axis=(1, 3))
-    middle = coarse[:, COLUMNS // 2, 0].reshape(CELLS, -1).mean(axis=1)
+    lane_only = coarse[:, COLUMNS // 4 : -COLUMNS // 4, 0].reshape(CELLS, -1).mean(axis=1)
     held = np.searchsorted(path.ends, (np.arange(CELLS) + 0.5) * CELL)
     sharing = np.array([1 if is_outgoing else users[path.sources[place]] for place in held])
     return Strip(
@@ -202,7 +233,7 @@ def _lay_strip(
         # A remapped pixel's centre is a whole number; a camera's lies at a half.
         pixels=np.where(in_view[..., None], pixels - 0.5, -9.0).astype(np.float32),
         geometry=coarse.astype(np.float32),
-        shares=(middle > 0.5) / sharing,
+        shares=(lane_only > _LEAST_SEEN) / sharing,
     )
 
 

@@ -189,11 +189,11 @@ class _Watch:
 
     def __init__(self, world: LocalWorld, case: Case) -> None:
         self._world, self._seed = world, case.seed
-        road_map, plans = world.map.bundle.road_map, world.map.plans
+        plans = world.map.plans
         self._strips: list[Strip] = [
             strip
             for signal in case.signals
-            for strip in build_strips(road_map, plans[signal], world.eyes.cameras(signal))
+            for strip in build_strips(world.eyes.scene, plans[signal], world.eyes.cameras(signal))
             if strip.camera is not None
         ]
         self._cameras = list(dict.fromkeys(strip.camera for strip in self._strips if strip.camera))
