@@ -186,7 +186,7 @@ def find_scenario(value: str | Path | Scenario, *, routes: Files | None = None) 
         return packaged_scenario(str(value))
     path = Path(value)
     base, pattern = split_pattern(str(value))
-    if pattern and not is_there(path):
+    if pattern and (base in PACKAGED or not is_there(path)):
         found = find_map(base)
         return replace(found, routes=(), pattern=find_pattern(pattern), name=f"{found.name}-{pattern}")
     return _read_scenario(path)

@@ -200,6 +200,16 @@ def test_a_pattern_fits_any_bundle_and_draws_all_of_its_traffic(cologne: Bundle,
         Scenario(map=cologne.folder, routes=tmp_path / "x.rou.xml", pattern="surges")
 
 
+def test_a_folder_of_a_packaged_scenarios_name_does_not_hide_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    for name in ("cologne1", "cologne1-surges"):
+        Path(name).mkdir()
+        assert find_scenario(name).map == find_scenario("cologne1").map
+    assert find_scenario("cologne1-surges").pattern == find_pattern("surges")
+
+
 def test_walkers_need_crossings(network_path, tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match="no crossings"):
         LocalWorld(build_config(scenario="cologne1-walkers"))
