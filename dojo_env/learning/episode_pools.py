@@ -1,5 +1,6 @@
 """Where the episodes of a training run: processes of this machine, or nodes of a Ray cluster."""
 
+import os
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
@@ -10,6 +11,8 @@ from dojo_env.clusters import collect_results, open_cluster
 
 _RETRIES = 5
 """How many lost nodes an episode survives."""
+_THREADS = "OPENBLAS_NUM_THREADS"
+"""NumPy's threads: where each process has one for every core, they spend most of their time on each other."""
 
 
 class Mapper(Protocol):
@@ -30,8 +33,13 @@ def open_processes(count: int) -> Iterator[Mapper]:
     Yields:
         What runs a function on many values in them; all of these can be pickled.
     """
-    with ProcessPoolExecutor(count, mp_context=get_context("spawn")) as pool:
+    with ProcessPoolExecutor(count, mp_context=get_context("spawn"), initializer=_use_one_thread) as pool:
         yield lambda function, values: list(pool.map(function, values))
+
+
+def _use_one_thread() -> None:
+    """Let each process that is started from here compute on one thread, unless the user has said otherwise."""
+    os.environ.setdefault(_THREADS, "1")
 
 
 @contextmanager
