@@ -38,7 +38,7 @@ def open_processes(count: int) -> Iterator[Mapper]:
 
 
 def _use_one_thread() -> None:
-    """Let each process that is started from here compute on one thread, unless the user has said otherwise."""
+    """Let each process that is started from here compute on one thread, unless the user says otherwise."""
     os.environ.setdefault(_THREADS, "1")
 
 
