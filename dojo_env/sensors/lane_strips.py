@@ -183,6 +183,7 @@ class _MountedStrips(Sensor):
             places={
                 strip.lane: _find_places(*each)
                 for strip, *each in zip(self._strips, cells, halting, vehicles - halting, strict=True)
+                if not strip.is_outgoing
             },
         )
 

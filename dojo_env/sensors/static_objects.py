@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 Floats = NDArray[np.floating]
 Lanes = NDArray[np.bool_]
 
-_FLOWS = 15.0
-"""Seconds of green after which all that could go are on their way."""
+_FLOWS, _WAVE = 15.0, 1.5
+"""Seconds of green until who stood first is on his way, and for each cell behind until its queue moves."""
 _FREE = 9
 """The median of so many looks at a lane that flows tells what stands there always."""
 _GREENS = 4
@@ -33,7 +33,7 @@ class StaticObjects:
             cells: of each.
         """
         self._static, self._least = np.zeros((lanes, cells)), np.ones((_LOOKS, lanes, cells))
-        self._green, self._greens = np.zeros(lanes, bool), np.zeros(lanes, int)
+        self._green, self._greens = np.zeros(lanes, bool), np.zeros((lanes, cells), int)
         self._since, self._free = np.full(lanes, np.inf), np.zeros((_FREE, lanes, cells))
 
     def leave_out(self, time: float, standing: Floats, green: Lanes, must_go: Lanes) -> Floats:
@@ -49,14 +49,15 @@ class StaticObjects:
             (lanes, cells) the chance that it is a vehicle.
         """
         self._least = np.sort(np.concatenate([self._least, standing[None]]), axis=0)[:_LOOKS]
-        self._greens += self._green & ~green
+        self._greens += (self._green & ~green)[:, None]
         self._green = green.copy()
         waited = self._greens >= _GREENS
-        self._static[waited] = self._least[-1][waited]
         self._since = np.where(must_go, np.minimum(self._since, time), np.inf)
-        flows = time - self._since >= _FLOWS
-        self._free[:, flows] = np.concatenate([self._free[1:, flows], standing[None, flows]])
-        self._static[flows] = np.median(self._free[:, flows], axis=0)
+        flows = (time - self._since)[:, None] >= _FLOWS + _WAVE * np.arange(standing.shape[1])
+        flows[standing.sum(axis=1) > _MOST] = False
+        self._free = np.where(flows, np.concatenate([self._free[1:], standing[None]]), self._free)
+        self._static = np.where(waited, self._least[-1], self._static)
+        self._static = np.where(flows, np.median(self._free, axis=0), self._static)
         known = waited | flows
         self._least[:, known], self._greens[known] = 1.0, 0
         self._static = np.minimum(self._static, self._least[-1])

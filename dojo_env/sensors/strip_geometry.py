@@ -43,7 +43,7 @@ _NEAREST_EDGE = 1.5
 """Pixels from a picture's edge."""
 _LEAST_SCALE = 2.0
 """Pixels of a metre below which no vehicle can be told."""
-_LEAST_SEEN = 0.6
+_LEAST_SEEN = 0.5
 """The share of a cell's part of the lane that must be in view for it to be seen."""
 _BONNET = 1.0
 """Metres above the ground that must not be hidden."""
@@ -101,7 +101,7 @@ def build_strips(scene: Scene, plan: SignalPlan, cameras: Sequence[Camera]) -> t
     probes = np.stack([points[:, COLUMNS] for points, _ in samples])
     probes[..., 2] += _BONNET
     clear = {
-        camera: find_seen(scene, camera, probes.reshape(-1, 3)).reshape(len(probes), CELLS, -1).mean(axis=2)
+        camera: find_seen(scene, camera, probes.reshape(-1, 3)).reshape(probes.shape[:2])
         for camera in looking
     }
     return tuple(
@@ -109,7 +109,7 @@ def build_strips(scene: Scene, plan: SignalPlan, cameras: Sequence[Camera]) -> t
             lane,
             path,
             *sample,
-            {camera: shares[number] > _LEAST_SEEN for camera, shares in clear.items()},
+            {camera: rows[number] for camera, rows in clear.items()},
             users,
             is_outgoing=number >= len(plan.lanes),
         )
@@ -199,7 +199,7 @@ def _lay_strip(
     *,
     is_outgoing: bool,
 ) -> Strip:
-    """Lay a strip's places over the picture that shows most; it is told which cells each camera sees."""
+    """Lay a strip's places over the picture that shows most; it is told which rows stand free."""
     best, camera, pixels = -1.0, None, np.zeros((*points.shape[:2], 2))
     in_view = np.zeros(points.shape[:2], bool)
     scale = np.zeros(points.shape[:2])
@@ -209,8 +209,11 @@ def _lay_strip(
         with np.errstate(invalid="ignore"):
             low, high = _NEAREST_EDGE, np.array([each.width, each.height]) - _NEAREST_EDGE
             seen = exists[:, None] & (depth > each.near) & ((places > low) & (places < high)).all(axis=2)
+        inside = seen[:, COLUMNS].reshape(CELLS, -1)
+        hidden = inside & ~clear.reshape(CELLS, -1)
+        is_clear = hidden.sum(axis=1) <= (1.0 - _LEAST_SEEN) * inside.sum(axis=1)
         size = each.focal_length / np.maximum(depth, each.near)
-        seen &= (size >= _LEAST_SCALE) & np.repeat(clear, len(points) // CELLS)[:, None]
+        seen &= (size >= _LEAST_SCALE) & np.repeat(is_clear, inside.shape[1])[:, None]
         size = np.where(seen, size, 0.0)
         if (found := float(size.sum())) > max(best, 0.0):
             best, camera, pixels, in_view, scale = found, each, places, seen, size
