@@ -1,4 +1,4 @@
-"""Which way the first vehicle of a lane goes, as far as its waiting tells: who stands at green has another.
+"""Which way the first vehicle of a lane goes, as far as its waiting at green tells.
 
 No camera tells where a vehicle will turn. Where one green lets some of a lane's links go and not all, whoever
 wants another one stands on, and everybody behind him.
