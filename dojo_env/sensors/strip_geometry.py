@@ -43,8 +43,10 @@ _NEAREST_EDGE = 1.5
 """Pixels from a picture's edge."""
 _LEAST_SCALE = 2.0
 """Pixels of a metre below which no vehicle can be told."""
-_LEAST_SEEN = 0.5
+_LEAST_SEEN = 0.75
 """The share of a cell's part of the lane that must be in view for it to be seen."""
+_MOST_HIDDEN = 0.5
+"""The share of that which may stand behind something."""
 _BONNET = 1.0
 """Metres above the ground that must not be hidden."""
 
@@ -211,7 +213,7 @@ def _lay_strip(
             seen = exists[:, None] & (depth > each.near) & ((places > low) & (places < high)).all(axis=2)
         inside = seen[:, COLUMNS].reshape(CELLS, -1)
         hidden = inside & ~clear.reshape(CELLS, -1)
-        is_clear = hidden.sum(axis=1) <= (1.0 - _LEAST_SEEN) * inside.sum(axis=1)
+        is_clear = hidden.sum(axis=1) <= _MOST_HIDDEN * inside.sum(axis=1)
         size = each.focal_length / np.maximum(depth, each.near)
         seen &= (size >= _LEAST_SCALE) & np.repeat(is_clear, inside.shape[1])[:, None]
         size = np.where(seen, size, 0.0)
