@@ -20,9 +20,8 @@ class PerceivedInstant(Instant):
 
     Vehicles go by the numbers of their tracks. Where only their number is known, they are spread over the
     lane. Which link each will take no camera tells, so those of a lane are dealt out to its links in turn,
-    from the one that its first vehicle is guessed to take.
-    What emissions they have is not told either, and counts as none. Who waits on foot is told by the
-    crossing's push button, which is no camera.
+    from the one that its first vehicle is guessed to take. What emissions they have is not told either, and
+    counts as none. Who waits on foot is told by the crossing's push button, which is no camera.
     """
 
     __slots__ = ()
@@ -31,7 +30,7 @@ class PerceivedInstant(Instant):
         self,
         instant: Instant,
         measured: Mapping[str, LaneMeasurements],
-        first_links: Mapping[tuple[str, str], int] = MappingProxyType({}),
+        first_links: Mapping[str, Mapping[str, int]] = MappingProxyType({}),
     ) -> None:
         """Take the place of an instant.
 
@@ -62,11 +61,7 @@ class PerceivedInstant(Instant):
             for lane, numbers in zip(each.lanes, each.tracks, strict=True)
         }
         self._approaches = {
-            signal: _list_approach(
-                measured[signal],
-                view.plan,
-                {lane: link for (own, lane), link in first_links.items() if own == signal},
-            )
+            signal: _list_approach(measured[signal], view.plan, first_links.get(signal, {}))
             for signal, view in self.signals.items()
         }
 
@@ -104,7 +99,7 @@ def _list_approach(measured: LaneMeasurements, plan: SignalPlan, first_links: Ma
     number = {lane: k for k, lane in enumerate(measured.lanes)}
     coming: list[tuple[int, float, float]] = []
     for lane, limit, length in zip(plan.lanes, plan.limits, plan.lengths, strict=True):
-        own = list(dict.fromkeys(index for index, source, _ in plan.links if source == lane))
+        own = plan.list_links(lane)
         begin = own.index(first_links[lane]) if lane in first_links else 0
         own = own[begin:] + own[:begin]
         if lane in measured.places:

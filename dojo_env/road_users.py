@@ -90,7 +90,7 @@ class RoadUsers:
         count = len(names)
         places = chain.from_iterable(column("getPosition3D"))
         positions = np.fromiter(places, np.float64, 3 * count).reshape(count, 3)
-        rows = self._find(ids, people)
+        rows = self._find(ids, people)  # It may put another array in the place of this one.
         looks = self._looks.take(rows)
         bits = chain(map(get.vehicle_getSignals, ids), repeat(0, len(people)))
         slopes = column("getSlope") if np.count_nonzero(positions[:, 2]) else repeat(0.0, count)

@@ -46,7 +46,6 @@ class SensorObserver:
             if (timed := [channel for channel in channels if channel.sensor.interval > 0])
         ]
         self._views: dict[tuple[str, tuple[str, ...]], tuple[Sequence[Camera], Sequence[str]]] = {}
-        self._turns = TurnGuesses()
 
     def space(self, signal: str) -> spaces.Space[Any]:
         """Give the space of one signal's sensors.

@@ -4,6 +4,7 @@ No camera tells where a vehicle will turn. Where one green lets some of a lane's
 wants another one stands on, and everybody behind him.
 """
 
+from collections import defaultdict
 from collections.abc import Mapping
 
 from dojo_env.detectors.measuring import LaneMeasurements
@@ -21,9 +22,9 @@ class TurnGuesses:
     def __init__(self) -> None:
         """Begin with nothing known."""
         self._since: dict[str, dict[int, float]] = {}
-        self._not_taken: dict[tuple[str, str], set[int]] = {}
+        self._not_taken: defaultdict[tuple[str, str], set[int]] = defaultdict(set)
 
-    def note(self, instant: Instant, measured: Mapping[str, LaneMeasurements]) -> dict[tuple[str, str], int]:
+    def note(self, instant: Instant, measured: Mapping[str, LaneMeasurements]) -> dict[str, dict[str, int]]:
         """Note a decision.
 
         Args:
@@ -33,20 +34,20 @@ class TurnGuesses:
         Returns:
             By signal and lane, the link that the first vehicle takes, where its waiting tells something.
         """
-        guessed: dict[tuple[str, str], int] = {}
+        guessed: dict[str, dict[str, int]] = {signal: {} for signal in instant.signals}
         for signal, view in instant.signals.items():
             green_for = self._time_greens(signal, view, instant.time)
             for lane in view.plan.lanes:
-                own = [link for link, source, _ in view.plan.links if source == lane]
+                own = view.plan.list_links(lane)
                 (metres, stands), *_ = (*measured[signal].places.get(lane, ()), (_AT_THE_LINE, False))
-                not_taken = self._not_taken.setdefault((signal, lane), set())
+                not_taken = self._not_taken[signal, lane]
                 not_taken.update(link for link in own if green_for.get(link, 0.0) >= _GONE)
                 left = [link for link in own if link not in not_taken]
                 if not (stands and metres < _AT_THE_LINE and left):
                     # Another one is the first now, or something else keeps him.
                     not_taken.clear()
                 elif not_taken:
-                    guessed[signal, lane] = left[0]
+                    guessed[signal][lane] = left[0]
         return guessed
 
     def _time_greens(self, signal: str, view: SignalView, time: float) -> dict[int, float]:

@@ -256,14 +256,14 @@ def test_where_no_camera_looks_somebody_may_stand() -> None:
 
 
 def test_what_stands_through_several_greens_is_no_vehicle() -> None:
-    objects, green = StaticObjects(2, 3), np.zeros(2, bool)
+    objects, green, none = StaticObjects(2, 3), np.zeros(2, bool), np.zeros(2, bool)
     told = []
     for time in range(0, 600, 5):
         # The first lane has a post in its first cell, and a queue behind it which leaves at green; the second
         # has a queue and no green.
         green[0] = time % 60 >= 40
         standing = np.array([[0.9, 0.0 if time % 60 > 45 else 0.8, 0.1], [0.9, 0.9, 0.0]])
-        told.append(objects.leave_out(time, standing, green, ~green & green))
+        told.append(objects.leave_out(time, standing, green, none))
     found = np.array(told)
     assert found[:48, 0, 0] == pytest.approx(0.9)
     assert found[48:, 0, 0] == pytest.approx(0.0)
@@ -272,8 +272,8 @@ def test_what_stands_through_several_greens_is_no_vehicle() -> None:
     # Who passes hides it at a look; who stands where it has been empty for a while counts again.
     for looks, expected in ((1, 0.0), (2, 0.9)):
         for _ in range(looks):
-            objects.leave_out(600, np.zeros((2, 3)), green, ~green & green)
-        found = objects.leave_out(600, np.full((2, 3), 0.9), green, ~green & green)
+            objects.leave_out(600, np.zeros((2, 3)), green, none)
+        found = objects.leave_out(600, np.full((2, 3), 0.9), green, none)
         assert found[0, 0] == pytest.approx(expected)
         assert found[1] == pytest.approx(0.9)
 

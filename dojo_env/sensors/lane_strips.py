@@ -86,13 +86,11 @@ class _MountedStrips(Sensor):
         self._geometry = np.stack([strip.geometry for strip in self._strips])
         self._shares = np.stack([strip.shares for strip in self._strips])[:, :, None]
         self._links = [
-            {link for link, lane, _ in site.plan.links if lane == strip.lane and not strip.is_outgoing}
-            for strip in self._strips
+            [] if strip.is_outgoing else site.plan.list_links(strip.lane) for strip in self._strips
         ]
         rows = {strip.lane: row for row, strip in enumerate(self._strips)}
         self._exits = [
-            [[rows[lane] for lane in site.plan.exits[link]] for link in sorted(links)]
-            for links in self._links
+            [[rows[lane] for lane in site.plan.exits[link]] for link in links] for links in self._links
         ]
         self._signal = site.signal
 

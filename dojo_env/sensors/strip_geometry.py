@@ -63,7 +63,7 @@ class Strip:
         sources: ids of the lanes that it is made of.
         camera: the camera; None where none shows it.
         pixels: (rows * fine, columns * fine, 2) where it is in that picture.
-        geometry: (rows, columns, 6): whether it is in the picture; pixels of a metre there, by 20; the sine
+        geometry: (rows, columns, 6): whether it is seen there; pixels of a metre there, by 20; the sine
             of the angle at which the camera looks down; the sine of the angle between its view and the lane;
             whether traffic leads away; the distance as a share.
         shares: (cells,) what a vehicle in each cell counts for this lane: a part where lanes divide later on,

@@ -95,6 +95,17 @@ class SignalPlan:
 
     __repr__ = short_repr
 
+    def list_links(self, lane: str) -> list[int]:
+        """List a lane's links.
+
+        Args:
+            lane: one of `lanes`.
+
+        Returns:
+            Their indices, each once, in their order.
+        """
+        return list(dict.fromkeys(index for index, source, _ in self.links if source == lane))
+
 
 def build_plan(road_map: RoadMap, signal: Signal, config: SignalConfig) -> SignalPlan:
     """Find out all that controlling a signal needs.
