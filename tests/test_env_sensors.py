@@ -15,8 +15,10 @@ from pettingzoo.test import parallel_api_test
 import dojo_env
 from dojo_env.camera import Camera
 from dojo_env.conditions import Conditions
+from dojo_env.config import build_config
 from dojo_env.env import TrafficSignalEnv
 from dojo_env.errors import ConfigError
+from dojo_env.local_world import LocalWorld
 from dojo_env.sensor_observations import build_sensor_observer
 from dojo_env.sensors.detector import Detector
 from dojo_env.sensors.lidar import Lidar
@@ -164,6 +166,33 @@ def test_detector_misses_and_is_late(make):
     assert not np.any(seen["blind"])
     np.testing.assert_array_equal(seen["late"][2:], seen["perfect"][:-2])
     assert np.sum(seen["scared"]) > np.sum(seen["perfect"])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("false_alarms", [0.0, 2.0])
+def test_detector_tells_places_and_blue_lights(false_alarms):
+    detector = Detector(least_pixels=1, least_visible=0.0, false_alarms=false_alarms)
+    world = LocalWorld(build_config(scenario="two-way-priority", num_seconds=1500, observation=detector))
+    (signal,) = world.signals
+    world.reset(2)
+    told = urgent = 0
+    for step in range(300):
+        seen, true = (now.approach(signal) for now in (world.perceive(), world.instant))
+        lanes = world.perceive().signals[signal].lanes
+        assert len(seen.coming) == lanes.total_vehicles
+        assert sum(speed == 0 for _, _, speed in seen.coming) == lanes.total_halting
+        if not false_alarms:
+            real = [metres for _, metres, _ in true.coming]
+            for _, metres, _ in seen.coming:
+                nearest = min(real, key=lambda each: abs(each - metres))
+                assert nearest == pytest.approx(metres, abs=0.5)
+                told += 1
+            urgent += bool(seen.urgent & true.urgent)
+            # Who comes with blue lights on, and takes another link of his lane, is told at all of them.
+            assert bool(seen.urgent) <= bool(true.urgent)
+        world.step({signal: step // 6 % len(world.map.plans[signal].phases)})
+    world.close()
+    assert false_alarms or (told > 1000 and urgent > 3)
 
 
 @pytest.mark.slow

@@ -16,6 +16,10 @@ from dojo_env.instant import SignalView
 from dojo_env.perceived import read_lanes
 from dojo_env.reading import HALTING
 from dojo_env.sensors.base import SENSORS, Look, Sensor, Site
+from dojo_env.sensors.strip_geometry import measure_along
+from dojo_env.signals.plan import REACH
+from dojo_env.snapshot import Lights, Snapshot
+from dojo_maps.index import MapIndex
 from dojo_maps.short_repr import short_repr
 
 _USUAL_LENGTH = 5.0
@@ -67,10 +71,12 @@ class _MountedDetector(Sensor):
     def __init__(self, settings: Detector, site: Site) -> None:
         plan = self._plan = site.plan
         self._settings = settings
-        self._random = np.random.default_rng(0)
+        self._random = self._phantoms = np.random.default_rng(0)
         self._waiting = WaitingSum(0)
         self._watched = tuple(dict.fromkeys((*plan.lanes, *plan.out_lanes)))
         self._lanes = {lane: k for k, lane in enumerate(plan.lanes)}
+        known = MapIndex(site.eyes.scene.road_map).lanes
+        self._lines = [known[lane].shape[::-1] for lane in plan.lanes]
         self._newest: LaneMeasurements
         self.space = spaces.Box(0.0, 1.0, (len(plan.phases) + 1 + 2 * len(plan.lanes),), np.float32)
         self.interval, self.delay = settings.interval, settings.latency * site.decision_interval
@@ -79,24 +85,29 @@ class _MountedDetector(Sensor):
 
     def reset(self, random: np.random.Generator) -> None:
         self._random = random
+        (self._phantoms,) = random.spawn(1)
         self._waiting = WaitingSum(len(self._watched))
 
     def observe(self, look: Look) -> LaneMeasurements:
         snapshot, lanes = look.snapshot, self._plan.lanes
-        # Plain lists first: each touch of an array's item costs as much as all else of a vehicle.
-        counts, standing, lengths = ([0.0] * len(self._watched) for _ in range(3))
-        stands, long = (snapshot.speeds < HALTING).tolist(), snapshot.sizes[:, 0].tolist()
+        rows: list[list[int]] = [[] for _ in self._watched]
         for row in sorted(self._detected(look)):
             k = self._lanes.get(snapshot.lanes[row])
             if k is not None:
-                counts[k] += 1
-                standing[k] += stands[row]
-                lengths[k] += long[row]
-        count, halting, length = np.array(counts), np.array(standing), np.array(lengths)
+                rows[k].append(row)
+        stands = snapshot.speeds < HALTING
+        count = np.array([len(each) for each in rows], np.float64)
+        halting = np.array([stands[each].sum() for each in rows], np.float64)
+        length = np.array([snapshot.sizes[each, 0].sum() for each in rows])
         phantoms = self._random.poisson(self._settings.false_alarms, len(lanes))
         mean_length = np.divide(length, count, out=np.full(len(count), _USUAL_LENGTH), where=count > 0)
-        halting[: len(lanes)] += self._random.binomial(phantoms, 0.5)
+        still = self._random.binomial(phantoms, 0.5)
+        halting[: len(lanes)] += still
         count[: len(lanes)] += phantoms
+        places = {
+            lane: self._find_places(k, snapshot, rows[k], int(phantoms[k]), int(still[k]))
+            for k, lane in enumerate(lanes)
+        }
         waiting = self._waiting.add(snapshot.time, count, halting)
         ends = accumulate(map(int, count.tolist()), initial=0)
         return LaneMeasurements(
@@ -108,6 +119,12 @@ class _MountedDetector(Sensor):
             mean_length=np.where(count > 0, mean_length, 0.0),
             waiting=waiting,
             tracks=tuple(tuple(range(first, last)) for first, last in pairwise(ends)),
+            urgent=frozenset(
+                lane
+                for lane, each in zip(lanes, rows, strict=False)
+                if (snapshot.lights[each] & Lights.BLUE).any()
+            ),
+            places=places,
         )
 
     def deliver(self, looks: Sequence[Any], view: SignalView) -> NDArray[np.float32]:
@@ -120,6 +137,16 @@ class _MountedDetector(Sensor):
 
     def perceive(self) -> LaneMeasurements:
         return self._newest
+
+    def _find_places(
+        self, number: int, snapshot: Snapshot, rows: list[int], phantoms: int, still: int
+    ) -> tuple[tuple[float, bool], ...]:
+        """Tell how far from the lane's end each vehicle is, and whether it stands; phantoms are anywhere."""
+        far, _ = measure_along(self._lines[number], snapshot.positions[rows])
+        found = list(zip(far.tolist(), (snapshot.speeds[rows] < HALTING).tolist(), strict=True))
+        anywhere = self._phantoms.uniform(0.0, min(self._plan.lengths[number], REACH), phantoms)
+        found += [(metres, k < still) for k, metres in enumerate(anywhere.tolist())]
+        return tuple(sorted(found))
 
     def _detected(self, look: Look) -> Iterator[int]:
         """List the snapshot's rows that some camera shows well enough, less those that are missed."""
