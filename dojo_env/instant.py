@@ -50,7 +50,7 @@ class Instant:
         time: simulated seconds.
         traffic: figures of the whole network.
         signals: each signal that agents control, by id.
-        tells_places: where on its lane each vehicle is has been measured, and is not guessed.
+        tells_places: where on its lane each vehicle is has been measured just now, and is not guessed.
     """
 
     __slots__ = (

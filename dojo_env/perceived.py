@@ -14,6 +14,9 @@ from dojo_env.reading import Approach, LaneGroups, LaneReading
 from dojo_env.signals.plan import REACH, ROOM_OF_A_VEHICLE, SignalPlan
 from dojo_env.simulation import Simulation
 
+_FRESH = 3.0
+"""Seconds after which who moved is no longer where he was."""
+
 
 class PerceivedInstant(Instant):
     """What was measured of each signal's lanes by detectors; nothing else can be asked for.
@@ -40,7 +43,7 @@ class PerceivedInstant(Instant):
             first_links: by signal and lane, the link that the first vehicle is guessed to take.
         """
         self.time, self.traffic = instant.time, instant.traffic
-        self.tells_places = all(each.places for each in measured.values())
+        self.tells_places = all(each.places and self.time - each.time <= _FRESH for each in measured.values())
         self.signals = MappingProxyType(
             {
                 signal: replace(view, lanes=read_lanes(measured[signal], view.plan))

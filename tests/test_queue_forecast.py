@@ -164,3 +164,6 @@ def test_who_stands_in_a_lane_that_a_camera_counts_is_in_front() -> None:
     told = PhaseReader(plan).read(signal, perceived)
     assert DELAY * told[:, PHASE_FEATURES.index("delay")] == pytest.approx(delays, abs=0.01)
     assert delays.max() > 0.0
+    # Ten seconds later they are elsewhere.
+    late = PerceivedInstant(now, {signal: replace(measured, time=now.time - 10.0, places=places)})
+    assert not PhaseReader(plan).read(signal, late)[:, PHASE_FEATURES.index("delay")].any()
