@@ -168,6 +168,7 @@ class _Channel:
         self._next = planned if planned > time + _SOON else time + interval
 
     def deliver(self, time: float, view: SignalView) -> Any:
+        self._next = max(self._next, time + self.sensor.idle)
         arrived = []
         while self._coming and self._coming[0][0] <= time + _SOON:
             arrived.append(self._coming.popleft()[1])

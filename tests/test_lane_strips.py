@@ -157,7 +157,7 @@ def test_torch_and_numpy_see_alike() -> None:
     network, draw = LaneNet(), np.random.default_rng(0)
     network(torch.rand(4, ROWS, COLUMNS, CHANNELS))  # So that what normalises has seen something.
     network.eval()
-    strips = draw.integers(0, 256, (3, ROWS, COLUMNS, 6), np.uint8)
+    strips = draw.integers(0, 256, (3, ROWS, COLUMNS, 9), np.uint8)
     geometry = draw.random((3, ROWS, COLUMNS, len(GEOMETRY)), np.float32)
     values = torch.from_numpy(np.concatenate([scale_colours(strips), geometry], axis=3))
     wanted = network(values).sigmoid().detach().numpy()

@@ -124,6 +124,14 @@ def test_all_looks_that_arrived_are_delivered(make):
     assert times_seen(env, name="all").tolist() == [[1, 0], *([5, 5 * k] for k in range(1, 7))]
 
 
+def test_what_would_not_be_used_is_not_looked_at(make):
+    class LastLooks(AllLooks):
+        idle = 3.0
+
+    env = make(ClockSettings(interval=1, kind=LastLooks))
+    assert times_seen(env).tolist() == [[1, 0], *([3, 5 * k] for k in range(1, 7))]
+
+
 def test_looks_follow_sumo_s_steps(make):
     env = make(ClockSettings(interval=0.5, kind=AllLooks), additional_sumo_cmd="--step-length 0.5")
     assert times_seen(env)[1:, 0].tolist() == [10] * 6

@@ -93,12 +93,14 @@ class Sensor(Protocol):
         space: of what the agent gets.
         interval: seconds from look to look; 0 looks once at each decision. Looks fall on SUMO's steps.
         delay: seconds from a look until the agent gets it.
+        idle: seconds after a decision in which it does not look, as it has no use for what it would see.
         views: the outputs it needs of each camera; see `rendering.outputs`. All sensors' are drawn together.
     """
 
     space: spaces.Space[Any]
     interval: float = 0.0
     delay: float = 0.0
+    idle: float = 0.0
     views: Mapping[Camera, Sequence[str]] = MappingProxyType({})
 
     def reset(self, random: np.random.Generator) -> None:

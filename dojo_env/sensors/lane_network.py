@@ -3,7 +3,7 @@
 It looks at each strip by itself, with the same weights, so it serves any number of lanes. `learning.vision`
 trains it.
 
-    strip (64, 12, 6 colours of two looks + 6 of geometry)
+    strip (64, 12, 9 colours of two looks and the background + 6 of geometry)
       -> three convolutions, coarser each time, and one across -> 16 cells
       -> two convolutions along the lane -> 4 chances of each cell
 """
@@ -24,8 +24,8 @@ Array = NDArray[np.float32]
 SEEN = ("standing", "moving", "bus", "emergency")
 """What is told of each cell: the chance that the front of somebody who stands is in it, or of who moves; that
 it is a bus; that it flashes blue."""
-CHANNELS = 6 + len(GEOMETRY)
-"""Of a strip: colours now, colours before, geometry."""
+CHANNELS = 9 + len(GEOMETRY)
+"""Of a strip: colours now, before, and of the background; geometry."""
 LAYERS: Mapping[str, tuple[tuple[int, int], tuple[int, int], tuple[int, int], int]] = {
     "look1": ((3, 4), (1, 2), (1, 1), 16),
     "look2": ((4, 3), (2, 1), (1, 1), 24),
@@ -49,7 +49,7 @@ def find_chances(weights: Mapping[str, Array], strips: NDArray[np.uint8], geomet
 
     Args:
         weights: of `read_weights`.
-        strips: (n, rows, columns, 6) colours now, and before.
+        strips: (n, rows, columns, 9) colours now, before, and of the background.
         geometry: (n, rows, columns, 6) of `strip_geometry.Strip`.
 
     Returns:

@@ -19,6 +19,7 @@ from dojo_env.detectors.measuring import LaneMeasurements, WaitingSum
 from dojo_env.errors import ConfigError
 from dojo_env.instant import SignalView
 from dojo_env.notes import say_once
+from dojo_env.sensors.background import Background
 from dojo_env.sensors.base import SENSORS, Look, Sensor, Site
 from dojo_env.sensors.camera_watch import CameraWatch
 from dojo_env.sensors.lane_network import PACKAGED, SEEN, find_chances, read_weights
@@ -35,7 +36,9 @@ _SEEN = 1.0
 """Standing vehicles of a lane from which on its picture must change at green."""
 _SURE = 0.5
 """The chance of an emergency vehicle, at this decision and at the last one, from which on it counts."""
-_LEAST = 1e-9
+_LEAST = 0.1
+"""The chance of a vehicle in a cell below which there is none; many small ones are no vehicle."""
+_NOTHING = 1e-9
 """A chance that counts for nothing."""
 _USUAL, _SELDOM, _DISCHARGE, _LONGEST = 0.08, 0.02, 0.5, 12.0
 """Vehicles a second that come where a camera fails, and where none looks, as to short lanes amid a junction;
@@ -50,7 +53,7 @@ class LaneStrips:
 
     Attributes:
         network: a file of weights that `dojo-env train --vision` has kept, for controllers.
-        interval: seconds from look to look.
+        interval: seconds from the last look but one before a decision to the last.
         latency: decisions by which what is seen is late; the signal knows its own phase at once.
     """
 
@@ -81,6 +84,7 @@ class _MountedStrips(Sensor):
         self._strips = build_strips(site.eyes.scene, site.plan, cameras)
         self.space = spaces.Box(0, 255, (len(self._strips), ROWS, COLUMNS, 6), np.uint8)
         self.interval, self.delay = settings.interval, settings.latency * site.decision_interval
+        self.idle = max(0.0, site.decision_interval - settings.interval)
         used = {strip.camera for strip in self._strips}
         self.views = {camera: ("rgb",) for camera in cameras if camera in used}
         self._geometry = np.stack([strip.geometry for strip in self._strips])
@@ -107,6 +111,7 @@ class _MountedStrips(Sensor):
         self._watches = {camera: CameraWatch() for camera in self.views}
         self._green = self._must_go = np.zeros(len(self._strips), bool)
         self._objects = StaticObjects(len(self._strips), CELLS)
+        self._background = Background()
 
     def observe(self, look: Look) -> tuple[float, NDArray[np.uint8]]:
         time, pictures = look.snapshot.time, {camera: look.pictures[camera].rgb for camera in self.views}
@@ -134,10 +139,11 @@ class _MountedStrips(Sensor):
     def perceive(self) -> LaneMeasurements:
         (time, now), (_, before) = self._looks[-1], self._looks[0]
         if self._measured is None or self._measured.time < time:
-            strips = np.concatenate([now, before], axis=3)
+            strips = np.concatenate([now, before, self._background.add(time, now)], axis=3)
             chances = find_chances(self._weights, strips, self._geometry)
             standing = chances[:, :, _STANDING]
             chances[:, :, _STANDING] = self._objects.leave_out(time, standing, self._green, self._must_go)
+            chances[chances < _LEAST] = 0.0
             cells = chances * self._shares
             self._bridge(time, cells)
             self._sums = cells.sum(axis=1)
@@ -193,7 +199,7 @@ def _find_places(cells: Floats, halting: float, moving: float) -> tuple[tuple[fl
         if not count:
             continue
         # Where nothing is seen the sum must rise, too, to be searched.
-        below = np.append(0.0, np.cumsum(cells[:, column] + _LEAST))
+        below = np.append(0.0, np.cumsum(cells[:, column] + _NOTHING))
         shares = (np.arange(count) + 0.5) / count
         metres = np.interp(shares * below[-1], below, np.arange(len(below)) * CELL)
         found += [(far, column == _STANDING) for far in metres.tolist()]

@@ -17,6 +17,7 @@ from dojo_env.forks import call_in_fork
 from dojo_env.local_world import LocalWorld
 from dojo_env.notes import notes_unsaid
 from dojo_env.reading import HALTING
+from dojo_env.sensors.background import Background
 from dojo_env.sensors.lane_network import SEEN
 from dojo_env.sensors.strip_geometry import CELL, CELLS, REACH, Strip, build_strips, cut_strips, measure_along
 from dojo_env.snapshot import Kind, Lights, Snapshot
@@ -79,7 +80,7 @@ class Examples:
     """Strips, and what is on them.
 
     Attributes:
-        strips: (n, rows, columns, 6) colours now, and a second before.
+        strips: (n, rows, columns, 9) colours now, a second before, and of the background.
         places: (n,) row of `geometry`.
         geometry: (m, rows, columns, 6) of each strip that was looked at.
         truth: (n, cells, 4) 1 where there is what `lane_network.SEEN` names.
@@ -197,6 +198,7 @@ class _Watch:
             if strip.camera is not None
         ]
         self._cameras = list(dict.fromkeys(strip.camera for strip in self._strips if strip.camera))
+        self._background = Background()
         self._before: NDArray[np.uint8] | None = None
         self._shone = set[int]()
         self._found: list[NDArray[np.uint8]] = []
@@ -208,8 +210,9 @@ class _Watch:
         pictures = self._world.eyes.look(snapshot, self._cameras)
         seen = {camera: each.rgb for camera, each in zip(self._cameras, pictures, strict=True)}
         now, shining = cut_strips(self._strips, seen), _list_shining(snapshot)
+        usual = self._background.add(snapshot.time, now)
         if is_second and self._before is not None:
-            self._found.append(np.concatenate([now, self._before], axis=3))
+            self._found.append(np.concatenate([now, self._before, usual], axis=3))
             urgent = shining | self._shone
             self._truth.append(np.stack([mark_cells(strip, snapshot, urgent) for strip in self._strips]))
         self._before, self._shone = now, shining
