@@ -100,9 +100,11 @@ def call_in_fork(function: Callable[..., Any], *arguments: Any) -> Any:
         return function(*arguments)
     mine, theirs = Pipe(duplex=False)
     before = signal.pthread_sigmask(signal.SIG_BLOCK, _INTERRUPTS)  # Or it might end what is the caller's.
-    caller, process = os.getpid(), os.fork()
-    if process == 0:
-        _answer_and_end(caller, theirs, function, arguments)
+    caller = os.getpid()
+    with _no_threads_of_opencv():
+        process = os.fork()
+        if process == 0:
+            _answer_and_end(caller, theirs, function, arguments)
     answer = None
     try:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
@@ -126,6 +128,21 @@ def call_in_fork(function: Callable[..., Any], *arguments: Any) -> Any:
     if error is not None:
         raise error
     return value
+
+
+@contextlib.contextmanager
+def _no_threads_of_opencv() -> Iterator[None]:
+    """End OpenCV's threads for a while: a fork would not have them, and wait for them for ever."""
+    opencv: Any = sys.modules.get("cv2")
+    if opencv is None:
+        yield
+        return
+    count = opencv.getNumThreads()
+    opencv.setNumThreads(1)
+    try:
+        yield
+    finally:
+        opencv.setNumThreads(count)
 
 
 def _answer_and_end(

@@ -57,6 +57,20 @@ print(call_in_fork(is_in_order), is_in_order())
     assert run_script(script) == "True False"
 
 
+def test_a_call_does_not_wait_for_threads_that_opencv_has_here() -> None:
+    script = """
+import cv2, numpy as np
+def count_threads():
+    return len(os.listdir("/proc/self/task"))
+cv2.setNumThreads(3)
+y, x = np.mgrid[:900, :1200].astype(np.float32)
+cv2.remap(np.zeros((900, 1200, 3), np.uint8), x, y, cv2.INTER_LINEAR)
+before = count_threads()
+print(call_in_fork(cv2.getNumThreads), cv2.getNumThreads(), count_threads() < before)
+"""
+    assert run_script(script) == "1 3 True"
+
+
 def test_what_a_call_raises_is_raised() -> None:
     script = """
 def fail():
