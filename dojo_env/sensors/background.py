@@ -11,8 +11,11 @@ from numpy.typing import NDArray
 
 Strips = NDArray[np.uint8]
 
-_LOOKS, _APART = 15, 15.0
-"""The last so many looks, at least so many seconds apart."""
+_LOOKS = 15
+"""The last so many looks."""
+_APART, _MOST_APART, _OF_THE_TIME = 15.0, 60.0, 0.1
+"""Seconds between them, at least and at the most, and the share of the time that has been watched. Who stands
+for minutes, as behind an incident, is not in the background of a quarter of an hour."""
 
 
 class Background:
@@ -21,7 +24,7 @@ class Background:
     def __init__(self) -> None:
         """Begin with nothing seen."""
         self._looks = deque[Strips](maxlen=_LOOKS)
-        self._next = -np.inf
+        self._begin, self._next = 0.0, -np.inf
         self._median: Strips = np.empty(0, np.uint8)
 
     def add(self, time: float, strips: Strips) -> Strips:
@@ -35,7 +38,9 @@ class Background:
             The background of that shape, with this look in it if it is time for one.
         """
         if time >= self._next:
-            self._next = time + _APART
+            if not self._looks:
+                self._begin = time
+            self._next = time + min(max(_OF_THE_TIME * (time - self._begin), _APART), _MOST_APART)
             self._looks.append(strips)
             middle = len(self._looks) // 2
             self._median = np.partition(np.stack(self._looks), middle, axis=0)[middle]

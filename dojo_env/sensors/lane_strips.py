@@ -25,6 +25,7 @@ from dojo_env.sensors.camera_watch import CameraWatch
 from dojo_env.sensors.lane_network import PACKAGED, SEEN, find_chances, read_weights
 from dojo_env.sensors.static_objects import StaticObjects
 from dojo_env.sensors.strip_geometry import CELL, CELLS, COLUMNS, ROWS, build_strips, cut_strips
+from dojo_env.sensors.unseen_queues import UnseenQueues
 from dojo_env.signals.plan import ROOM_OF_A_VEHICLE
 
 Floats = NDArray[np.float64]
@@ -112,6 +113,7 @@ class _MountedStrips(Sensor):
         self._green = self._must_go = np.zeros(len(self._strips), bool)
         self._objects = StaticObjects(len(self._strips), CELLS)
         self._background = Background()
+        self._unseen = UnseenQueues(self._strips)
 
     def observe(self, look: Look) -> tuple[float, NDArray[np.uint8]]:
         time, pictures = look.snapshot.time, {camera: look.pictures[camera].rgb for camera in self.views}
@@ -145,6 +147,7 @@ class _MountedStrips(Sensor):
             chances[:, :, _STANDING] = self._objects.leave_out(time, standing, self._green, self._must_go)
             chances[chances < _LEAST] = 0.0
             cells = chances * self._shares
+            cells[:, :, _STANDING] += self._unseen.add(time, cells[:, :, _STANDING], self._green)
             self._bridge(time, cells)
             self._sums = cells.sum(axis=1)
             shining, last = cells[:, :, _EMERGENCY].max(axis=1), self._shining

@@ -167,6 +167,18 @@ def measure_along(line: Floats, points: Floats) -> tuple[Floats, Floats]:
     return before[best] + share[rows, best] * lengths[best], aside[rows, best]
 
 
+def measure_length(line: Floats) -> float:
+    """Measure a line.
+
+    Args:
+        line: (n, 2 or 3) metres; heights do not count.
+
+    Returns:
+        Metres.
+    """
+    return float(np.hypot(*np.diff(line[:, :2], axis=0).T).sum())
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Path:
     """A strip's line, the lanes that it is made of, and how far out each of them reaches."""
@@ -179,16 +191,12 @@ class _Path:
 def _trace_back(lane: Lane, lanes: Mapping[str, Lane], feeders: Mapping[str, str]) -> _Path:
     """Follow a lane, and what leads straight into it, from its end backwards."""
     line, sources = lane.shape[::-1], [lane.id]
-    ends = [_length(line)]
+    ends = [measure_length(line)]
     while ends[-1] < REACH and (before := feeders.get(sources[-1], "")) in lanes and before not in sources:
         line = np.vstack([line, lanes[before].shape[::-1]])
         sources.append(before)
-        ends.append(_length(line))
+        ends.append(measure_length(line))
     return _Path(line=line, sources=tuple(sources), ends=(*ends[:-1], np.inf))
-
-
-def _length(line: Floats) -> float:
-    return float(np.hypot(*np.diff(line[:, :2], axis=0).T).sum())
 
 
 def _lay_strip(
