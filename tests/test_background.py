@@ -30,3 +30,12 @@ def test_it_begins_with_the_first_look_and_follows_the_light():
     for second in range(20, 200, 20):
         usual = background.add(second, street + 50)
     np.testing.assert_array_equal(usual, street + 50)
+
+
+def test_who_stands_for_minutes_is_not_in_it():
+    street = np.full((1, 64, 12, 3), 90, np.uint8)
+    background = Background()
+    for second in range(0, 1200, 5):
+        stands = 900 <= second < 1200
+        usual = background.add(second, look(street, slice(8, 12), 200) if stands else street)
+    np.testing.assert_array_equal(usual, street)
