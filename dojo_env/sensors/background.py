@@ -27,21 +27,23 @@ class Background:
         self._begin, self._next = 0.0, -np.inf
         self._median: Strips = np.empty(0, np.uint8)
 
-    def add(self, time: float, strips: Strips) -> Strips:
+    def add(self, time: float, strips: Strips, fails: NDArray[np.bool_]) -> Strips:
         """Take a look.
 
         Args:
             time: simulated seconds, later than the last look's.
-            strips: of any shape, always the same.
+            strips: (n, rows, columns, 3).
+            fails: (n,) whose camera fails, so that their background stays.
 
         Returns:
-            The background of that shape, with this look in it if it is time for one.
+            (n, rows, columns, 3) the background, with this look in it if it is time for one.
         """
         if time >= self._next:
             if not self._looks:
                 self._begin = time
             self._next = time + min(max(_OF_THE_TIME * (time - self._begin), _APART), _MOST_APART)
-            self._looks.append(strips)
+            kept = fails[:, None, None, None] & bool(self._looks)
+            self._looks.append(np.where(kept, self._median, strips) if kept.any() else strips)
             middle = len(self._looks) // 2
             self._median = np.partition(np.stack(self._looks), middle, axis=0)[middle]
         return self._median

@@ -141,27 +141,29 @@ class _MountedStrips(Sensor):
     def perceive(self) -> LaneMeasurements:
         (time, now), (_, before) = self._looks[-1], self._looks[0]
         if self._measured is None or self._measured.time < time:
-            strips = np.concatenate([now, before, self._background.add(time, now)], axis=3)
+            fails = np.array([
+                strip.camera is not None and bool(self._watches[strip.camera].fault) for strip in self._strips
+            ])  # fmt: skip
+            strips = np.concatenate([now, before, self._background.add(time, now, fails)], axis=3)
             chances = find_chances(self._weights, strips, self._geometry)
             standing = chances[:, :, _STANDING]
             chances[:, :, _STANDING] = self._objects.leave_out(time, standing, self._green, self._must_go)
             chances[chances < _LEAST] = 0.0
             cells = chances * self._shares
             cells[:, :, _STANDING] += self._unseen.add(time, cells[:, :, _STANDING], self._green)
-            self._bridge(time, cells)
+            self._bridge(time, cells, fails)
             self._sums = cells.sum(axis=1)
             shining, last = cells[:, :, _EMERGENCY].max(axis=1), self._shining
             self._shining = shining
             self._measured = self._measure(time, cells, np.minimum(shining, last) > _SURE)
         return self._measured
 
-    def _bridge(self, time: float, cells: Floats) -> None:
+    def _bridge(self, time: float, cells: Floats, fails: NDArray[np.bool_]) -> None:
         """Put a usual queue in the place of what no camera shows, or one that fails."""
         passed = 0.0 if self._measured is None else time - self._measured.time
         for row, (strip, length) in enumerate(zip(self._strips, self._plan.lengths, strict=False)):
-            fails = strip.camera is not None and self._watches[strip.camera].fault
-            if fails or not strip.shares[:_AT_THE_LINE].any():
-                comes, most = (_USUAL, _LONGEST) if fails else (_SELDOM, length // ROOM_OF_A_VEHICLE)
+            if fails[row] or not strip.shares[:_AT_THE_LINE].any():
+                comes, most = (_USUAL, _LONGEST) if fails[row] else (_SELDOM, length // ROOM_OF_A_VEHICLE)
                 rate = comes - (_DISCHARGE if self._green[row] else 0.0)
                 queue = np.clip(self._sums[row, _STANDING] + rate * passed, 0.0, min(most, _LONGEST))
                 taken = max(1, ceil(queue * ROOM_OF_A_VEHICLE / CELL))

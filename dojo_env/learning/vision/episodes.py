@@ -210,7 +210,7 @@ class _Watch:
         pictures = self._world.eyes.look(snapshot, self._cameras)
         seen = {camera: each.rgb for camera, each in zip(self._cameras, pictures, strict=True)}
         now, shining = cut_strips(self._strips, seen), _list_shining(snapshot)
-        usual = self._background.add(snapshot.time, now)
+        usual = self._background.add(snapshot.time, now, np.zeros(len(now), bool))
         if is_second and self._before is not None:
             self._found.append(np.concatenate([now, self._before, usual], axis=3))
             urgent = shining | self._shone
