@@ -40,10 +40,9 @@ class Background:
         """
         if time >= self._next:
             if not self._looks:
-                self._begin = time
+                self._begin, self._median = time, strips
             self._next = time + min(max(_OF_THE_TIME * (time - self._begin), _APART), _MOST_APART)
-            kept = fails[:, None, None, None] & bool(self._looks)
-            self._looks.append(np.where(kept, self._median, strips) if kept.any() else strips)
+            self._looks.append(np.where(fails[:, None, None, None], self._median, strips))
             middle = len(self._looks) // 2
             self._median = np.partition(np.stack(self._looks), middle, axis=0)[middle]
         return self._median

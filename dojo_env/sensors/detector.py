@@ -1,9 +1,9 @@
 """The detector: the features of lanes as the cameras of the approaches measure them; no loop in the road."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import accumulate, compress, pairwise
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from gymnasium import spaces
@@ -65,8 +65,21 @@ class Detector:
         return _MountedDetector(self, site)
 
 
+class _Detected(NamedTuple):
+    """What a look has found: counts of each lane, and what tells places on those that lead to the signal."""
+
+    measured: LaneMeasurements
+    snapshot: Snapshot
+    rows: list[list[int]]
+    phantoms: list[int]
+    still: list[int]
+
+
 class _MountedDetector(Sensor):
-    """A look gives `LaneMeasurements` of the plan's lanes, and nothing on those away from the signal."""
+    """A look gives what it has detected on the plan's lanes, and nothing on those away from the signal.
+
+    Where on their lanes vehicles are is worked out for controllers that ask, as learners see counts alone.
+    """
 
     def __init__(self, settings: Detector, site: Site) -> None:
         plan = self._plan = site.plan
@@ -77,7 +90,8 @@ class _MountedDetector(Sensor):
         self._lanes = {lane: k for k, lane in enumerate(plan.lanes)}
         known = MapIndex(site.eyes.scene.road_map).lanes
         self._lines = [known[lane].shape[::-1] for lane in plan.lanes]
-        self._newest: LaneMeasurements
+        self._newest: _Detected
+        self._perceived: tuple[_Detected, LaneMeasurements] | None = None
         self.space = spaces.Box(0.0, 1.0, (len(plan.phases) + 1 + 2 * len(plan.lanes),), np.float32)
         self.interval, self.delay = settings.interval, settings.latency * site.decision_interval
         cameras = site.eyes.cameras(site.signal)
@@ -87,30 +101,30 @@ class _MountedDetector(Sensor):
         self._random = random
         (self._phantoms,) = random.spawn(1)
         self._waiting = WaitingSum(len(self._watched))
+        self._perceived = None
 
-    def observe(self, look: Look) -> LaneMeasurements:
+    def observe(self, look: Look) -> _Detected:
         snapshot, lanes = look.snapshot, self._plan.lanes
-        rows: list[list[int]] = [[] for _ in self._watched]
+        # Plain lists first: each touch of an array's item costs as much as all else of a vehicle.
+        counts, standing, lengths = ([0.0] * len(self._watched) for _ in range(3))
+        stands, long = (snapshot.speeds < HALTING).tolist(), snapshot.sizes[:, 0].tolist()
+        rows: list[list[int]] = [[] for _ in lanes]
         for row in sorted(self._detected(look)):
             k = self._lanes.get(snapshot.lanes[row])
             if k is not None:
+                counts[k] += 1
+                standing[k] += stands[row]
+                lengths[k] += long[row]
                 rows[k].append(row)
-        stands = snapshot.speeds < HALTING
-        count = np.array([len(each) for each in rows], np.float64)
-        halting = np.array([stands[each].sum() for each in rows], np.float64)
-        length = np.array([snapshot.sizes[each, 0].sum() for each in rows])
+        count, halting, length = np.array(counts), np.array(standing), np.array(lengths)
         phantoms = self._random.poisson(self._settings.false_alarms, len(lanes))
         mean_length = np.divide(length, count, out=np.full(len(count), _USUAL_LENGTH), where=count > 0)
         still = self._random.binomial(phantoms, 0.5)
         halting[: len(lanes)] += still
         count[: len(lanes)] += phantoms
-        places = {
-            lane: self._find_places(k, snapshot, rows[k], int(phantoms[k]), int(still[k]))
-            for k, lane in enumerate(lanes)
-        }
         waiting = self._waiting.add(snapshot.time, count, halting)
         ends = accumulate(map(int, count.tolist()), initial=0)
-        return LaneMeasurements(
+        measured = LaneMeasurements(
             time=snapshot.time,
             lanes=self._watched,
             vehicles=count,
@@ -119,13 +133,8 @@ class _MountedDetector(Sensor):
             mean_length=np.where(count > 0, mean_length, 0.0),
             waiting=waiting,
             tracks=tuple(tuple(range(first, last)) for first, last in pairwise(ends)),
-            urgent=frozenset(
-                lane
-                for lane, each in zip(lanes, rows, strict=False)
-                if (snapshot.lights[each] & Lights.BLUE).any()
-            ),
-            places=places,
         )
+        return _Detected(measured, snapshot, rows, phantoms.tolist(), still.tolist())
 
     def deliver(self, looks: Sequence[Any], view: SignalView) -> NDArray[np.float32]:
         """Put phase one-hot and minimum-green flag before what was measured."""
@@ -133,20 +142,28 @@ class _MountedDetector(Sensor):
         known = np.zeros(len(self._plan.phases) + 1)
         known[view.phase] = 1
         known[-1] = view.may_change
-        return np.concatenate([known, read_lanes(looks[-1], self._plan).shares]).astype(np.float32)
+        return np.concatenate([known, read_lanes(looks[-1].measured, self._plan).shares]).astype(np.float32)
 
     def perceive(self) -> LaneMeasurements:
-        return self._newest
+        newest = self._newest
+        if self._perceived is None or self._perceived[0] is not newest:
+            lanes, lights = self._plan.lanes, newest.snapshot.lights
+            shine = [(lights[rows] & Lights.BLUE).any() for rows in newest.rows]
+            places = {lane: self._find_places(newest, k) for k, lane in enumerate(lanes)}
+            self._perceived = (
+                newest,
+                replace(newest.measured, urgent=frozenset(compress(lanes, shine)), places=places),
+            )
+        return self._perceived[1]
 
-    def _find_places(
-        self, number: int, snapshot: Snapshot, rows: list[int], phantoms: int, still: int
-    ) -> tuple[tuple[float, bool], ...]:
-        """Tell how far from the lane's end each vehicle is, and whether it stands; phantoms are anywhere."""
-        far, _ = measure_along(self._lines[number], snapshot.positions[rows])
-        found = list(zip(far.tolist(), (snapshot.speeds[rows] < HALTING).tolist(), strict=True))
-        anywhere = self._phantoms.uniform(0.0, min(self._plan.lengths[number], REACH), phantoms)
-        found += [(metres, k < still) for k, metres in enumerate(anywhere.tolist())]
-        return tuple(sorted(found))
+    def _find_places(self, found: _Detected, lane: int) -> tuple[tuple[float, bool], ...]:
+        """Tell how far from a lane's end each vehicle is, and whether it stands; phantoms are anywhere."""
+        rows = found.rows[lane]
+        far, _ = measure_along(self._lines[lane], found.snapshot.positions[rows])
+        stands = (found.snapshot.speeds[rows] < HALTING).tolist()
+        anywhere = self._phantoms.uniform(0.0, min(self._plan.lengths[lane], REACH), found.phantoms[lane])
+        phantoms = ((metres, k < found.still[lane]) for k, metres in enumerate(anywhere.tolist()))
+        return tuple(sorted([*zip(far.tolist(), stands, strict=True), *phantoms]))
 
     def _detected(self, look: Look) -> Iterator[int]:
         """List the snapshot's rows that some camera shows well enough, less those that are missed."""

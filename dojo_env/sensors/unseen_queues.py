@@ -35,8 +35,8 @@ class UnseenQueues:
         ends = np.where(in_view, number + 1, 0).max(axis=1)
         lengths = np.array([measure_length(strip.line) for strip in strips])
         self._edge = in_view & (number >= ends[:, None] - _EDGE)
-        self._behind = np.where(ends[:, None] > 0, (number - ends[:, None]) * _OF_A_CELL, np.inf)
-        self._behind[number < ends[:, None]] = np.inf
+        behind = number - ends[:, None]
+        self._behind = np.where(behind < 0, np.inf, behind * _OF_A_CELL)
         self._behind[ends == CELLS, -1] = 0.0
         self._most = np.maximum(np.minimum(lengths, REACH) - ends * CELL, 0.0) / ROOM_OF_A_VEHICLE
         self._most[ends == 0] = 0.0
