@@ -356,6 +356,9 @@ def main() -> None:
     add("--seeds", type=int, default=1, metavar="N", help="of the controlled episodes")
     add("--json", type=Path, metavar="FILE", help="also write the figures")
     options = parser.parse_args()
+    for name in options.scenarios if options.mixed else ():
+        if not (Path(name) / DEMAND).is_file():
+            parser.error(f"--mixed: {name} is no bundle with a demand; make one with dojo-maps demand")
     rows = []
     with tempfile.TemporaryDirectory() as folder:
         for row in list_rows(options, Path(folder)):
