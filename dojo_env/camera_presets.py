@@ -31,13 +31,20 @@ class CameraPreset:
     distortion: tuple[float, ...] = ()
 
 
-PAPER = "paper"
+PAPER, LONG_VIEW = "paper", "long_view"
 
 CAMERA_PRESETS: Mapping[str, CameraPreset] = {
     PAPER: CameraPreset(
         what="over the junction, steeply down",
         height=10.0,
         pitch_deg=-35.0,
+        field_of_view_deg=75.0,
+        ahead=8.0,
+    ),
+    LONG_VIEW: CameraPreset(
+        what="over the junction, less steeply, so that 100 m of the lanes are in the picture",
+        height=10.0,
+        pitch_deg=-32.0,
         field_of_view_deg=75.0,
         ahead=8.0,
     ),

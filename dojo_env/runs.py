@@ -111,7 +111,8 @@ def run_controller(
     acting = make_controller(controller) if isinstance(controller, str) else controller
     if not isinstance(acting, Controller):
         raise ConfigError(f"controller {acting!r}: expected a name, or an object such as MyController()")
-    config = build_config(**{"show_links": video is not None, **keywords, **acting.settings})
+    shown = {"show_links": video is not None}
+    config = build_config(**{**shown, **acting.preferred, **keywords, **acting.settings})
     chosen = _choose_seeds(seeds, config.seed or 0)
     title = f"{config.scenario.name}, {acting}"
     episodes = Episodes(title)
@@ -120,9 +121,7 @@ def run_controller(
         world = stack.enter_context(closing(open_world(config, own_process=_is_known_elsewhere(acting))))
         show = None
         if film is not None:
-            views = open_views(
-                build_config(**{"show_links": True, **choose_looks(acting.settings), **keywords})
-            )
+            views = open_views(build_config(**{"show_links": True, **choose_looks(acting), **keywords}))
             show = FilmShow(*views, title, film, on_stage=on_stage)
             world.watch(show.add)
         for seed in chosen:

@@ -161,15 +161,16 @@ def open_views(config: EnvConfig) -> tuple[Eyes, Plans]:
     return Eyes(bundle, config.sensing), plans
 
 
-def choose_looks(settings: Mapping[str, Any]) -> dict[str, Any]:
-    """Choose from an environment's settings what people see, too: not how large agents' pictures are.
+def choose_looks(controller: Controller) -> dict[str, Any]:
+    """Choose from a controller's settings what people see, too: not how large agents' pictures are.
 
     Args:
-        settings: keywords of an environment.
+        controller: who acts.
 
     Returns:
-        Those that people's views take.
+        The keywords that people's views take.
     """
+    settings = {**controller.preferred, **controller.settings}
     return {name: value for name, value in settings.items() if name not in ("observation", "width", "height")}
 
 
@@ -195,8 +196,8 @@ def watch(
         SimulationError: SUMO refuses the scenario.
     """
     acts = make_controller(controller) if isinstance(controller, str) else controller
-    config = build_config(**{**_LOOKS, **keywords, **acts.settings})
-    looks = build_config(**{**choose_looks(acts.settings), **_LOOKS, **keywords})
+    config = build_config(**{**_LOOKS, **acts.preferred, **keywords, **acts.settings})
+    looks = build_config(**{**choose_looks(acts), **_LOOKS, **keywords})
     title = f"{config.scenario.name}, {acts}, seed {seed}"
     with closing(open_world(config, own_process=True)) as world:
         show = LiveShow(*open_views(looks), title, port=port, browser=browser)

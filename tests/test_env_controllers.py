@@ -1,6 +1,6 @@
 """Controllers that do not learn: who waits is served, whatever the shape of the junction."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from itertools import product
 from pathlib import Path
 from typing import Any
@@ -9,8 +9,10 @@ import networks
 import pytest
 import sumolib  # type: ignore[import-untyped]
 
+from dojo_env.benchmark.row_runs import describe
+from dojo_env.benchmark.rows import find_row
 from dojo_env.config import SignalConfig, build_config
-from dojo_env.controllers import CONTROLLERS, make_controller
+from dojo_env.controllers import CONTROLLERS, Controller, make_controller
 from dojo_env.controllers.ranking import choose_best
 from dojo_env.local_world import LocalWorld
 from dojo_env.managers.map import MapManager
@@ -154,6 +156,42 @@ def test_a_longest_red_is_kept_in_every_action_mode() -> None:
     for mode in ("choose_phase", "next_or_keep"):
         assert reds[mode, 60] <= 95
         assert reds[mode, None] > 400
+
+
+class Watching(Controller):
+    """Keeps its first picture of the first approach."""
+
+    def __init__(self) -> None:
+        super().__init__({"observation": "multi_view", "width": 64, "height": 48})
+        self.pictures: list[Any] = []
+
+    def see(self, observations: Mapping[str, Any]) -> None:
+        """Keep it."""
+        self.pictures.append(observations["GS_cluster_357187_359543"]["approach_0"])
+
+
+def test_what_a_controller_prefers_holds_unless_the_user_says_otherwise(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr("dojo_env.runs._is_known_elsewhere", lambda _: False)
+
+    def look(preferred: str | None, **keywords: Any) -> Any:
+        controller = Watching()
+        if preferred:
+            controller.preferred = {"cameras": preferred}
+        run_controller(controller, [0], scenario="cologne1", num_seconds=5, **keywords)
+        return controller.pictures[0]
+
+    usual, preferred = look(None), look("long_view")
+    assert (usual != preferred).any()
+    assert (look(None, cameras="long_view") == preferred).all()
+    assert (look("long_view", cameras="paper") == usual).all()
+
+
+def test_learned_vision_hangs_its_cameras_so_that_they_see_far() -> None:
+    assert make_controller("learned-vision").preferred == {"cameras": "long_view"}
+    task = describe(find_row("Learned-vision"), "cologne1", seeds=1, seconds=60)
+    assert task["settings"]["cameras"] == "long_view"
 
 
 def test_ties_do_not_freeze_a_phase() -> None:

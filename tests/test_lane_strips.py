@@ -59,6 +59,24 @@ def test_every_lane_has_a_strip_and_its_row_is_its_distance(world, strips) -> No
                 assert middle == pytest.approx([x, y], abs=1.0)
 
 
+@pytest.mark.parametrize("scenario", ["cologne1", "ingolstadt1"])
+def test_the_long_view_shows_lanes_from_the_stop_line_as_far_as_strips_reach(scenario: str) -> None:
+    unseen = {}
+    for preset in ("paper", "long_view"):
+        with closing(LocalWorld(build_config(scenario=scenario, cameras=preset))) as opened:
+            (signal,) = opened.signals
+            plan = opened.map.plans[signal]
+            strips = build_strips(opened.eyes.scene, plan, opened.eyes.cameras(signal))
+            long = [
+                strip.shares
+                for strip in strips
+                if not strip.is_outgoing and measure_along(strip.line, strip.line)[0].max() >= REACH
+            ]
+            unseen[preset] = [int((shares == 0).sum()) for shares in long]
+    assert max(unseen["long_view"]) == 0
+    assert min(unseen["paper"]) >= 3
+
+
 def test_a_strip_shows_what_stands_on_its_lane(strips) -> None:
     strip = strips[0]
     picture = np.zeros((strip.camera.height, strip.camera.width, 3), np.uint8)

@@ -78,7 +78,10 @@ def describe(
         return {**task, "trainings": trainings, "training": asdict(row.find_training(scenario))}
     settings = {**CONSTRAINTS[constraints], **row.find_settings(scenario)}
     acting = {"controller": row.controller} if row.logic is None else {"logic": row.logic}
-    learned = tell_weights(make_controller(row.controller)) if row.controller else {}
+    learned = {}
+    if row.controller:
+        controller = make_controller(row.controller)
+        settings, learned = {**controller.preferred, **settings}, tell_weights(controller)
     return {**task, **acting, "constraints": constraints, "settings": settings, **learned}
 
 

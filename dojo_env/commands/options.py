@@ -4,7 +4,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from dojo_env.camera_presets import CAMERA_PRESETS, PAPER
+from dojo_env.camera_presets import CAMERA_PRESETS, LONG_VIEW, PAPER
 from dojo_env.clusters import LOCAL
 from dojo_maps.progress import say
 
@@ -40,7 +40,11 @@ def add_sensing_options(parser: argparse.ArgumentParser) -> None:
         metavar="FILE",
         help="a TOML file that names a 3D model (glTF, OBJ) for some vehicle types",
     )
-    parser.add_argument("--preset", choices=list(CAMERA_PRESETS), help=f"how cameras hang (default: {PAPER})")
+    parser.add_argument(
+        "--preset",
+        choices=list(CAMERA_PRESETS),
+        help=f"how cameras hang (default: {PAPER}; {LONG_VIEW} where learned-vision acts)",
+    )
 
 
 def add_view_options(parser: argparse.ArgumentParser) -> None:
@@ -94,7 +98,8 @@ def find_controller(name: str, scenario: str) -> "Controller":
         PolicyError: the `.npz` holds no weights.
         RunFileError: the folder or file is no training run's.
     """
-    from dojo_env.controllers import CONTROLLERS, make_controller
+    from dojo_env.controllers import CONTROLLERS, make_controller, make_seeing
+    from dojo_env.controllers.phase_competition import PhaseCompetition
 
     path = Path(name)
     if path.is_dir() and (path / "policy.npz").is_file():
@@ -103,10 +108,8 @@ def find_controller(name: str, scenario: str) -> "Controller":
         from dojo_env.controllers.timed import Timed
 
         return Timed(path)
-    from dojo_env.controllers.phase_competition import PhaseCompetition
-
     if path.is_dir() and (path / "lanes.npz").is_file():
-        return PhaseCompetition(settings={"observation": f"lane-strips:{path / 'lanes.npz'}"})
+        return make_seeing(path / "lanes.npz")
     if path.suffix == ".npz":
         return PhaseCompetition(path)
     if name in CONTROLLERS or not (path.suffix == ".pt" or path.is_dir()):

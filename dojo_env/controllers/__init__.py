@@ -1,7 +1,9 @@
 """Controllers by name, under the same constraints as agents: rules, SUMO's logics, one that has learned."""
 
 from collections.abc import Callable, Mapping
+from pathlib import Path
 
+from dojo_env.camera_presets import LONG_VIEW
 from dojo_env.controllers.base import Controller
 from dojo_env.controllers.fixed_time import Cycle
 from dojo_env.controllers.max_pressure import MaxPressure, MaxPressureOfThePaper
@@ -21,11 +23,21 @@ def _make_rolling_horizon() -> Controller:
     return RollingHorizon()
 
 
-def _make_learned_vision() -> Controller:
+def make_seeing(network: Path | None = None) -> Controller:
+    """Make the controller that acts on what a network sees of the lanes in pictures, `learned-vision`.
+
+    Args:
+        network: its weights, as `dojo-env train --vision` keeps them; None takes those of the package.
+
+    Returns:
+        The controller.
+    """
     from dojo_env.sensors.lane_network import PACKAGED  # noqa: PLC0415
 
-    controller = PhaseCompetition(settings={"observation": "lane-strips"})
-    controller.weights = (*controller.weights, PACKAGED)
+    sensor = "lane-strips" if network is None else f"lane-strips:{network}"
+    controller = PhaseCompetition(settings={"observation": sensor})
+    controller.weights = (*controller.weights, network or PACKAGED)
+    controller.preferred = {"cameras": LONG_VIEW}
     return controller
 
 
@@ -44,7 +56,7 @@ _MAKERS: Mapping[str, Callable[[], Controller]] = {
     "rolling-horizon": _make_rolling_horizon,
     "random": RandomChoice,
     "learned": PhaseCompetition,
-    "learned-vision": _make_learned_vision,
+    "learned-vision": make_seeing,
 }
 CONTROLLERS = tuple(_MAKERS)
 """The controllers' names."""
@@ -70,4 +82,4 @@ def make_controller(name: str) -> Controller:
     return controller
 
 
-__all__ = ["CONTROLLERS", "Controller", "make_controller"]
+__all__ = ["CONTROLLERS", "Controller", "make_controller", "make_seeing"]

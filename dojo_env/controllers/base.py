@@ -15,6 +15,7 @@ class Controller:
     Attributes:
         name: what people call it.
         settings: keywords that the environment needs for it.
+        preferred: keywords with which it does best; those that a user gives go before them.
         weights: the files of what it has learned; a rule has none.
     """
 
@@ -28,6 +29,7 @@ class Controller:
             settings: keywords that the environment needs for it; see `Settings`.
         """
         self.settings = dict(settings or {})
+        self.preferred: dict[str, Any] = {}
 
     def __str__(self) -> str:
         """Tell its name."""

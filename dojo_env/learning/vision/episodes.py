@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dojo_env.camera_presets import CAMERA_PRESETS, PAPER
+from dojo_env.camera_presets import CAMERA_PRESETS, LONG_VIEW, PAPER
 from dojo_env.conditions import Conditions
 from dojo_env.config import build_config
 from dojo_env.controllers import make_controller
@@ -35,6 +35,8 @@ _DRESSED: tuple[tuple[float, Kind, tuple[float, float, float], Lights], ...] = (
     (0.020, Kind.VAN, (5.5, 2.0, 2.2), Lights.NONE),
 )
 """Shares of the cars that are shown as something else: most demands have nobody but cars."""
+_PRESETS = [name for name in CAMERA_PRESETS if name != LONG_VIEW]
+"""How cameras hang from which it is learned; `LONG_VIEW` lies between `PAPER` and the others."""
 _CONTROLLERS = ("queue-pressure", "max-pressure", "cycle", "random")
 _WEATHER = (
     ("rain", 0.25, 0.1, 1.0), ("fog", 0.2, 0.003, 0.03), ("noise", 0.5, 1.0, 12.0), ("blur", 0.2, 0.3, 1.2),
@@ -118,7 +120,7 @@ def draw_case(junctions: Sequence[tuple[str, Sequence[str]]], *, seed: int, seco
         looks=looks,
         scale=round(float(draw.uniform(0.5, 1.6)), 2),
         controller=str(draw.choice(_CONTROLLERS)),
-        preset=PAPER if draw.random() < 0.5 else str(draw.choice(list(CAMERA_PRESETS))),
+        preset=PAPER if draw.random() < 0.5 else str(draw.choice(_PRESETS)),
         imaging="traffic_camera" if draw.random() < 0.2 else "ideal",
         conditions=draw_conditions(draw),
     )
