@@ -1,7 +1,7 @@
 """How traffic cameras usually hang, by name."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from dojo_env.errors import ConfigError
 
@@ -33,20 +33,16 @@ class CameraPreset:
 
 PAPER, LONG_VIEW = "paper", "long_view"
 
+_PAPER = CameraPreset(
+    what="over the junction, steeply down", height=10.0, pitch_deg=-35.0, field_of_view_deg=75.0, ahead=8.0
+)
+
 CAMERA_PRESETS: Mapping[str, CameraPreset] = {
-    PAPER: CameraPreset(
-        what="over the junction, steeply down",
-        height=10.0,
-        pitch_deg=-35.0,
-        field_of_view_deg=75.0,
-        ahead=8.0,
-    ),
-    LONG_VIEW: CameraPreset(
+    PAPER: _PAPER,
+    LONG_VIEW: replace(
+        _PAPER,
         what="over the junction, less steeply, so that 100 m of the lanes are in the picture",
-        height=10.0,
         pitch_deg=-32.0,
-        field_of_view_deg=75.0,
-        ahead=8.0,
     ),
     "usual": CameraPreset(
         what="across the junction, on its far side",

@@ -111,8 +111,7 @@ def run_controller(
     acting = make_controller(controller) if isinstance(controller, str) else controller
     if not isinstance(acting, Controller):
         raise ConfigError(f"controller {acting!r}: expected a name, or an object such as MyController()")
-    shown = {"show_links": video is not None}
-    config = build_config(**{**shown, **acting.preferred, **keywords, **acting.settings})
+    config = build_config(**acting.complete({"show_links": video is not None, **keywords}))
     chosen = _choose_seeds(seeds, config.seed or 0)
     title = f"{config.scenario.name}, {acting}"
     episodes = Episodes(title)

@@ -170,8 +170,8 @@ def choose_looks(controller: Controller) -> dict[str, Any]:
     Returns:
         The keywords that people's views take.
     """
-    settings = {**controller.preferred, **controller.settings}
-    return {name: value for name, value in settings.items() if name not in ("observation", "width", "height")}
+    wanted = controller.complete({})
+    return {name: value for name, value in wanted.items() if name not in ("observation", "width", "height")}
 
 
 def watch(
@@ -196,7 +196,7 @@ def watch(
         SimulationError: SUMO refuses the scenario.
     """
     acts = make_controller(controller) if isinstance(controller, str) else controller
-    config = build_config(**{**_LOOKS, **acts.preferred, **keywords, **acts.settings})
+    config = build_config(**acts.complete({**_LOOKS, **keywords}))
     looks = build_config(**{**choose_looks(acts), **_LOOKS, **keywords})
     title = f"{config.scenario.name}, {acts}, seed {seed}"
     with closing(open_world(config, own_process=True)) as world:

@@ -24,6 +24,7 @@ from dojo_env.sensors.strip_geometry import (
     GEOMETRY,
     REACH,
     ROWS,
+    Strip,
     build_strips,
     cut_strips,
     measure_along,
@@ -38,6 +39,10 @@ def world():
 
 @pytest.fixture(scope="module")
 def strips(world):
+    return find_strips(world)
+
+
+def find_strips(world: LocalWorld) -> tuple[Strip, ...]:
     (signal,) = world.signals
     return build_strips(world.eyes.scene, world.map.plans[signal], world.eyes.cameras(signal))
 
@@ -64,12 +69,9 @@ def test_the_long_view_shows_lanes_from_the_stop_line_as_far_as_strips_reach(sce
     unseen = {}
     for preset in ("paper", "long_view"):
         with closing(LocalWorld(build_config(scenario=scenario, cameras=preset))) as opened:
-            (signal,) = opened.signals
-            plan = opened.map.plans[signal]
-            strips = build_strips(opened.eyes.scene, plan, opened.eyes.cameras(signal))
             long = [
                 strip.shares
-                for strip in strips
+                for strip in find_strips(opened)
                 if not strip.is_outgoing and measure_along(strip.line, strip.line)[0].max() >= REACH
             ]
             unseen[preset] = [int((shares == 0).sum()) for shares in long]

@@ -57,7 +57,9 @@ def run_under(row: KeptRow, names: Sequence[str], seeds: int, seconds: int) -> N
         basis["policy"] = sha256_of(row.folder / POLICY, error=RunFileError)
     else:
         controller = make_controller(row.result["controller"])
-        basis |= {**tell_weights(controller), "preferred": controller.preferred}
+        basis |= tell_weights(controller)
+        if controller.preferred:
+            basis["preferred"] = controller.preferred
         known = choose_for_controller(controller, [ALL])
     path = row.folder / FILE
     kept = read_result(path, "under") if path.is_file() else {}

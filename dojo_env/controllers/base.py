@@ -35,6 +35,17 @@ class Controller:
         """Tell its name."""
         return self.name or type(self).__name__
 
+    def complete(self, keywords: Mapping[str, Any]) -> dict[str, Any]:
+        """Add to what a user gives what this controller needs and prefers.
+
+        Args:
+            keywords: of an environment.
+
+        Returns:
+            All keywords of its environment.
+        """
+        return {**self.preferred, **keywords, **self.settings}
+
     def reset(self, seed: int) -> None:
         """Begin an episode.
 

@@ -89,15 +89,13 @@ def scenario_config(settings: DatasetSettings, scenario: str, controller: str = 
     Raises:
         ConfigError: there is no such scenario, or it cannot be simulated so.
     """
-    more: dict[str, Any] = {}
+    keywords: dict[str, Any] = {"scenario": scenario, "num_seconds": settings.seconds}
     interval = settings.interval or 1.0
     if FORMATS[settings.format].is_sequential and interval < 1.0:
-        more = {"additional_sumo_cmd": f"--step-length {interval:g}", "delta_time": 5.0}
+        keywords |= {"additional_sumo_cmd": f"--step-length {interval:g}", "delta_time": 5.0}
         if abs(5.0 / interval - round(5.0 / interval)) > 1e-6:
             raise ConfigError(f"interval={interval}: five seconds are no whole number of such steps")
-    return build_config(
-        scenario=scenario, num_seconds=settings.seconds, **{**more, **make_controller(controller).settings}
-    )
+    return build_config(**make_controller(controller).complete(keywords))
 
 
 class Stage:

@@ -258,8 +258,8 @@ def _measure(actor: str | Weights, case: Case) -> dict[str, float]:
 
 
 def _run_episode(controller: Controller, case: Case) -> dict[str, Any]:
-    settings = {**case.environment, **controller.settings}
-    with notes_unsaid(), closing(LocalWorld(build_config(**settings))) as world:
+    config = build_config(**controller.complete(case.environment))
+    with notes_unsaid(), closing(LocalWorld(config)) as world:
         _, figures = world.run(controller, case.seed)
     return figures
 
